@@ -1,5 +1,5 @@
-!> What acts on the faces of bodies, for the residuals of their elements: loads, and the directions along which supports
-!> or contact hold a face.
+!> What acts on bodies, for the residuals of their elements: loads, stresses of temperatures and initial ones, and the
+!> directions along which supports or contact hold a face.
 module dotyk_control_residual_actions
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
@@ -7,7 +7,9 @@ module dotyk_control_residual_actions
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_element_residual, only: residual_data_t
+  use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_face_table, only: face_table_t, local_face
+  use dotyk_elasticity_initial_stress, only: initial_stress_of_nodes
   use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -64,6 +66,7 @@ contains
         data%order(:applied%n, i) = order
       end associate
     end do
+    call collect_initial_stresses(problem, alike, data)
     do i = size(alike), 1, -1
       if (.not. problem%ranks%is_own(alike(i))) cycle
       back = transpose(problem%classes%motion(alike(i))%rotation)
@@ -79,6 +82,32 @@ contains
       end do
     end do
   end subroutine collect_actions
+
+  !> Stresses of congruent bodies at rest, in the axes of their representative; nothing where none of them has any.
+  subroutine collect_initial_stresses(problem, alike, data)
+    !> Bodies, classes and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indices of congruent bodies (n).
+    integer, intent(in) :: alike(:)
+    !> Gets the stresses.
+    type(residual_data_t), intent(inout) :: data
+    type(energy_form_t) :: form
+    integer :: i
+    if (.not. any([(problem%body(alike(i))%initial%is_set(), i=1, size(alike))])) return
+    associate (leader => problem%body(problem%classes%first(alike(1))))
+      call form%init(leader%analysis, leader%material%stiffness)
+      allocate (data%thermal(size(alike), form%n_strains, leader%mesh%n_nodes()), source=0.0_dp)
+      allocate (data%initial(size(alike), form%n_strains, leader%mesh%n_nodes()), source=0.0_dp)
+    end associate
+    do i = 1, size(alike)
+      if (.not. problem%ranks%is_own(alike(i))) cycle
+      associate (body => problem%body(alike(i)))
+        call initial_stress_of_nodes(body%analysis, body%material, body%initial, &
+                                     transpose(problem%classes%motion(alike(i))%rotation), form%component, &
+                                     data%thermal(i, :, :), data%initial(i, :, :))
+      end associate
+    end do
+  end subroutine collect_initial_stresses
 
   !> Directions that all nodes of a face hold.
   subroutine hold_supports(dim, mesh, constraint, faces, projection)

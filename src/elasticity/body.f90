@@ -8,6 +8,7 @@ module dotyk_elasticity_body
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
+  use dotyk_elasticity_initial_state, only: initial_state_t
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
@@ -38,7 +39,10 @@ module dotyk_elasticity_body
     type(material_t) :: material
     !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
-    !> Nodal forces of the loads in global axes; zero where not allocated (dim, n_nodes) [force].
+    !> Temperature and initial stress.
+    type(initial_state_t) :: initial
+    !> Nodal forces of the loads, and of the initial state, in global axes; zero where not allocated (dim, n_nodes)
+    !> [force].
     real(dp), allocatable :: load(:, :)
     !> Loads on surfaces, and force densities that vary, at quadrature points.
     type(point_forces_t) :: applied
@@ -186,6 +190,7 @@ contains
       constraint%frame_of = constraint%frame_of(node)
     end associate
     if (allocated(self%load)) self%load = self%load(:, node)
+    call self%initial%hold_nodes(node)
     self%shared_node = [(i, i=1, size(node))]
   end subroutine body_hold_nodes
 
@@ -280,6 +285,7 @@ contains
     call parcel%carry(self%is_hinged)
     call self%material%carry(parcel)
     call self%constraint%carry(parcel)
+    call self%initial%carry(parcel)
     call parcel%carry(self%load)
     call self%applied%carry(parcel)
     call parcel%carry_fixed(3, self%density)

@@ -39,7 +39,7 @@ module dotyk_elasticity_dilatation_fit
 contains
 
   !> Fit the dilatations of several bodies of one mesh and material, where a part of the dilatation is projected.
-  subroutine fit_dilatations(mesh, analysis, material, u, fits)
+  subroutine fit_dilatations(mesh, analysis, material, u, thermal, fits)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -48,6 +48,8 @@ contains
     type(material_t), intent(in) :: material
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :, :)
+    !> Thermal dilatations at the nodes, which are subtracted; none where not allocated (n_bodies, n_nodes) [].
+    real(dp), allocatable, intent(in) :: thermal(:, :)
     !> One fit per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), allocatable, intent(out) :: fits(:)
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
@@ -58,13 +60,17 @@ contains
     end if
     allocate (fits(size(u, 1)))
     do i = 1, size(fits)
-      call mean_dilatations(mesh, analysis, u(i, :, :), mean, centre, volume)
+      if (allocated(thermal)) then
+        call mean_dilatations(mesh, analysis, u(i, :, :), mean, centre, volume, thermal(i, :))
+      else
+        call mean_dilatations(mesh, analysis, u(i, :, :), mean, centre, volume)
+      end if
       call fits(i)%init(mesh, mean, centre, volume)
     end do
   end subroutine fit_dilatations
 
   !> Replace the pressures of linear quadrilaterals and hexahedra by those of the fit, which do not alternate.
-  subroutine smooth_pressures(mesh, analysis, material, u, factor, stress)
+  subroutine smooth_pressures(mesh, analysis, material, u, factor, stress, thermal)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -77,13 +83,15 @@ contains
     real(dp), intent(in) :: factor(:)
     !> Mean stresses of the elements, of which xx, yy, zz change (6, n_elements) [pressure].
     real(dp), intent(inout) :: stress(:, :)
+    !> Thermal dilatation at the nodes; none where absent (n_nodes) [].
+    real(dp), intent(in), optional :: thermal(:)
     type(dilatation_fit_t) :: fit
     type(element_kind_t) :: kind
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
     real(dp) :: matrix(6, 6), lambda, bulk, smooth(1)
     integer :: b, e, first, last
     if (.not. is_projected(mesh, analysis, material)) return
-    call mean_dilatations(mesh, analysis, u, mean, centre, volume)
+    call mean_dilatations(mesh, analysis, u, mean, centre, volume, thermal)
     call fit%init(mesh, mean, centre, volume)
     last = 0
     do b = 1, size(mesh%block)

@@ -7,7 +7,8 @@
 !> displacement is smooth and the mesh not too irregular; at corners and at edges of contact it sees most of the
 !> error, if not all. In nearly incompressible bodies the projected part of the dilatation
 !> (`dotyk_elasticity_projected_dilatation`) is compared with a fit to its element means
-!> (`dotyk_elasticity_dilatation_fit`).
+!> (`dotyk_elasticity_dilatation_fit`). Thermal strains are the same in both and cancel, but for the dilatation, whose
+!> fit is that of the elastic one: times a great bulk modulus, the thermal one would need a better fit.
 !>
 !> Several bodies of one mesh and material are estimated together: quantities that depend on the mesh are computed
 !> once.
@@ -65,7 +66,7 @@ contains
 
   !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
   !> own elements where the rank holds a part of the body.
-  subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error)
+  subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error, thermal)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -80,24 +81,27 @@ contains
     real(dp), intent(out) :: norm_square(:)
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
+    !> Thermal dilatations at the nodes; none where absent (n_bodies, n_nodes) [].
+    real(dp), intent(in), optional :: thermal(:, :)
     type(gradient_recovery_t) :: fit
     type(dilatation_fit_t), allocatable :: dilatation(:)
     type(vector_field_t) :: factor
-    real(dp), allocatable :: element_norm(:, :), element_rounding(:, :)
+    real(dp), allocatable :: element_norm(:, :), element_rounding(:, :), expanded(:, :)
     integer :: b, i, first, last
     square = 0
     norm_square = 0
     call read_modulus_field(material, factor, error)
     if (allocated(error)) return
+    if (present(thermal)) expanded = thermal
     call fit%init(mesh, u)
-    call fit_dilatations(mesh, analysis, material, u, dilatation)
+    call fit_dilatations(mesh, analysis, material, u, expanded, dilatation)
     allocate (element_norm(size(square, 1), size(square, 2)), source=0.0_dp)
     allocate (element_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, square(:, first:last), &
+      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, expanded, square(:, first:last), &
                           element_norm(:, first:last), element_rounding(:, first:last), error)
       if (allocated(error)) exit
     end do
@@ -122,8 +126,8 @@ contains
   end subroutine estimate_discretization_errors
 
   !> Estimate the elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, square, norm_square, &
-                            rounding_square, error)
+  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, expanded, square, &
+                            norm_square, rounding_square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -140,6 +144,8 @@ contains
     type(dilatation_fit_t), intent(in) :: dilatation(:)
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
+    real(dp), allocatable, intent(in) :: expanded(:, :)
     !> Squared errors of the elements of the block (n_bodies, n_elements) [energy].
     real(dp), intent(out), contiguous :: square(:, :)
     !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
@@ -165,15 +171,15 @@ contains
     call rule%init(table)
     ! A formula serves one thread: serial where the modulus varies.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(element_failure) &
-    !$omp& shared(mesh, i_block, analysis, form, bulk, factor, fit, dilatation, kind, table, rule, corners, u, square, &
-    !$omp& norm_square, rounding_square, error)
+    !$omp& shared(mesh, i_block, analysis, form, bulk, factor, fit, dilatation, kind, table, rule, corners, u, &
+    !$omp& expanded, square, norm_square, rounding_square, error)
     do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
                               fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
                               n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, &
                               table, rule, corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, &
-                              u, square(:, e), norm_square(:, e), rounding_square(:, e), element_failure)
+                              u, expanded, square(:, e), norm_square(:, e), rounding_square(:, e), element_failure)
       end associate
       if (allocated(element_failure)) then
         !$omp critical
@@ -187,7 +193,7 @@ contains
   !> Estimate one element.
   subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
                               bulk, factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, &
-                              square, norm_square, rounding_square, error)
+                              expanded, square, norm_square, rounding_square, error)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of corners of the element.
@@ -230,6 +236,8 @@ contains
     real(dp), intent(in) :: all_x(dim, *)
     !> Displacements of the bodies (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in) :: all_u(n_bodies, dim, *)
+    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
+    real(dp), allocatable, intent(in) :: expanded(:, :)
     !> Squared errors of the element (n_bodies) [energy].
     real(dp), intent(out) :: square(n_bodies)
     !> Squared energy norms of the displacement on the element (n_bodies) [energy].
@@ -245,7 +253,7 @@ contains
     real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
     real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
     real(dp) :: worst
-    real(dp) :: projected(n_points), fitted(n_points)
+    real(dp) :: projected(n_points), fitted(n_points), heated(n_points)
     integer :: b, i, s
     square = 0
     norm_square = 0
@@ -289,6 +297,11 @@ contains
       call project_onto_functions(dim, n_points, n_functions, place, stiffness, projected)
       call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
       norm_square(b) = norm_square(b) + bulk*dot_product(stiffness, projected**2)
+      if (allocated(expanded)) then
+        heated = matmul(rule%shape, expanded(b, node))
+        call project_onto_functions(dim, n_points, n_functions, place, stiffness, heated)
+        projected = projected - heated
+      end if
       square(b) = square(b) + bulk*dot_product(stiffness, (fitted - projected)**2)
     end do
   end subroutine estimate_element

@@ -50,6 +50,8 @@ module dotyk_elasticity_element_quadrature
     real(dp), allocatable :: dilatation(:)
     !> Shape functions at the points of the rules.
     type(shape_table_pair_t), private :: tables
+    !> Whether the current element takes the rule of curved ones.
+    logical, private :: is_curved = .false.
     !> Modulus field.
     type(vector_field_t), private :: factor
     !> Projection functions at the points, of shape (n_points, n_functions) [1/sqrt(volume)].
@@ -57,6 +59,8 @@ module dotyk_elasticity_element_quadrature
   contains
     procedure :: init => element_quadrature_init
     procedure :: move_to => element_quadrature_move_to
+    procedure :: at_points => element_quadrature_at_points
+    procedure :: project => element_quadrature_project
     procedure :: destroy => element_quadrature_destroy
   end type element_quadrature_t
 
@@ -109,7 +113,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     self%node(:) = mesh%block(i_block)%node(:, e)
     self%x(:, :) = mesh%x(:, self%node)
-    if (self%tables%is_curved(self%x)) then
+    self%is_curved = self%tables%is_curved(self%x)
+    if (self%is_curved) then
       call evaluate(self%tables%curved)
     else
       call evaluate(self%tables%straight)
@@ -143,6 +148,32 @@ contains
                                  self%value, self%dilatation)
     end subroutine evaluate
   end subroutine element_quadrature_move_to
+
+  !> Values at the quadrature points of the current element of a function that the shape functions interpolate
+  !> (n_points) [unit of f].
+  pure function element_quadrature_at_points(self, f) result(values)
+    class(element_quadrature_t), intent(in) :: self
+    !> Values at the nodes of the body (n_nodes) [any].
+    real(dp), intent(in) :: f(:)
+    real(dp) :: values(self%n_points)
+    if (self%is_curved) then
+      values = matmul(f(self%node), self%tables%curved%shape)
+    else
+      values = matmul(f(self%node), self%tables%straight%shape)
+    end if
+  end function element_quadrature_at_points
+
+  !> Coefficients of the projection of a dilatation on the projection functions of the current element, where bulk > 0
+  !> (n_functions) [sqrt(volume)].
+  pure function element_quadrature_project(self, f) result(amplitude)
+    class(element_quadrature_t), intent(in) :: self
+    !> Dilatation at the quadrature points (n_points) [].
+    real(dp), intent(in) :: f(:)
+    real(dp) :: amplitude(self%n_functions)
+    associate (m => self%n_points)
+      amplitude = matmul(self%stiffness(:m)*f, reshape(self%value(:m*self%n_functions), [m, self%n_functions]))
+    end associate
+  end function element_quadrature_project
 
   !> Free the formula of the modulus field.
   subroutine element_quadrature_destroy(self)

@@ -4,6 +4,7 @@
 !>
 !>     A(e, w) = L(w) - A(u, w) + (g, w) on the faces          for all bubbles w,
 !>
+!> A(u, w) standing for the work of the stress on the strain of w, with that of a temperature and the initial stress,
 !> with the mean g of the tractions of both elements at a face (Bank and Weiser, Math. Comp. 44, 1985). Where the
 !> stiffness jumps, the softer side counts more (Petzoldt, Adv. Comput. Math. 16, 2002). On the boundary g is the load,
 !> and along held directions, such as the normal of a support or of contact, the element's own traction. Bubbles vanish
@@ -28,6 +29,9 @@ module dotyk_elasticity_element_residual
     type(face_table_t) :: faces
     !> Constant force densities (dim, n_bodies) [force/volume].
     real(dp), allocatable :: density(:, :)
+    !> Stresses of the bodies at rest at the nodes, as in `point_material_t`; none where not allocated (n_bodies,
+    !> n_strains, n_nodes) [pressure].
+    real(dp), allocatable :: thermal(:, :, :), initial(:, :, :)
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
     real(dp), allocatable :: held(:, :, :, :)
     !> Other loads (n_bodies).

@@ -14,6 +14,8 @@ module dotyk_elasticity_energy_form
     integer :: n_strains = 0
     !> Number of terms.
     integer :: n_terms = 0
+    !> Component of each strain in the order xx yy zz yz xz xy (n_strains).
+    integer, allocatable :: component(:)
     !> Strain to which a gradient slot of a component contributes, 0 for none (dim, slots).
     integer, allocatable :: index(:, :)
     !> The two strains of each term (2, n_terms).
@@ -37,26 +39,24 @@ contains
     integer, intent(in) :: analysis
     !> Stiffness of the material: from strains to stresses (6, 6) [pressure].
     real(dp), intent(in) :: matrix(6, 6)
-    integer :: strain(6), i, s, t, strain_of_slot
+    integer :: i, s, t, strain_of_slot
     real(dp) :: c
     allocate (self%index(analysis_dimension(analysis), gradient_slots(analysis)), source=0)
-    strain = [1, 2, 3, 4, 5, 6]
-    self%n_strains = 6
-    if (analysis_dimension(analysis) == 2) then
-      strain(:4) = [1, 2, 6, 3]
-      self%n_strains = merge(4, 3, gradient_slots(analysis) == 3)
-    end if
+    self%component = [1, 2, 3, 4, 5, 6]
+    if (analysis_dimension(analysis) == 2) self%component = [1, 2, 6]
+    if (analysis_dimension(analysis) < gradient_slots(analysis)) self%component = [1, 2, 6, 3]
+    self%n_strains = size(self%component)
     do s = 1, size(self%index, 2)
       do i = 1, size(self%index, 1)
         strain_of_slot = strain_index(analysis, i, s)
-        if (strain_of_slot > 0) self%index(i, s) = findloc(strain(:self%n_strains), strain_of_slot, dim=1)
+        if (strain_of_slot > 0) self%index(i, s) = findloc(self%component, strain_of_slot, dim=1)
       end do
     end do
     allocate (self%pair(2, 21), self%coefficient(21))
     do t = 1, self%n_strains
       do s = 1, t
-        c = matrix(strain(s), strain(t))
-        if (s < t) c = c + matrix(strain(t), strain(s))
+        c = matrix(self%component(s), self%component(t))
+        if (s < t) c = c + matrix(self%component(t), self%component(s))
         if (.not. abs(c) > 0) cycle
         self%n_terms = self%n_terms + 1
         self%pair(:, self%n_terms) = [s, t]

@@ -33,7 +33,7 @@ contains
   end function is_projected
 
   !> Mean dilatations, centroids and volumes of all elements, in the order of the blocks.
-  subroutine mean_dilatations(mesh, analysis, u, mean, centre, volume)
+  subroutine mean_dilatations(mesh, analysis, u, mean, centre, volume, thermal)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -46,18 +46,24 @@ contains
     real(dp), allocatable, intent(out) :: centre(:, :)
     !> Volume of each element, 0 for inverted elements (n_elements) [volume].
     real(dp), allocatable, intent(out) :: volume(:)
+    !> Thermal dilatation at the nodes, which is subtracted; none where absent (n_nodes) [].
+    real(dp), intent(in), optional :: thermal(:)
+    real(dp), allocatable :: expanded(:)
     integer :: b, first, last
+    allocate (expanded(mesh%n_nodes()), source=0.0_dp)
+    if (present(thermal)) expanded(:) = thermal
     allocate (mean(mesh%n_elements()), centre(mesh%dimension, mesh%n_elements()), volume(mesh%n_elements()))
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call block_mean_dilatations(mesh, b, analysis, u, mean(first:last), centre(:, first:last), volume(first:last))
+      call block_mean_dilatations(mesh, b, analysis, u, expanded, mean(first:last), centre(:, first:last), &
+                                  volume(first:last))
     end do
   end subroutine mean_dilatations
 
   !> Mean dilatations, centroids and volumes of the elements of a block.
-  subroutine block_mean_dilatations(mesh, i_block, analysis, u, mean, centre, volume)
+  subroutine block_mean_dilatations(mesh, i_block, analysis, u, expanded, mean, centre, volume)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -66,6 +72,8 @@ contains
     integer, intent(in) :: analysis
     !> Displacements in the axes of the mesh (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
+    !> Thermal dilatation at the nodes (n_nodes) [].
+    real(dp), intent(in) :: expanded(:)
     !> Mean dilatation of each element of the block (n_elements) [].
     real(dp), intent(out) :: mean(:)
     !> Centroid of each element (dim, n_elements) [length].
@@ -77,18 +85,19 @@ contains
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
     call table%init(mesh%block(i_block)%kind, 2*kind%order)
-    !$omp parallel do default(none) schedule(static) shared(mesh, i_block, analysis, table, u, mean, centre, volume)
+    !$omp parallel do default(none) schedule(static) &
+    !$omp& shared(mesh, i_block, analysis, table, u, expanded, mean, centre, volume)
     do e = 1, size(mean)
       associate (node => mesh%block(i_block)%node(:, e))
         call element_mean_dilatation(table%n_nodes, mesh%dimension, gradient_slots(analysis), table%n_points, table, &
-                                     mesh%x(:, node), u(:, node), mean(e), centre(:, e), volume(e))
+                                     mesh%x(:, node), u(:, node), expanded(node), mean(e), centre(:, e), volume(e))
       end associate
     end do
     !$omp end parallel do
   end subroutine block_mean_dilatations
 
   !> Mean dilatation, centroid and volume of an element.
-  pure subroutine element_mean_dilatation(n, dim, slots, n_points, table, x, u, mean, centre, volume)
+  pure subroutine element_mean_dilatation(n, dim, slots, n_points, table, x, u, expanded, mean, centre, volume)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.
@@ -103,6 +112,8 @@ contains
     real(dp), intent(in) :: x(dim, n)
     !> Nodal displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
+    !> Thermal dilatation at the nodes, which is subtracted (n) [].
+    real(dp), intent(in) :: expanded(n)
     !> Mean dilatation [].
     real(dp), intent(out) :: mean
     !> Centroid (dim) [length].
@@ -122,6 +133,7 @@ contains
         mean = mean + w(q)*dot_product(g(:, i, q), u(i, :))
       end do
       if (slots > dim) mean = mean + w(q)*dot_product(g(:, 3, q), u(1, :))
+      mean = mean - w(q)*dot_product(table%shape(:, q), expanded)
     end do
     mean = mean/volume
     centre = matmul(x, matmul(table%shape, w))/volume

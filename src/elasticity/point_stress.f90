@@ -17,6 +17,11 @@ module dotyk_elasticity_point_stress
     real(dp), allocatable :: stiffness(:, :)
     !> Number of gradient slots.
     integer :: slots = 0
+    !> Stresses of bodies at rest at the nodes: of their temperatures, where the modulus factor is 1; none where not
+    !> allocated (n_bodies, n_strains, n_nodes) [pressure].
+    real(dp), allocatable :: thermal(:, :, :)
+    !> Their initial stresses; allocated where those of temperatures are (n_bodies, n_strains, n_nodes) [pressure].
+    real(dp), allocatable :: initial(:, :, :)
     !> Modulus field.
     type(vector_field_t) :: factor
   contains
@@ -94,6 +99,7 @@ contains
     real(dp) :: x(dim, n), u(n_bodies, dim, n), g_square(n_points), slope(n_points, dim, slots)
     real(dp) :: by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)
     real(dp) :: strain(n_points, n_strains), place(n_points, dim), centre(dim), point(dim)
+    real(dp) :: at_rest(n_points, n_bodies, n_strains)
     integer :: i, k, q, s
     do i = 1, n
       x(:, i) = all_x(:, node(i))
@@ -127,11 +133,34 @@ contains
           stress(:, s, k) = stress(:, s, k) + material%stiffness(s, i)*strain(:, i)
         end do
       end do
-      if (material%factor%constant) cycle
-      do s = 1, n_strains
-        stress(:, s, k) = modulus*stress(:, s, k)
-      end do
     end do
+    if (allocated(material%thermal)) then
+      call interpolate(n, n_bodies*n_strains, n_points, points%shape, material%thermal(:, :, node), at_rest)
+      call add_at_rest()
+    end if
+    if (.not. material%factor%constant) then
+      do k = 1, n_bodies
+        do s = 1, n_strains
+          stress(:, s, k) = modulus*stress(:, s, k)
+        end do
+      end do
+    end if
+    if (allocated(material%initial)) then
+      call interpolate(n, n_bodies*n_strains, n_points, points%shape, material%initial(:, :, node), at_rest)
+      call add_at_rest()
+    end if
+
+  contains
+
+    !> Add stresses of bodies at rest.
+    subroutine add_at_rest()
+      integer :: k, s
+      do k = 1, n_bodies
+        do s = 1, n_strains
+          stress(:, s, k) = stress(:, s, k) + at_rest(:, k, s)
+        end do
+      end do
+    end subroutine add_at_rest
   end subroutine stresses_at
 
   !> The modulus factor at a point.

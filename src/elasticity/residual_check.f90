@@ -63,6 +63,10 @@ contains
       call table(b)%init(mesh%block(b)%kind)
     end do
     call point_material%init(analysis, matrix)
+    if (allocated(data%thermal)) then
+      point_material%thermal = data%thermal
+      point_material%initial = data%initial
+    end if
     call read_modulus_field(material, point_material%factor, error)
     if (allocated(error)) return
     ! A formula serves one thread.

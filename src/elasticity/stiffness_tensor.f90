@@ -1,4 +1,5 @@
-!> Stiffness tensors as 6 by 6 matrices: material axes, rotation, inverse, Kelvin's notation.
+!> Stiffness tensors as 6 by 6 matrices, stresses and strains as 6 components: material axes, rotation, inverse,
+!> Kelvin's notation.
 module dotyk_elasticity_stiffness_tensor
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
@@ -6,7 +7,7 @@ module dotyk_elasticity_stiffness_tensor
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private
-  public :: invert_stiffness, material_axes, rotate_stiffness, scale_components
+  public :: invert_stiffness, material_axes, rotate_stiffness, rotate_strain, rotate_stress, scale_components
 
   !> Square roots of the multiplicities of the strain components in the tensor (Kelvin's notation), with which the
   !> eigenvalues of the 6 by 6 matrix are those of the tensor (6) [].
@@ -108,6 +109,42 @@ contains
     !> Stiffness in global axes (6, 6) [pressure].
     real(dp) :: rotated(6, 6)
     real(dp) :: bond(6, 6)
+    bond = bond_matrix(axes)
+    rotated = matmul(bond, matmul(stiffness, transpose(bond)))
+    rotated = 0.5_dp*(rotated + transpose(rotated))
+  end function rotate_stiffness
+
+  !> Transform a stress from its own axes to global axes.
+  pure function rotate_stress(stress, axes) result(rotated)
+    !> Stress in its own axes, order xx yy zz yz xz xy (6) [pressure].
+    real(dp), intent(in) :: stress(6)
+    !> These axes as columns, orthonormal (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    !> Stress in global axes (6) [pressure].
+    real(dp) :: rotated(6)
+    real(dp) :: bond(6, 6)
+    bond = bond_matrix(axes)
+    rotated = matmul(bond, stress)
+  end function rotate_stress
+
+  !> Transform a strain from its own axes to global axes; the work of stress on strain stays the same.
+  pure function rotate_strain(strain, axes) result(rotated)
+    !> Strain in its own axes, order xx yy zz yz xz xy, engineering shear (6) [any].
+    real(dp), intent(in) :: strain(6)
+    !> These axes as columns, orthonormal (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    !> Strain in global axes (6) [any].
+    real(dp) :: rotated(6)
+    real(dp) :: bond(6, 6)
+    bond = bond_matrix(transpose(axes))
+    rotated = matmul(transpose(bond), strain)
+  end function rotate_strain
+
+  !> Bond's matrix, which transforms the six components of a stress from its own axes to global axes (6, 6) [].
+  pure function bond_matrix(axes) result(bond)
+    !> These axes as columns, orthonormal (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    real(dp) :: bond(6, 6)
     integer :: row, column, i, j, a, b
     do column = 1, 6
       a = first_index(column)
@@ -119,7 +156,5 @@ contains
         if (a /= b) bond(row, column) = bond(row, column) + axes(i, b)*axes(j, a)
       end do
     end do
-    rotated = matmul(bond, matmul(stiffness, transpose(bond)))
-    rotated = 0.5_dp*(rotated + transpose(rotated))
-  end function rotate_stiffness
+  end function bond_matrix
 end module dotyk_elasticity_stiffness_tensor

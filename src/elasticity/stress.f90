@@ -21,12 +21,16 @@ contains
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
     type(error_t), allocatable :: error
-    real(dp), allocatable :: factor(:)
+    real(dp), allocatable :: factor(:), thermal(:)
     real(dp) :: energy, shear(3)
     integer :: e
     allocate (factor(size(stress, 2)))
-    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error, factor)
-    if (.not. allocated(error)) call smooth_pressures(body%mesh, body%analysis, body%material, u, factor, stress)
+    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error, factor, &
+                             initial=body%initial)
+    if (allocated(body%initial%temperature)) &
+      thermal = body%initial%thermal_dilatation(body%material%expansion)
+    if (.not. allocated(error)) &
+      call smooth_pressures(body%mesh, body%analysis, body%material, u, factor, stress, thermal)
     do e = 1, size(stress, 2)
       shear = stress(4:6, e)
       stress(4:6, e) = [shear(3), shear(1), shear(2)]

@@ -4,6 +4,8 @@ module dotyk_elasticity_stress_energy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: add_mean_initial_stress
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -13,7 +15,8 @@ module dotyk_elasticity_stress_energy
 contains
 
   !> Mean stress of each element, and the strain energy.
-  subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor, volume)
+  subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor, volume, &
+                                 initial)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -24,7 +27,8 @@ contains
     real(dp), intent(in) :: u(:, :)
     !> Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
-    !> Strain energy; of the own elements where the rank holds a part of the body [energy].
+    !> Strain energy A(u,u)/2, whatever the initial state; of the own elements where the rank holds a part of the body
+    !> [energy].
     real(dp), intent(out) :: energy
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
@@ -32,15 +36,19 @@ contains
     real(dp), intent(out), optional :: mean_modulus_factor(:)
     !> Volume of each element (n_elements) [volume].
     real(dp), intent(out), optional :: volume(:)
+    !> Temperature and initial stress, which have a part in the stress; none where absent.
+    type(initial_state_t), intent(in), optional :: initial
+    type(initial_state_t) :: state
     real(dp), allocatable :: element_energy(:), factor(:), element_volume(:)
     integer :: i, first, last
     stress = 0
+    if (present(initial)) state = initial
     allocate (element_energy(size(stress, 2)), factor(size(stress, 2)), element_volume(size(stress, 2)), source=0.0_dp)
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call evaluate_block(mesh, i, analysis, material, u, stress(:, first:last), element_energy(first:last), &
+      call evaluate_block(mesh, i, analysis, material, state, u, stress(:, first:last), element_energy(first:last), &
                           factor(first:last), element_volume(first:last), error)
       if (allocated(error)) exit
     end do
@@ -55,7 +63,8 @@ contains
   end subroutine stresses_and_energy
 
   !> Evaluate the elements of one block, distributed over the threads.
-  subroutine evaluate_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, volume, error)
+  subroutine evaluate_block(mesh, i_block, analysis, material, state, u, stress, energy, mean_modulus_factor, volume, &
+                            error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -64,6 +73,8 @@ contains
     integer, intent(in) :: analysis
     !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
     !> Mean stresses of the elements of the block (6, n_elements) [pressure].
@@ -81,10 +92,11 @@ contains
     n = size(energy)
     n_parts = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
     !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, volume, error, n, n_parts)
+    !$omp& shared(mesh, i_block, analysis, material, state, u, stress, energy, mean_modulus_factor, volume, error, n) &
+    !$omp& shared(n_parts)
     do s = 1, n_parts
-      call evaluate_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, stress, &
-                             energy, mean_modulus_factor, volume, failed)
+      call evaluate_elements(mesh, i_block, analysis, material, state, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, &
+                             stress, energy, mean_modulus_factor, volume, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
       if (.not. allocated(error)) call move_alloc(failed, error)
@@ -94,8 +106,8 @@ contains
   end subroutine evaluate_block
 
   !> Evaluate a range of elements of a block.
-  subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, &
-                               element_volume, error)
+  subroutine evaluate_elements(mesh, i_block, analysis, material, state, u, first, last, stress, energy, &
+                               mean_modulus_factor, element_volume, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -104,6 +116,8 @@ contains
     integer, intent(in) :: analysis
     !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
     !> First element.
@@ -142,6 +156,7 @@ contains
           call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, ue, &
                               stress(1:3, e), energy(e))
         end if
+        if (state%is_set()) call add_mean_initial_stress(points, material, state, stress(:, e))
       end do
     end associate
     call points%destroy()

@@ -26,6 +26,7 @@ contains
     material%line = group%line
     material%name = text_of(group, 'name')
     material%young_formula = text_of(group, 'young_formula')
+    call read_expansion(group, problems, material)
     if (is_given(group, 'stiffness')) then
       material%kind = material_anisotropic
       call read_numbers(group, 'stiffness', material%stiffness)
@@ -53,6 +54,31 @@ contains
         call report(problems, group, 'axis_2', 'axis_2 means nothing for an isotropic material')
     end if
   end subroutine read_material
+
+  !> Read the thermal expansion: one coefficient, or three of a material with axes.
+  subroutine read_expansion(group, problems, material)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The material; its expansion is set.
+    type(material_input_t), intent(inout) :: material
+    logical :: has_axes
+    material%expands = is_given(group, 'expansion')
+    if (.not. is_usable(group, 'expansion')) return
+    call read_numbers(group, 'expansion', material%expansion)
+    select case (count_of(group, 'expansion'))
+    case (1)
+      material%expansion = material%expansion(1)
+    case (2)
+      call report(problems, group, 'expansion', 'expansion needs 1 or 3 values, got 2')
+    case (3)
+      has_axes = is_given(group, 'stiffness') .or. &
+                 max(count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')) > 1
+      if (.not. has_axes) &
+        call report(problems, group, 'expansion', 'an isotropic material has one value of expansion, got 3')
+    end select
+  end subroutine read_expansion
 
   !> Read shear moduli and axes of an orthotropic material.
   subroutine read_orthotropic(group, problems, material)

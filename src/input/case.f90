@@ -55,6 +55,10 @@ module dotyk_input_case
     real(dp) :: stiffness(21) = 0
     !> Modulus field: factor of the elasticity matrix; empty where there is none.
     character(:), allocatable :: young_formula
+    !> Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
+    real(dp) :: expansion(3) = 0
+    !> Whether they are given.
+    logical :: expands = .false.
   end type material_input_t
 
   !> `&body`.
@@ -114,6 +118,19 @@ module dotyk_input_case
     !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
   end type load_input_t
+
+  !> `&temperature` or `&initial_stress`.
+  type, public :: field_input_t
+    !> Line of the group.
+    integer :: line = 0
+    !> Index of the body.
+    integer :: body = 0
+    !> Constant value: a temperature in the first component [temperature], or stresses in the order xx yy zz xy yz xz
+    !> [pressure] (6).
+    real(dp) :: value(6) = 0
+    !> Formulas: 1 or 6, or none (n_formulas).
+    type(text_t), allocatable :: formula(:)
+  end type field_input_t
 
   !> Pairs of bodies that no contact pair is found for.
   type, public :: exclusion_t
@@ -256,6 +273,10 @@ module dotyk_input_case
     type(support_input_t), allocatable :: support(:)
     !> Loads in the order of the file (n_loads).
     type(load_input_t), allocatable :: load(:)
+    !> Temperatures in the order of the file, no two of one body (n_temperatures).
+    type(field_input_t), allocatable :: temperature(:)
+    !> Initial stresses likewise (n_initial_stresses).
+    type(field_input_t), allocatable :: initial_stress(:)
     !> Contact pairs in the order of the file (n_pairs).
     type(contact_input_t), allocatable :: contact(:)
     !> `&solver`; defaults where the file has none.

@@ -1,13 +1,12 @@
-!> THE table of groups and keys: checks, defaults, `--help` and docs/input.md (`dotyk --help=markdown`) come from here.
+!> THE table of groups and keys: checks, defaults, `--help` and docs/input.md (`dotyk --help=markdown`) come from here,
+!> those of `&solver` and `&output` from `dotyk_input_solver_keywords`.
 module dotyk_input_keyword_table
-  use dotyk_base_options, only: analysis_names, condition_names, default_analysis, default_budget_fraction, &
-    default_condition, default_discretization, default_gamma_rule, default_geometry, default_linear_solver, &
-    default_locking, default_max_iterations, default_quadrature, default_response, default_scheme, &
-    default_tolerance, discretization_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
-    linear_solver_names, locking_names, option_name, quadrature_names, response_names, scheme_names, stop_rule_names
-  use dotyk_base_text, only: to_text
+  use dotyk_base_options, only: analysis_names, condition_names, default_analysis, default_condition, &
+    default_discretization, default_geometry, default_quadrature, discretization_names, geometry_names, option_name, &
+    quadrature_names
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
-    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
+    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
+  use dotyk_input_solver_keywords, only: add_output, add_solver
   implicit none
   private
   public :: list_groups, list_keywords
@@ -19,7 +18,7 @@ contains
     !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
-    allocate (groups(8))
+    allocate (groups(10))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -40,15 +39,22 @@ contains
                       'force_density or their formulas', &
                       "&load body='block', surface='side', pressure=1e6 /"//lf// &
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /")
-    groups(6) = group('contact', any_number, 'a pair of surfaces that may touch', &
+    groups(6) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
+                      'its material expands; exactly one of value and formula', &
+                      "&temperature body='ring', value=120 /"//lf// &
+                      "&temperature body='wall *', formula='20 + 80*x/0.3' /")
+    groups(7) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
+                      'of value and formula', &
+                      "&initial_stress body='ground', formula='9e3*y', '18e3*y', '9e3*y', '0', '0', '0' /")
+    groups(8) = group('contact', any_number, 'a pair of surfaces that may touch', &
                       "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
                       "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /"//lf// &
                       "&contact name='races', surface_a='ball *:ball', surface_b='* ring:race' /"//lf// &
                       "&contact auto=.true., exclude='housing - cover' /")
-    groups(7) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(9) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(8) = group('output', at_most_one, 'contents of the results file', &
+    groups(10) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -80,6 +86,8 @@ contains
     call add_body(list)
     call add_support(list)
     call add_load(list)
+    call add_temperature(list)
+    call add_initial_stress(list)
     call add_contact(list)
     call add_solver(list)
     call add_output(list)
@@ -124,6 +132,9 @@ contains
                   'of its axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
     call list%add('young_formula', kind_formula, &
                   'modulus field: dimensionless factor of the elasticity matrix as a formula')
+    call list%add('expansion', kind_real, most=3, unit='1/temperature', &
+                  meaning='coefficient of thermal expansion; orthotropic or anisotropic: one, or three along the '// &
+                  'axes 1, 2, 3')
   end subroutine add_material
 
   !> Keys of `&body`.
@@ -213,6 +224,33 @@ contains
                   meaning='force_density as formulas')
   end subroutine add_load
 
+  !> Keys of `&temperature`.
+  pure subroutine add_temperature(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('temperature')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body, with wildcards as in &support; its material has an expansion')
+    call list%add('value', kind_real, unit='temperature', &
+                  meaning='temperature above that of the unstressed body')
+    call list%add('formula', kind_formula, unit='temperature', &
+                  meaning='the same as a formula; between the nodes the shape functions interpolate')
+  end subroutine add_temperature
+
+  !> Keys of `&initial_stress`.
+  pure subroutine add_initial_stress(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('initial_stress')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body, with wildcards as in &support')
+    call list%add('value', kind_real, least=6, most=6, unit='pressure', &
+                  meaning='stresses xx, yy, zz, xy, yz, xz in global axes (zz: hoop stress in axisymmetry); yz and '// &
+                  'xz are 0 in two dimensions, zz too in plane stress')
+    call list%add('formula', kind_formula, least=6, most=6, unit='pressure', &
+                  meaning='the same as formulas; between the nodes the shape functions interpolate')
+  end subroutine add_initial_stress
+
   !> Keys of `&contact`.
   pure subroutine add_contact(list)
     !> The table so far.
@@ -280,84 +318,4 @@ contains
                   meaning='initial gap up to which constraints of this pair have springs; if absent, robin_gap of '// &
                   '&solver')
   end subroutine add_contact
-
-  !> Keys of `&solver`.
-  pure subroutine add_solver(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
-    call list%begin_group('solver')
-    call list%add('scheme', kind_name, names=scheme_names, default=option_name(scheme_names, default_scheme), &
-                  meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' is given; dual: '// &
-                  'primal-dual active set on the Lagrange multipliers, any theta, floating bodies; neumann: the '// &
-                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; robin: the general '// &
-                  'iteration (32) with Robin conditions on all constraints, on some (robin_gap) or on some '// &
-                  'pairs (condition); for comparison: nesterov, anderson and secant, accelerations of neumann')
-    call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
-                  meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
-    call list%add('theta_relative', kind_real, not_negative=.true., &
-                  meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b of each pair; size is the '// &
-                  'shortest edge of the body if it is a brick, else of the brick with the same moments of inertia')
-    call list%add('theta_mesh', kind_real, not_negative=.true., &
-                  meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
-                  'the facet; if no theta is given, 0.01 (schemes other than dual: 0.1), reduced where the '// &
-                  'penalty error would exceed the discretization error')
-    call list%add('linear_solver', kind_name, names=linear_solver_names, &
-                  default=option_name(linear_solver_names, default_linear_solver), &
-                  meaning='linear systems of the active set in the dual scheme, which also estimates the penalty '// &
-                  'error of other schemes: direct, columns of the compliance and a factorization; iterative, '// &
-                  'conjugate gradients; auto, the cheaper one')
-    call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
-                  meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies that have '// &
-                  'one, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
-                  'factor of the stiffness for all others; full, factors for all; in neumann, nesterov, anderson '// &
-                  'and secant: full, solves with the factor; compliance, the dense compliance matrix at the '// &
-                  'contact unknowns, formed once; auto, the '// &
-                  'cheaper one for each body; robin forms dense compliances')
-    call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
-                  default=option_name(gamma_rule_names, default_gamma_rule), &
-                  meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, the best one by '// &
-                  'eigenvalues, 2/(2+L) in neumann; theory, the best one of Theorem 4, 1/(1+L)^2 in neumann; '// &
-                  'fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent, fixed where '// &
-                  'gamma is given, and else theory with stop_rule=''paper''')
-    call list%add('gamma', kind_real, positive=.true., &
-                  meaning='relaxation parameter; alone it means gamma_rule=''fixed''')
-    call list%add('robin_gap', kind_real, unit='length', &
-                  meaning='initial gap up to which contact constraints have springs in scheme=''robin''; if '// &
-                  'absent, all have')
-    call list%add('stop_rule', kind_name, names=stop_rule_names, &
-                  meaning='convergence criterion: residual, guaranteed error bound below tolerance; paper, bound '// &
-                  '(41) below tolerance (neumann, robin); increment, last increment below tolerance (not dual; no '// &
-                  'measure of the error: not converged where the bound exceeds 0.1); budget, guaranteed error '// &
-                  'bound below budget_fraction times the penalty and discretization errors; if absent, budget if '// &
-                  'neither tolerance nor any theta but that of layers is given, else residual')
-    call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
-                  meaning='largest iteration error as a fraction of the penalty and discretization errors, for '// &
-                  'stop_rule=''budget''')
-    call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
-                  meaning='relative tolerance of stop_rule in the energy norm; not with stop_rule=''budget''')
-    call list%add('max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
-                  meaning='largest number of iterations')
-    call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &
-                  meaning='nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): auto, '// &
-                  'projected dilatation (B-bar), and from 0.45 on linear triangles, tetrahedra and prisms are '// &
-                  'elevated to order 2; ignore, standard elements')
-    call list%add('reproducible', kind_logical, default='.false.', &
-                  meaning='results that do not depend on the number of threads, to the bit')
-  end subroutine add_solver
-
-  !> Keys of `&output`.
-  pure subroutine add_output(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
-    call list%begin_group('output')
-    call list%add('fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
-                  meaning='fields to compute and write')
-    call list%add('error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
-                  meaning='errors to compute besides the iteration error: penalty, the distance to the solution '// &
-                  'with theta = 0; discretization, the estimated error of the mesh')
-    call list%add('interval', kind_real, default='0', unit='seconds', not_negative=.true., &
-                  meaning='time between intermediate results of an iterative scheme, written with status '// &
-                  '''running''; the iterates stay the same; scheme ''dual'' writes between the solutions for the '// &
-                  'error budget only; 0: results at the end only')
-  end subroutine add_output
 end module dotyk_input_keyword_table

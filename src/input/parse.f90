@@ -4,6 +4,7 @@ module dotyk_input_parse
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_bodies, only: read_body, read_material
+  use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
   use dotyk_input_boundary, only: read_load, read_support
   use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
@@ -157,6 +158,8 @@ contains
       case%load(i)%body = body_of(i)
     end do
     deallocate (group_of, body_of)
+    call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)
+    call read_initial_stresses(groups, bodies, case%scene, problems, case%initial_stress)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)

@@ -14,7 +14,7 @@ module dotyk_model_body_loads
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
-  public :: acts_on_surface, add_load, check_formula
+  public :: acts_on_surface, add_load, check_formula, note_difference
 
 contains
 

@@ -5,7 +5,6 @@ module dotyk_model_body_setup
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t, load_input_t
   use dotyk_mesh_gmsh_run, only: meshing_t
@@ -14,9 +13,10 @@ module dotyk_model_body_setup
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_loads, only: acts_on_surface, add_load, check_formula
   use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_initial_states, only: add_initial_stress, add_temperature
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
-  use dotyk_model_materials, only: build_material
+  use dotyk_model_materials, only: build_material, turn_material
   use dotyk_model_mesh_file, only: read_mesh
   use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_volumes, only: volume_t
@@ -199,6 +199,16 @@ contains
       call build_load(case%load(k), failed)
       call note(case%load(k)%line, failed)
     end do
+    do k = 1, size(case%temperature)
+      if (case%temperature(k)%body /= b) cycle
+      call add_temperature(case%temperature(k), body, failed)
+      call note(case%temperature(k)%line, failed)
+    end do
+    do k = 1, size(case%initial_stress)
+      if (case%initial_stress(k)%body /= b) cycle
+      call add_initial_stress(case%initial_stress(k), body, failed)
+      call note(case%initial_stress(k)%line, failed)
+    end do
     ! All ranks have the same problems.
     if (body%mesh%is_in_parts() .and. problems%count == before) call body%take_part()
 
@@ -212,8 +222,7 @@ contains
       call placement%init(given%axis, given%angle, given%at)
       body%mesh = volume%mesh
       call placement%apply(body%mesh%x)
-      if (placement%rotated .and. .not. body%material%isotropic) &
-        body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
+      if (placement%rotated) call turn_material(placement%rotation, body%material)
     end subroutine place
 
     !> Take a surface of the body for contact pairs.

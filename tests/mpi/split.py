@@ -153,6 +153,25 @@ class Split(RankCase):
         printed = self.run_ranks(2, namelist, "--output", self.folder / "split.vtkhdf")
         self.assertLessEqual(int(re.search(r"displacements +(\d+) active sets", printed)[1]), 10)
 
+    def test_heated_bodies(self):
+        """A warm block with an initial stress under a floating one that heats up: each rank has temperatures and stresses of its part."""
+        hot = [line.replace("name='", "expansion=1e-3, name='") if line.startswith("&material") else line for line in MATERIALS]
+        lines = [*hot, self.body("lower", block_geo("tet10", (5, 5, 3), (0, 0, 0), (2, 2, 1)), "soft"),
+                 self.body("upper", block_geo("hex8", (6, 6, 4), (0.3, 0.3, 1), (1.4, 1.4, 0.5)), "steel"),
+                 "&support body='lower', surface='bottom', fix='xyz' /", "&temperature body='upper', formula='3 + 4*x*y - z' /",
+                 "&temperature body='lower', value=2 /", "&initial_stress body='lower', formula='0.01*z','0','0.02*x','0','0','0.01' /",
+                 "&load body='upper', surface='top', traction_formula='0','0','-0.1*(1+x)' /",
+                 "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
+        self.compare(self.write("case.nml", "\n".join(lines)))
+        stress, error = [], []
+        for name in "factors", *map(str, RANKS):
+            with h5py.File(self.folder / (name + ".vtkhdf")) as file:
+                stress.append(file["VTKHDF/CellData/stress"][()])
+                error.append(file["VTKHDF/CellData/discretization_error"][()])
+        for i in range(1, len(stress)):
+            np.testing.assert_allclose(stress[i], stress[0], atol=1e-6 * np.max(np.abs(stress[0])))
+            np.testing.assert_allclose(error[i], error[0], rtol=1e-3, atol=1e-3 * np.max(error[0]))
+
     def test_what_results_say(self):
         """The energy is the sum of its terms, and what nobody has measured has no number."""
         lines = [*MATERIALS, self.body("lower", block_geo("tet10", (4, 4, 2), (0, 0, 0), (2, 2, 1)), "soft"),

@@ -1,0 +1,185 @@
+!> Stresses of bodies at rest: those of a temperature whose expansion is held, and the initial stress of the input.
+!>
+!> The stress of a displacement is C (e - a T) + s with its strain e, the thermal expansion a and the initial stress s.
+!> What does not depend on the displacement, s - C a T, is at equilibrium with nodal forces that join the loads: initial
+!> strains and stresses as in Zienkiewicz and Taylor, The Finite Element Method, volume 1. Where the dilatation is
+!> projected (`dotyk_elasticity_projected_dilatation`), that of the expansion is, too: a free body expands without
+!> stress. The modulus field is a factor of C, not of s.
+module dotyk_elasticity_initial_stress
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_stiffness_tensor, only: rotate_stress
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+  public :: add_initial_forces, add_mean_initial_stress, initial_stress_of_nodes
+
+contains
+
+  !> Add the nodal forces of an initial state: those that hold a body with its stress at rest, with the opposite sign.
+  subroutine add_initial_forces(mesh, analysis, material, state, force, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
+    !> Nodal forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_quadrature_t) :: points
+    real(dp), allocatable :: of_element(:, :)
+    integer :: b, e
+    if (.not. state%is_set()) return
+    do b = 1, size(mesh%block)
+      call points%init(mesh, b, analysis, material, error)
+      if (allocated(error)) return
+      allocate (of_element(points%dim, points%n))
+      do e = 1, size(mesh%block(b)%node, 2)
+        call points%move_to(mesh, b, e, error)
+        if (allocated(error)) exit
+        call element_forces(points%n, points%dim, points%slots, points%n_points, points%n_functions, points, &
+                            material, state, points%g, points%dilatation, of_element)
+        force(:, points%node) = force(:, points%node) + of_element
+      end do
+      deallocate (of_element)
+      call points%destroy()
+      if (allocated(error)) return
+    end do
+  end subroutine add_initial_forces
+
+  !> Nodal forces on one element.
+  subroutine element_forces(n, dim, slots, n_points, n_functions, points, material, state, g, d, force)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> The element.
+    type(element_quadrature_t), intent(in) :: points
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
+    !> Gradients of the shape functions (n, slots, n_points) [1/length].
+    real(dp), intent(in) :: g(n, slots, n_points)
+    !> Linear forms of the projected dilatation, where there is one (n, dim, n_functions) [sqrt(volume)/length].
+    real(dp), intent(in) :: d(n, dim, n_functions)
+    !> Nodal forces (dim, n) [force].
+    real(dp), intent(out) :: force(dim, n)
+    real(dp) :: stress(6, n_points), amplitude(n_functions)
+    integer :: i, k, q, s
+    call at_rest(points, material, state, stress, amplitude)
+    force = 0
+    do q = 1, n_points
+      do s = 1, slots
+        do i = 1, dim
+          k = points%strain(i, s)
+          if (k > 0) force(i, :) = force(i, :) - stress(k, q)*g(:, s, q)
+        end do
+      end do
+    end do
+    if (.not. points%bulk > 0) return
+    do k = 1, n_functions
+      force = force - amplitude(k)*transpose(d(:, :, k))
+    end do
+  end subroutine element_forces
+
+  !> Add the mean over the current element of the stress that does not depend on the displacement.
+  pure subroutine add_mean_initial_stress(points, material, state, stress)
+    !> The element.
+    type(element_quadrature_t), intent(in) :: points
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
+    !> Mean stress, order xx yy zz yz xz xy, added to (6) [pressure].
+    real(dp), intent(inout) :: stress(6)
+    real(dp) :: at_points(6, points%n_points), amplitude(points%n_functions), volume
+    call at_rest(points, material, state, at_points, amplitude)
+    volume = sum(points%w(:points%n_points))
+    stress = stress + sum(at_points, dim=2)/volume
+    ! Only the first function, a constant, has a mean.
+    if (points%bulk > 0) &
+      stress(1:3) = stress(1:3) + amplitude(1)*sqrt(sum(points%stiffness(:points%n_points)))/volume
+  end subroutine add_mean_initial_stress
+
+  !> The stress that does not depend on the displacement at the quadrature points of an element, times their volumes.
+  pure subroutine at_rest(points, material, state, stress, amplitude)
+    !> The element.
+    type(element_quadrature_t), intent(in) :: points
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
+    !> Without that of the projected dilatation (6, n_points) [pressure volume].
+    real(dp), intent(out) :: stress(:, :)
+    !> That of the projected dilatation: coefficients of the projection functions; 0 where none is projected
+    !> (n_functions) [pressure sqrt(volume)].
+    real(dp), intent(out) :: amplitude(:)
+    real(dp) :: rate(6), temperature(points%n_points)
+    integer :: k, m
+    stress = 0
+    amplitude = 0
+    m = points%n_points
+    if (allocated(state%temperature)) then
+      temperature = points%at_points(state%temperature)
+      rate = -matmul(points%matrix, material%expansion)
+      do k = 1, 6
+        stress(k, :) = rate(k)*points%stiffness(:m)*temperature
+      end do
+      if (points%bulk > 0) amplitude = -points%bulk*points%project(sum(material%expansion(1:3))*temperature)
+    end if
+    if (allocated(state%stress)) then
+      do k = 1, 6
+        stress(k, :) = stress(k, :) + points%w(:m)*points%at_points(state%stress(k, :))
+      end do
+    end if
+  end subroutine at_rest
+
+  !> The stress that does not depend on the displacement, at the nodes and in axes that move with the body. For bodies
+  !> without a projected dilatation.
+  subroutine initial_stress_of_nodes(analysis, material, state, axes, component, thermal, initial)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Temperature and initial stress.
+    type(initial_state_t), intent(in) :: state
+    !> Rotation from global axes to those of the results (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    !> Components that are asked for, in the order xx yy zz yz xz xy (n).
+    integer, intent(in) :: component(:)
+    !> That of the temperature where the modulus field is 1 (n, n_nodes) [pressure].
+    real(dp), intent(out) :: thermal(:, :)
+    !> The initial stress (n, n_nodes) [pressure].
+    real(dp), intent(out) :: initial(:, :)
+    real(dp) :: rate(6), stress(6)
+    integer :: i
+    thermal = 0
+    initial = 0
+    if (allocated(state%temperature)) then
+      rate = rotate_stress(-matmul(material%plane_matrix(analysis), material%expansion), axes)
+      do i = 1, size(thermal, 2)
+        thermal(:, i) = rate(component)*state%temperature(i)
+      end do
+    end if
+    if (allocated(state%stress)) then
+      do i = 1, size(initial, 2)
+        stress = rotate_stress(state%stress(:, i), axes)
+        initial(:, i) = stress(component)
+      end do
+    end if
+  end subroutine initial_stress_of_nodes
+end module dotyk_elasticity_initial_stress

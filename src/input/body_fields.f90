@@ -1,0 +1,135 @@
+!> Reads `&temperature` and `&initial_stress` from checked groups.
+module dotyk_input_body_fields
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_plane_stress
+  use dotyk_base_text, only: shown, to_text
+  use dotyk_input_case, only: body_input_t, field_input_t, material_input_t, scene_input_t
+  use dotyk_input_problems, only: problems_t
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: is_given, names_t, pick_groups, reals_of, report, texts_of, text_of
+  use dotyk_input_wildcards, only: append_places, refer_to_bodies
+  implicit none
+  private
+  public :: read_temperatures, read_initial_stresses
+
+contains
+
+  !> Read all `&temperature`.
+  subroutine read_temperatures(groups, bodies, body, material, problems, temperature)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> The bodies (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> The materials (n_materials).
+    type(material_input_t), intent(in) :: material(:)
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> One for each body that a group names (n_temperatures).
+    type(field_input_t), allocatable, intent(out) :: temperature(:)
+    integer :: i
+    call read_fields(groups, 'temperature', bodies, problems, temperature)
+    do i = 1, size(temperature)
+      associate (b => temperature(i)%body)
+        if (b == 0) cycle
+        associate (m => body(b)%material)
+          if (m == 0) cycle
+          if (.not. material(m)%expands) &
+            call problems%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
+                              ' of body '//shown(body(b)%name)//' has no expansion')
+        end associate
+      end associate
+    end do
+  end subroutine read_temperatures
+
+  !> Read all `&initial_stress`.
+  subroutine read_initial_stresses(groups, bodies, scene, problems, initial_stress)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> The scene, for its analysis.
+    type(scene_input_t), intent(in) :: scene
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> One for each body that a group names (n_initial_stresses).
+    type(field_input_t), allocatable, intent(out) :: initial_stress(:)
+    character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
+    logical :: is_zero
+    integer :: i, k
+    call read_fields(groups, 'initial_stress', bodies, problems, initial_stress)
+    if (scene%dimension /= 2) return
+    do i = 1, size(initial_stress)
+      if (i > 1) then
+        if (initial_stress(i)%line == initial_stress(i - 1)%line) cycle
+      end if
+      do k = 3, 6
+        if (k == 4 .or. (k == 3 .and. scene%analysis /= analysis_plane_stress)) cycle
+        is_zero = .not. abs(initial_stress(i)%value(k)) > 0
+        if (size(initial_stress(i)%formula) > 0) is_zero = initial_stress(i)%formula(k)%s == '0'
+        if (.not. is_zero) &
+          call problems%add(initial_stress(i)%line, '&initial_stress: the component '//name(k)//' must be 0 in '// &
+                            trim(merge('plane stress  ', 'two dimensions', k == 3)))
+      end do
+    end do
+  end subroutine read_initial_stresses
+
+  !> Read all groups of one name; a body that two of them name is reported.
+  subroutine read_fields(groups, name, bodies, problems, field)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> Name of the groups.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> One for each body that a group names (n_fields).
+    type(field_input_t), allocatable, intent(out) :: field(:)
+    type(field_input_t), allocatable :: of_group(:)
+    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
+    integer :: i, k
+    call pick_groups(groups, name, picked)
+    allocate (of_group(size(picked)), group_of(0), body_of(0))
+    do i = 1, size(picked)
+      associate (group => groups(picked(i)))
+        call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
+        call read_field(group, problems, of_group(i))
+        do k = 1, size(matched)
+          if (.not. any(body_of == matched(k))) cycle
+          call report(problems, group, 'body', 'a second &'//name//' of body '//shown(bodies%name(matched(k))%s)// &
+                      ' (the first is in line '// &
+                      to_text(of_group(group_of(findloc(body_of, matched(k), dim=1)))%line)//')')
+          exit
+        end do
+        call append_places(i, matched, group_of, body_of)
+      end associate
+    end do
+    allocate (field(size(group_of)))
+    do i = 1, size(group_of)
+      field(i) = of_group(group_of(i))
+      field(i)%body = body_of(i)
+    end do
+  end subroutine read_fields
+
+  !> Read value or formula of one group.
+  subroutine read_field(group, problems, field)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The field, without a body; incomplete where the group has mistakes.
+    type(field_input_t), intent(out) :: field
+    real(dp), allocatable :: numbers(:)
+    field%line = group%line
+    if (is_given(group, 'value') .and. is_given(group, 'formula')) then
+      call report(problems, group, 'value', 'value and formula are both given: only one can be meant')
+    else if (.not. (is_given(group, 'value') .or. is_given(group, 'formula'))) then
+      call problems%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
+    end if
+    call reals_of(group, 'value', numbers)
+    field%value(:size(numbers)) = numbers
+    call texts_of(group, 'formula', field%formula)
+  end subroutine read_field
+end module dotyk_input_body_fields

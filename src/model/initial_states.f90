@@ -1,0 +1,136 @@
+!> Adds temperatures and initial stresses from the input to a body, with the nodal forces that they make.
+module dotyk_model_initial_states
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, option_name
+  use dotyk_base_text, only: quoted, text_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: add_initial_forces
+  use dotyk_elasticity_load_report, only: difference_in_volume
+  use dotyk_elasticity_vector_field, only: vector_field_t
+  use dotyk_input_case, only: field_input_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_model_body_loads, only: note_difference
+  use dotyk_ranks_exchange, only: agree_on_error
+  implicit none
+  private
+  public :: add_initial_stress, add_temperature
+
+contains
+
+  !> Add a temperature.
+  subroutine add_temperature(given, body, error)
+    !> `&temperature`.
+    type(field_input_t), intent(in) :: given
+    !> The body, with its material and nodal forces so far.
+    type(body_t), intent(inout) :: body
+    !> Allocated where the temperature cannot be used.
+    type(error_t), allocatable, intent(out) :: error
+    type(initial_state_t) :: state
+    real(dp), allocatable :: value(:, :)
+    call check_expansion(body, error)
+    if (allocated(error)) return
+    call evaluate(body%mesh, given, 1, value, error)
+    if (.not. allocated(error)) then
+      state%temperature = value(1, :)
+      body%initial%temperature = state%temperature
+      call add_initial_forces(body%mesh, body%analysis, body%material, state, body%load, error)
+    end if
+    call finish(body, 'the temperature', given%formula, error)
+  end subroutine add_temperature
+
+  !> Add an initial stress.
+  subroutine add_initial_stress(given, body, error)
+    !> `&initial_stress`.
+    type(field_input_t), intent(in) :: given
+    !> The body, with its material and nodal forces so far.
+    type(body_t), intent(inout) :: body
+    !> Allocated where the stress cannot be used.
+    type(error_t), allocatable, intent(out) :: error
+    type(initial_state_t) :: state
+    real(dp), allocatable :: value(:, :)
+    call evaluate(body%mesh, given, 6, value, error)
+    if (.not. allocated(error)) then
+      ! From the order of the input, xx yy zz xy yz xz.
+      state%stress = value([1, 2, 3, 5, 6, 4], :)
+      body%initial%stress = state%stress
+      call add_initial_forces(body%mesh, body%analysis, body%material, state, body%load, error)
+    end if
+    call finish(body, 'the initial stress', given%formula, error)
+  end subroutine add_initial_stress
+
+  !> Values at the nodes.
+  subroutine evaluate(mesh, given, n, value, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Numbers or formulas.
+    type(field_input_t), intent(in) :: given
+    !> How many.
+    integer, intent(in) :: n
+    !> The values (n, n_nodes) [unit of the field].
+    real(dp), allocatable, intent(out) :: value(:, :)
+    !> Allocated where a formula has no value at a node.
+    type(error_t), allocatable, intent(out) :: error
+    type(vector_field_t) :: field
+    type(text_t), allocatable :: text(:)
+    real(dp) :: of_node(3)
+    integer :: first, i, last
+    allocate (value(n, mesh%n_nodes()))
+    do first = 1, n, 3
+      last = min(first + 2, n)
+      if (size(given%formula) > 0) text = given%formula(first:last)
+      call field%init(given%value(first:first + 2), error, text)
+      do i = 1, size(value, 2)
+        if (allocated(error)) exit
+        call field%evaluate(mesh%x(:, i), of_node, error)
+        value(first:last, i) = of_node(:last - first + 1)
+      end do
+      call field%destroy()
+      if (allocated(error)) return
+    end do
+  end subroutine evaluate
+
+  !> What follows any of them: ranks with parts of a body agree, and formulas that the mesh does not resolve are noted.
+  subroutine finish(body, name, formula, error)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> What it is.
+    character(*), intent(in) :: name
+    !> Its formulas (n_formulas).
+    type(text_t), intent(in) :: formula(:)
+    !> Problems so far, of all ranks on return; name the body.
+    type(error_t), allocatable, intent(inout) :: error
+    type(text_t), allocatable :: some(:)
+    real(dp) :: difference
+    integer :: first
+    call add_context(error, 'body '//quoted(body%name)//': '//name//': ')
+    if (body%mesh%is_in_parts()) call agree_on_error(error)
+    if (allocated(error)) return
+    difference = 0
+    do first = 1, size(formula), 3
+      some = formula(first:min(first + 2, size(formula)))
+      difference = max(difference, difference_in_volume(body%mesh, some))
+    end do
+    call note_difference(body, name, difference)
+  end subroutine finish
+
+  !> Refuse a material whose expansion makes shear stresses out of the plane where nothing can move across it, as
+  !> `check_plane` of the material does for strains.
+  subroutine check_expansion(body, error)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Allocated where the analysis cannot have the expansion.
+    type(error_t), allocatable, intent(out) :: error
+    !> Components below this fraction of the largest one are the rounding of a rotation.
+    real(dp), parameter :: negligible = 1.0e-9_dp
+    real(dp) :: stress(6)
+    if (.not. any(body%analysis == [analysis_plane_strain, analysis_axisymmetric])) return
+    stress = matmul(body%material%stiffness, body%material%expansion)
+    if (.not. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))) return
+    call set_error(error, 'material '//quoted(body%material%name)//': its thermal expansion makes shear stresses '// &
+                   'out of the plane, but analysis='''//option_name(analysis_names, body%analysis)//''' assumes '// &
+                   'that nothing moves across it: the plane must be that of two axes of the material; use '// &
+                   'analysis=''3d''', exit_bad_input)
+  end subroutine check_expansion
+end module dotyk_model_initial_states
