@@ -50,12 +50,14 @@ TRI, TET = [(0, 0), (1, 0), (0, 1)], [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
 QUAD = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
 HEX = [(*p, z) for z in (-1, 1) for p in QUAD]
 PRISM = [(*p, z) for z in (-1, 1) for p in TRI]
+PYRAMID = [(*p, 0) for p in QUAD] + [(0, 0, 1)]
 TRI_EDGES, QUAD_EDGES = [(0, 1), (1, 2), (2, 0)], [(0, 1), (1, 2), (2, 3), (3, 0)]
 TET_EDGES = TRI_EDGES + [(0, 3), (1, 3), (2, 3)]
 HEX_EDGES = QUAD_EDGES + [(4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 HEX_FACES = [(0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 1, 2, 3), (4, 5, 6, 7), tuple(range(8))]
 PRISM_EDGES = TRI_EDGES + [(3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
 PRISM_FACES = [(0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]
+PYRAMID_EDGES = QUAD_EDGES + [(0, 4), (1, 4), (2, 4), (3, 4)]
 
 
 def powers(dimension, largest, keep):
@@ -142,9 +144,52 @@ class Kind:
         return xi
 
 
+class Pyramid(Kind):
+    """A pyramid: monomials a^i b^j t^k of t = 1 - z, a = x/t, b = y/t."""
+
+    def __init__(self, name, nodes, exponents):
+        super().__init__(name, 'pyramid', nodes, exponents)
+
+    def monomials(self, xi, derivative=None):
+        """Monomials or derivatives, as of other kinds. At the apex, where a and b have no limit, derivatives are those on the axis."""
+        t = 1 - xi[:, 2]
+        above = np.maximum(t, 1e-9)
+        ab = np.where((t > 0)[:, None], np.clip(xi[:, :2]/above[:, None], -2, 2), 0)
+        if derivative is None:
+            return super().monomials(np.column_stack([ab, t]))
+        place = np.column_stack([ab, above])
+        if derivative < 2:
+            return super().monomials(place, derivative)/above[:, None]
+        by_height = -super().monomials(place, 2)
+        for k in range(2):
+            by_height += ab[:, k, None]*super().monomials(place, k)/above[:, None]
+        return by_height
+
+    def quadrature(self, n):
+        """Gauss on the squares, Gauss-Jacobi over the height."""
+        x, w = gauss_jacobi(n, 0)
+        rule = np.array([((1 - z)*(2*r - 1), (1 - z)*(2*s - 1), z, 4*a*b*c)
+                         for z, c in zip(*gauss_jacobi(n, 2)) for r, a in zip(x, w) for s, b in zip(x, w)])
+        return rule[:, :-1], rule[:, -1]
+
+    def outside(self, xi):
+        """How far points are outside of the reference element; 0 or less inside."""
+        return np.maximum(-xi[:, 2], np.abs(xi[:, :2]).max(axis=1) + xi[:, 2] - 1)
+
+    def clamped(self, xi):
+        """The points, those outside moved to the boundary."""
+        z = np.clip(xi[:, 2:], 0, 1)
+        return np.hstack([np.clip(xi[:, :2], z - 1, 1 - z), z])
+
+
 def prism_powers(keep):
     """Exponents for prisms: keep(degree in the triangle, degree along it)."""
     return powers(3, 2, lambda p: p[0] + p[1] <= 2 and keep(p[0] + p[1], p[2]))
+
+
+def pyramid_powers(order):
+    """Exponents for pyramids."""
+    return powers(3, order, lambda p: max(p[:2]) <= p[2])
 
 
 KINDS = {5: Kind('tri3', 'tri', TRI, powers(2, 1, lambda p: sum(p) <= 1)),
@@ -159,7 +204,11 @@ KINDS = {5: Kind('tri3', 'tri', TRI, powers(2, 1, lambda p: sum(p) <= 1)),
          29: Kind('hex27', 'hex', middles(HEX, HEX_EDGES + HEX_FACES), powers(3, 2, lambda p: True)),
          13: Kind('prism6', 'prism', PRISM, prism_powers(lambda a, b: a <= 1 and b <= 1)),
          26: Kind('prism15', 'prism', middles(PRISM, PRISM_EDGES), prism_powers(lambda a, b: b <= 1 or a <= 1)),
-         32: Kind('prism18', 'prism', middles(PRISM, PRISM_EDGES + PRISM_FACES), prism_powers(lambda a, b: True))}
+         32: Kind('prism18', 'prism', middles(PRISM, PRISM_EDGES + PRISM_FACES), prism_powers(lambda a, b: True)),
+         14: Pyramid('pyramid5', PYRAMID, pyramid_powers(1)),
+         27: Pyramid('pyramid13', middles(PYRAMID, PYRAMID_EDGES), [p for p in pyramid_powers(2) if p != (2, 2, 2)])}
+# VTK has no cell of this kind: its last node, at the centre of the base, is in the results file a point without a cell
+PYRAMID14 = Pyramid('pyramid14', middles(PYRAMID, PYRAMID_EDGES + [(0, 1, 2, 3)]), pyramid_powers(2))
 
 
 # Materials
@@ -265,6 +314,7 @@ class Results:
                 raise ValueError('%s: cells of the unknown type %d' % (self.path, t))
             cells = np.flatnonzero((body == b) & (types == t))
             self.blocks.append(Block(KINDS[t], b, cells, connectivity[first[cells, None] + np.arange(len(KINDS[t].nodes))]))
+        self.complete_pyramids(np.unique(connectivity))
         self.n_bodies = int(body.max()) if len(body) else 0
         self.text = text.decode() if isinstance(text, bytes) else str(text)
         groups = namelist.groups(self.text, self.path + ' (input)')
@@ -280,6 +330,28 @@ class Results:
         self.body_names = [name for _, name in copies_of(groups)]
         self.dimension = 3 if self.analysis == '3d' else 2
         self.rows = {'3d': [0, 1, 2, 3, 4, 5], 'axisymmetric': [0, 1, 2, 5]}.get(self.analysis, [0, 1, 5])
+
+    def complete_pyramids(self, of_cells):
+        """Pyramids of 14 nodes, whose last node no cell has, or another cell on their base."""
+        alone = np.setdiff1d(np.arange(len(self.points)), of_cells)
+        for i, block in enumerate(self.blocks):
+            if block.kind.name != 'pyramid13':
+                continue
+            faces = [other.nodes[:, {'hex27': slice(20, 26), 'prism18': slice(15, 18)}[other.kind.name]].ravel()
+                     for other in self.blocks if other.body == block.body and other.kind.name in ('hex27', 'prism18')]
+            centres = np.concatenate([alone, *faces])
+            if not len(centres):
+                continue
+            from scipy.spatial import cKDTree
+            base = self.points[block.nodes[:, [0, 1, 2, 3, 5, 6, 7, 8]]]
+            # where functions of eight nodes are, at the centre of the base
+            middle = base[:, 4:].mean(axis=1)*2 - base[:, :4].mean(axis=1)
+            away, nearest = cKDTree(self.points[centres]).query(middle)
+            found = away < 0.1*np.linalg.norm(base[:, 2] - base[:, 0], axis=1)
+            if found.all():
+                self.blocks[i] = Block(PYRAMID14, block.body, block.cells, np.column_stack([block.nodes, centres[nearest]]))
+            elif found.any():
+                raise ValueError('%s: body %d has pyramids of 13 and of 14 nodes' % (self.path, block.body))
 
     def elasticity(self, body):
         """Stiffness of a body for the strains of the analysis: all six, or xx yy (zz) xy."""

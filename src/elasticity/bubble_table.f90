@@ -1,15 +1,16 @@
-!> Bubbles of an element kind: polynomials of one degree more than the element has, minus their interpolants, so that
+!> Bubbles of an element kind: functions of one degree more than the element has, minus their interpolants, so that
 !> they vanish at all nodes. Values and gradients at the points of a rule in the element and of rules on its faces.
 !>
 !> Simplices have the monomials of the next degree, quadrilaterals and hexahedra those of the next degree in each
-!> variable, prisms the products of both.
+!> variable, prisms the products of both. Pyramids have monomials of the collapsed coordinates (`dotyk_mesh_pyramid`).
 module dotyk_elasticity_bubble_table
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_isoparametric_map, only: point_shape_table_t
   use dotyk_elasticity_shape_table, only: shape_table_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3, &
-    kind_dimension, quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_pyramid5, element_tet4, &
+    element_tri3, kind_dimension, quadrature_rule, reference_nodes, shape_functions, shape_gradients
   use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_pyramid, only: collapsed_coordinates
   implicit none
   private
 
@@ -38,6 +39,8 @@ module dotyk_elasticity_bubble_table
   type, public :: bubble_table_t
     !> Element kind.
     integer :: kind = 0
+    !> Whether the monomials are those of the collapsed coordinates.
+    logical :: collapsed = .false.
     !> Number of bubbles.
     integer :: n = 0
     !> Exponents of their monomials (dim, n).
@@ -80,13 +83,14 @@ contains
     integer :: i, q
     properties = element_kind(kind)
     self%kind = kind
+    self%collapsed = properties%corner_kind == element_pyramid5
     call list_monomials(properties, self%exponent)
     self%n = size(self%exponent, 2)
     allocate (place(properties%dimension, properties%n_nodes))
     call reference_nodes(kind, place)
     allocate (self%at_node(self%n, properties%n_nodes))
     do i = 1, properties%n_nodes
-      self%at_node(:, i) = monomials(self%exponent, place(:, i))
+      self%at_node(:, i) = monomials(self%exponent, variables(self, place(:, i)))
     end do
     self%degree = rule_degree(properties)
     call quadrature_rule(kind, self%degree, xi, weight)
@@ -222,7 +226,7 @@ contains
     if (any(properties%corner_kind == [element_tri3, element_tet4])) degree = degree - 1
   end function rule_degree
 
-  !> Monomials up to the next degree, in the element or in each variable.
+  !> Monomials up to the next degree, in the element or in each variable; on pyramids t^c a^a b^b with a, b <= c.
   pure subroutine list_monomials(properties, exponent)
     !> Properties of the element kind.
     type(element_kind_t), intent(in) :: properties
@@ -238,6 +242,7 @@ contains
           p = [a, b, c]
           if (any(properties%corner_kind == [element_tri3, element_tet4]) .and. sum(p) > m) cycle
           if (properties%corner_kind == element_prism6 .and. a + b > m) cycle
+          if (properties%corner_kind == element_pyramid5 .and. max(a, b) > c) cycle
           n = n + 1
           all_of_them(:, n) = p
         end do
@@ -245,6 +250,18 @@ contains
     end do
     exponent = all_of_them(:properties%dimension, :n)
   end subroutine list_monomials
+
+  !> The variables of the monomials at a point.
+  pure function variables(table, xi) result(x)
+    !> The bubbles.
+    class(bubble_table_t), intent(in) :: table
+    !> Reference coordinates (dim) [].
+    real(dp), intent(in) :: xi(:)
+    !> The variables (dim) [].
+    real(dp) :: x(size(xi))
+    x = xi
+    if (table%collapsed) x = collapsed_coordinates(xi)
+  end function variables
 
   !> Values of monomials at a point.
   pure function monomials(exponent, xi) result(value)
@@ -270,7 +287,7 @@ contains
     real(dp) :: value(size(self%exponent, 2))
     real(dp) :: shape(size(self%at_node, 2))
     call shape_functions(self%kind, xi, shape)
-    value = monomials(self%exponent, xi) - matmul(self%at_node, shape)
+    value = monomials(self%exponent, variables(self, xi)) - matmul(self%at_node, shape)
   end function bubble_table_values
 
   !> Derivatives of the bubbles by reference coordinates at a point (n, dim) [].
@@ -279,13 +296,22 @@ contains
     !> Reference coordinates (dim) [].
     real(dp), intent(in) :: xi(:)
     real(dp) :: gradient(size(self%exponent, 2), kind_dimension(self%kind))
-    real(dp) :: shape(kind_dimension(self%kind), size(self%at_node, 2))
+    real(dp) :: shape(kind_dimension(self%kind), size(self%at_node, 2)), x(size(xi))
     integer :: lower(size(self%exponent, 1), size(self%exponent, 2)), k
     call shape_gradients(self%kind, xi, shape)
+    x = variables(self, xi)
     do k = 1, size(gradient, 2)
       lower = self%exponent
       lower(k, :) = max(lower(k, :) - 1, 0)
-      gradient(:, k) = self%exponent(k, :)*monomials(lower, xi) - matmul(self%at_node, shape(k, :))
+      gradient(:, k) = self%exponent(k, :)*monomials(lower, x)
+    end do
+    ! From derivatives by a, b and t = 1 - xi_3 to those by a t, b t and xi_3; t > 0 at quadrature points.
+    if (self%collapsed) then
+      gradient(:, :2) = gradient(:, :2)/x(3)
+      gradient(:, 3) = matmul(gradient(:, :2), x(:2)) - gradient(:, 3)
+    end if
+    do k = 1, size(gradient, 2)
+      gradient(:, k) = gradient(:, k) - matmul(self%at_node, shape(k, :))
     end do
   end function bubble_table_gradients
 end module dotyk_elasticity_bubble_table

@@ -11,10 +11,10 @@
 !>
 !> - the mean on quad4 and hex8, as far as displacements go (element pressures may alternate:
 !>   `dotyk_elasticity_dilatation_fit`);
-!> - the mean on tri6, tet10 and prisms of order two; polynomials of degree one on quad9 and hex27 (Boffi, Brezzi and
-!>   Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8; Chapelle and Bathe, Comput. Struct. 47,
-!>   1993);
-!> - none on linear simplices and prisms: order elevation comes first (`dotyk_mesh_order_elevation`).
+!> - the mean on tri6, tet10, prisms and pyramids of order two; polynomials of degree one on quad9 and hex27 (Boffi,
+!>   Brezzi and Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8; Chapelle and Bathe, Comput.
+!>   Struct. 47, 1993);
+!> - none on linear simplices, prisms and pyramids: order elevation comes first (`dotyk_mesh_order_elevation`).
 !>
 !> C' keeps as much of the bulk modulus as the element bears without locking; materials below that are not split, so
 !> that solutions depend continuously on the material. The kept part is needed where only the mean is projected on a

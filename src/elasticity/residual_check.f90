@@ -22,7 +22,8 @@ module dotyk_elasticity_residual_check
 
   !> Error over the root of the energy of the residual of each element kind; none of lines (n_element_kinds) [].
   real(dp), parameter :: constant(n_element_kinds) = [0.0_dp, 0.0_dp, 1.1_dp, 1.4_dp, 1.1_dp, 1.4_dp, 1.5_dp, 0.4_dp, &
-                                                      1.0_dp, 0.8_dp, 1.2_dp, 1.2_dp, 0.7_dp, 1.25_dp, 1.25_dp]
+                                                      1.0_dp, 0.8_dp, 1.2_dp, 1.2_dp, 0.7_dp, 1.25_dp, 1.25_dp, &
+                                                      0.45_dp, 1.1_dp, 1.2_dp]
   !> Recovered strains count where they say at least this fraction of what the residual says [].
   real(dp), parameter :: least_fraction = 0.6_dp
   !> They count up to this multiple of it [].

@@ -8,7 +8,7 @@ module dotyk_elasticity_shape_table
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_elasticity_analysis, only: two_pi
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
-    quadrature_rule, reference_nodes, shape_functions, shape_gradients
+    element_pyramid5, quadrature_rule, reference_nodes, shape_functions, shape_gradients
   implicit none
   private
 
@@ -155,7 +155,7 @@ contains
       ! The radius and N^2/r.
       if (analysis == analysis_axisymmetric) degree = degree + 3
       degree = max(degree, 1)
-    else if (corner_kind == element_prism6) then
+    else if (any(corner_kind == [element_prism6, element_pyramid5])) then
       degree = 2*order
     else
       degree = 2*order + 1

@@ -69,8 +69,8 @@ contains
                   meaning='largest number of iterations')
     call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &
                   meaning='nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): auto, '// &
-                  'projected dilatation (B-bar), and from 0.45 on linear triangles, tetrahedra and prisms are '// &
-                  'elevated to order 2; ignore, standard elements')
+                  'projected dilatation (B-bar), and from 0.45 on linear triangles, tetrahedra, prisms and '// &
+                  'pyramids are elevated to order 2; ignore, standard elements')
     call list%add('reproducible', kind_logical, default='.false.', &
                   meaning='results that do not depend on the number of threads, to the bit')
   end subroutine add_solver

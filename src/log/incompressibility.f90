@@ -87,7 +87,7 @@ contains
         line = line//'; linear elements elevated to order 2: '//to_text(body%mesh%n_file_nodes())// &
           ' nodes in the mesh, '//to_text(body%mesh%n_whole_nodes())//' now'
       else if (has_linear_simplices(body%mesh)) then
-        line = line//'; linear triangles, tetrahedra and prisms may lock'
+        line = line//'; linear triangles, tetrahedra, prisms and pyramids may lock'
       end if
     end if
   end function line_of

@@ -1,15 +1,17 @@
 !> Element kinds: one table, and the dispatch to the families.
 !>
-!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1] (as gmsh). The node order is that of gmsh.
+!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1], pyramid on [-1,1]^2 (as gmsh). The node order is
+!> that of gmsh.
 module dotyk_mesh_element
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind_t, element_line2, &
-    element_line3, element_prism15, element_prism18, element_prism6, element_quad4, element_quad8, element_quad9, &
-    element_tet10, element_tet4, element_tri3, element_tri6, kind_dimension, kind_nodes, max_element_nodes, &
-    max_faces, max_facet_nodes, n_element_kinds
+    element_line3, element_prism15, element_prism18, element_prism6, element_pyramid13, element_pyramid14, &
+    element_pyramid5, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, element_tri3, &
+    element_tri6, kind_dimension, kind_nodes, max_element_nodes, max_faces, max_facet_nodes, n_element_kinds
   use dotyk_mesh_hexahedron, only: hexahedron_kind, hexahedron_node
   use dotyk_mesh_line, only: line_kind, line_node
   use dotyk_mesh_prism, only: prism_gradients, prism_kind, prism_node, prism_values
+  use dotyk_mesh_pyramid, only: pyramid_gradients, pyramid_kind, pyramid_node, pyramid_values
   use dotyk_mesh_quadrature, only: quadrature_rule
   use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
   use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
@@ -22,14 +24,14 @@ module dotyk_mesh_element
   public :: element_kind_t, n_element_kinds, max_element_nodes, max_facet_nodes, max_faces, kind_dimension, kind_nodes
   public :: element_line2, element_line3, element_tri3, element_tri6, element_quad4, element_quad8, element_quad9
   public :: element_tet4, element_tet10, element_hex8, element_hex20, element_hex27
-  public :: element_prism6, element_prism15, element_prism18
+  public :: element_prism6, element_prism15, element_prism18, element_pyramid5, element_pyramid13, element_pyramid14
   public :: element_kind, kind_of_gmsh_type, shape_functions, shape_gradients, reference_nodes, quadrature_rule
 
 contains
 
   !> Properties of an element kind.
   pure function element_kind(id) result(kind)
-    !> One of `element_line2` .. `element_prism18`.
+    !> One of `element_line2` .. `element_pyramid14`.
     integer, intent(in) :: id
     type(element_kind_t) :: kind
     select case (id)
@@ -45,6 +47,8 @@ contains
       kind = hexahedron_kind(id)
     case (element_prism6, element_prism15, element_prism18)
       kind = prism_kind(id)
+    case (element_pyramid5, element_pyramid13, element_pyramid14)
+      kind = pyramid_kind(id)
     end select
   end function element_kind
 
@@ -95,6 +99,8 @@ contains
       call lagrange_values(2, 3, 27, hexahedron_node, xi, values)
     case (element_prism6, element_prism15, element_prism18)
       call prism_values(kind_nodes(kind), xi, values)
+    case (element_pyramid5, element_pyramid13, element_pyramid14)
+      call pyramid_values(kind_nodes(kind), xi, values)
     end select
   end subroutine shape_functions
 
@@ -133,6 +139,8 @@ contains
       call lagrange_gradients(2, 3, 27, hexahedron_node, xi, gradients)
     case (element_prism6, element_prism15, element_prism18)
       call prism_gradients(kind_nodes(kind), xi, gradients)
+    case (element_pyramid5, element_pyramid13, element_pyramid14)
+      call pyramid_gradients(kind_nodes(kind), xi, gradients)
     end select
   end subroutine shape_gradients
 
@@ -158,6 +166,10 @@ contains
     case (element_prism6, element_prism15, element_prism18)
       do i = 1, n
         xi(:, i) = prism_node(i)
+      end do
+    case (element_pyramid5, element_pyramid13, element_pyramid14)
+      do i = 1, n
+        xi(:, i) = pyramid_node(i)
       end do
     end select
   end subroutine reference_nodes

@@ -6,7 +6,7 @@ module dotyk_mesh_element_kind
   private
 
   !> Number of element kinds.
-  integer, parameter, public :: n_element_kinds = 15
+  integer, parameter, public :: n_element_kinds = 18
   !> Greatest number of nodes of an element.
   integer, parameter, public :: max_element_nodes = 27
   !> Greatest number of nodes of a face of an element.
@@ -29,16 +29,20 @@ module dotyk_mesh_element_kind
   integer, parameter, public :: element_prism6 = 13  !< linear prism
   integer, parameter, public :: element_prism15 = 14 !< quadratic prism, serendipity
   integer, parameter, public :: element_prism18 = 15 !< biquadratic prism
+  integer, parameter, public :: element_pyramid5 = 16  !< linear pyramid
+  integer, parameter, public :: element_pyramid13 = 17 !< quadratic pyramid, serendipity base
+  integer, parameter, public :: element_pyramid14 = 18 !< quadratic pyramid, biquadratic base
 
   !> Dimension of the reference domain of each kind; a constant, so that dummies can be declared with it.
-  integer, parameter, public :: kind_dimension(n_element_kinds) = [1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3]
+  integer, parameter, public :: kind_dimension(n_element_kinds) = [1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3]
   !> Number of nodes of each kind.
-  integer, parameter, public :: kind_nodes(n_element_kinds) = [2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18]
+  integer, parameter, public :: kind_nodes(n_element_kinds) = [2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18, 5, &
+                                                               13, 14]
 
   !> One element kind. The node order is that of gmsh: corners, edges, faces, interior.
   type, public :: element_kind_t
     !> Name for messages, as 'tet10'.
-    character(8) :: name = ''
+    character(9) :: name = ''
     !> Type number of gmsh.
     integer :: gmsh_type = 0
     !> Cell type of VTK.
@@ -61,7 +65,7 @@ module dotyk_mesh_element_kind
     !> right-hand normal points out; in two dimensions edges run counter-clockwise, so that the outward normal of
     !> the tangent t is (t_y, -t_x).
     integer :: face_node(max_facet_nodes, max_faces) = 0
-    !> Node i of the VTK cell is node vtk_order(i); padded with 0.
+    !> Node i of the VTK cell is node vtk_order(i); padded with 0. The cell of pyramid14 lacks one node.
     integer :: vtk_order(max_element_nodes) = 0
   end type element_kind_t
 end module dotyk_mesh_element_kind

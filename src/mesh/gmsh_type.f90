@@ -106,11 +106,6 @@ contains
     integer, intent(in) :: number
     !> Advice.
     character(:), allocatable :: help
-    if (index(gmsh_type_name(number), 'pyramid') > 0) then
-      help = 'pyramids are not supported: mesh with tetrahedra only, or with hexahedra or prisms throughout a '// &
-             'volume (Recombine and transfinite or extruded meshes)'
-    else
-      help = 'only elements of order 1 and 2 are supported: mesh with Mesh.ElementOrder = 1 or 2'
-    end if
+    help = 'only elements of order 1 and 2 are supported: mesh with Mesh.ElementOrder = 1 or 2'
   end function gmsh_type_help
 end module dotyk_mesh_gmsh_type

@@ -1,8 +1,8 @@
 !> Jacobian determinants of elements, whose sign tells inverted and degenerate elements, and mirror images of elements.
 module dotyk_mesh_jacobian
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism6, element_quad4, &
-    kind_dimension, kind_nodes, max_element_nodes, quadrature_rule, reference_nodes, shape_gradients
+  use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism6, element_pyramid5, &
+    element_quad4, kind_dimension, kind_nodes, max_element_nodes, quadrature_rule, reference_nodes, shape_gradients
   implicit none
   private
   public :: jacobian_range, mirror_order
@@ -109,6 +109,10 @@ contains
     case (element_prism6)
       base = [1, 2, 3, 4]
       barycentric(4, :) = 0.5_dp*(1 + nodes(3, :))
+    case (element_pyramid5)
+      base = [1, 2, 4, 5]
+      barycentric(2, :) = 0.5_dp*(1 + nodes(1, :) - nodes(3, :))
+      barycentric(3, :) = 0.5_dp*(1 + nodes(2, :) - nodes(3, :))
     case default
       base = [1, 2, 3, 4]
     end select

@@ -1,5 +1,5 @@
 !> Order elevation: quadratic elements in place of linear ones, on the same straight edges, for materials in which
-!> linear triangles, tetrahedra and prisms lock.
+!> linear triangles, tetrahedra, prisms and pyramids lock.
 !>
 !> New nodes lie at the centres of edges, of quadrilateral faces, of quadrilaterals and of hexahedra. Elements share the
 !> nodes of common edges and faces, so that a mesh of several kinds stays conforming. Elements keep their order and
@@ -9,16 +9,18 @@ module dotyk_mesh_order_elevation
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_hex8, element_hex27, element_kind, element_kind_t, element_prism18, &
-    element_prism6, element_quad4, element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, &
-    reference_nodes, shape_functions
+    element_prism6, element_pyramid14, element_pyramid5, element_quad4, element_quad9, element_tet10, element_tet4, &
+    element_tri3, element_tri6, reference_nodes, shape_functions
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
   public :: has_linear_simplices, elevate_order
 
   !> Linear kinds, and the quadratic kinds that replace them.
-  integer, parameter :: linear(5) = [element_tri3, element_quad4, element_tet4, element_hex8, element_prism6]
-  integer, parameter :: quadratic(5) = [element_tri6, element_quad9, element_tet10, element_hex27, element_prism18]
+  integer, parameter :: linear(6) = [element_tri3, element_quad4, element_tet4, element_hex8, element_prism6, &
+                                     element_pyramid5]
+  integer, parameter :: quadratic(6) = [element_tri6, element_quad9, element_tet10, element_hex27, element_prism18, &
+                                        element_pyramid14]
 
   !> A linear shape function is positive at a node between corners where it exceeds this; its values are 1/2, 1/4 or
   !> 1/8.
@@ -26,14 +28,14 @@ module dotyk_mesh_order_elevation
 
 contains
 
-  !> Whether a body has linear triangles, tetrahedra or prisms.
+  !> Whether a body has linear triangles, tetrahedra, prisms or pyramids.
   pure logical function has_linear_simplices(mesh) result(has)
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
     integer :: b
     has = .false.
     do b = 1, size(mesh%block)
-      has = has .or. any(mesh%block(b)%kind == [element_tri3, element_tet4, element_prism6])
+      has = has .or. any(mesh%block(b)%kind == [element_tri3, element_tet4, element_prism6, element_pyramid5])
     end do
   end function has_linear_simplices
 

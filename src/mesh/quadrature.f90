@@ -2,11 +2,13 @@
 !>
 !> Lines, quadrilaterals and hexahedra: tensor products of Gauss-Legendre rules, exact for the degree in each variable.
 !> Triangles and tetrahedra: symmetric rules where short ones are known, conical products of Gauss-Jacobi rules beyond,
-!> exact for the total degree. Prisms: triangle x line.
+!> exact for the total degree. Prisms: triangle x line. Pyramids: conical products of Gauss-Legendre and Gauss-Jacobi
+!> rules, exact for the total degree and in each of the collapsed coordinates.
 module dotyk_mesh_quadrature
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_line2, element_line3, element_quad4, element_quad8, element_quad9, &
-    element_tet10, element_tet4, element_tri3, element_tri6, element_hex20, element_hex27, element_hex8
+    element_tet10, element_tet4, element_tri3, element_tri6, element_hex20, element_hex27, element_hex8, &
+    element_pyramid13, element_pyramid14, element_pyramid5
   use dotyk_mesh_gauss, only: gauss_jacobi
   use dotyk_mesh_simplex_rule, only: tetrahedron_rule, triangle_rule
   implicit none
@@ -19,7 +21,8 @@ contains
   pure subroutine quadrature_rule(kind, degree, points, weights)
     !> Element kind.
     integer, intent(in) :: kind
-    !> Polynomial degree that is integrated exactly: total on simplices, in each variable on products.
+    !> Polynomial degree that is integrated exactly: total on simplices and pyramids, in each variable on
+    !> products.
     integer, intent(in) :: degree
     !> Reference coordinates (dimension, n) [].
     real(dp), allocatable, intent(out) :: points(:, :)
@@ -44,6 +47,8 @@ contains
       call triangle_rule(degree, points, weights)
     case (element_tet4, element_tet10)
       call tetrahedron_rule(degree, points, weights)
+    case (element_pyramid5, element_pyramid13, element_pyramid14)
+      call pyramid_rule(n, x, w, points, weights)
     case default
       call triangle_rule(degree, flat, flat_weights)
       m = size(flat_weights)
@@ -83,4 +88,31 @@ contains
       end do
     end do
   end subroutine product_rule
+
+  !> Conical product: a rule on the square, shrunk towards the apex, at each height of a Gauss-Jacobi rule.
+  pure subroutine pyramid_rule(n, x, w, points, weights)
+    !> Number of points of the rules on the line and of heights.
+    integer, intent(in) :: n
+    !> Points on the line (n) [].
+    real(dp), intent(in) :: x(n)
+    !> Weights on the line (n) [].
+    real(dp), intent(in) :: w(n)
+    !> Points (3, n**3) [].
+    real(dp), allocatable, intent(out) :: points(:, :)
+    !> Weights (n**3) [].
+    real(dp), allocatable, intent(out) :: weights(:)
+    real(dp), allocatable :: flat(:, :), flat_weights(:)
+    real(dp) :: height(n), height_weight(n)
+    integer :: i, m
+    call product_rule(2, n, x, w, flat, flat_weights)
+    ! The area of a section decreases as (1 - height)^2.
+    call gauss_jacobi(n, 2, height, height_weight)
+    m = n**2
+    allocate (points(3, m*n), weights(m*n))
+    do i = 1, n
+      points(:2, (i - 1)*m + 1:i*m) = (1 - height(i))*flat
+      points(3, (i - 1)*m + 1:i*m) = height(i)
+      weights((i - 1)*m + 1:i*m) = height_weight(i)*flat_weights
+    end do
+  end subroutine pyramid_rule
 end module dotyk_mesh_quadrature

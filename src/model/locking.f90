@@ -10,13 +10,13 @@ module dotyk_model_locking
   private
   public :: would_lock
 
-  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are elevated to order 2: Poisson's
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids are elevated: Poisson's
   !> ratio 0.45 [].
   real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
 
 contains
 
-  !> Whether linear triangles, tetrahedra and prisms would lock in a body, so that they are elevated to order 2.
+  !> Whether linear triangles, tetrahedra, prisms and pyramids would lock in a body: they are elevated to order 2.
   logical function would_lock(case, b) result(locks)
     !> The case.
     type(case_t), intent(in) :: case

@@ -7,8 +7,8 @@ module dotyk_model_mesh_survey
   use dotyk_base_text, only: text_t
   use dotyk_input_case, only: case_t
   use dotyk_mesh_element, only: element_hex20, element_hex27, element_hex8, element_prism15, element_prism18, &
-    element_prism6, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, element_tri3, &
-    element_tri6, kind_dimension, n_element_kinds
+    element_prism6, element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, &
+    element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, kind_dimension, n_element_kinds
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
@@ -159,7 +159,8 @@ contains
     end do
   end function survey_expected_nodes
 
-  !> The kind that elements have in a body: of order 2 where linear triangles, tetrahedra and prisms would lock.
+  !> The kind that elements have in a body: of order 2 where linear triangles, tetrahedra, prisms and pyramids would
+  !> lock.
   pure integer function kind_in_body(self, b, kind)
     !> The survey.
     type(mesh_survey_t), intent(in) :: self
@@ -169,7 +170,7 @@ contains
     integer, intent(in) :: kind
     kind_in_body = kind
     if (.not. self%locks(b)) return
-    if (all(self%n_of_kind([element_tri3, element_tet4, element_prism6], b) == 0)) return
+    if (all(self%n_of_kind([element_tri3, element_tet4, element_prism6, element_pyramid5], b) == 0)) return
     select case (kind)
     case (element_tri3)
       kind_in_body = element_tri6
@@ -181,6 +182,8 @@ contains
       kind_in_body = element_hex27
     case (element_prism6)
       kind_in_body = element_prism18
+    case (element_pyramid5)
+      kind_in_body = element_pyramid14
     end select
   end function kind_in_body
 
@@ -207,6 +210,12 @@ contains
       n = 8
     case (element_prism15)
       n = 2.5_dp
+    case (element_pyramid5)
+      n = 0.33_dp
+    case (element_pyramid13)
+      n = 2.2_dp
+    case (element_pyramid14)
+      n = 2.7_dp
     case default
       n = 0
     end select

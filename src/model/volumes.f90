@@ -57,7 +57,7 @@ contains
     character(*), intent(in) :: name
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Whether linear triangles, tetrahedra and prisms would lock: then they are elevated to order 2.
+    !> Whether linear triangles, tetrahedra, prisms and pyramids would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
     call extract_body(mesh, name, dimension, self%mesh, self%error)
     if (.not. allocated(self%error)) call self%joints%find(self%mesh)

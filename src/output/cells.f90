@@ -23,14 +23,16 @@ module dotyk_output_cells
 
 contains
 
-  !> Sum of the nodes of all elements of a body, of the whole body where this rank holds a part of it.
+  !> Sum of the nodes of all cells of a body, of the whole body where this rank holds a part of it.
   pure integer(int64) function connectivity_length(mesh) result(length)
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
+    type(element_kind_t) :: kind
     integer :: k
     length = 0
     do k = 1, size(mesh%block)
-      length = length + size(mesh%block(k)%node, 1, kind=int64)*mesh%whole_block_size(k)
+      kind = element_kind(mesh%block(k)%kind)
+      length = length + count(kind%vtk_order > 0, kind=int64)*mesh%whole_block_size(k)
     end do
   end function connectivity_length
 
@@ -43,7 +45,7 @@ contains
     type(element_kind_t) :: kind
     integer(int64) :: first_node, node_count
     integer(int64) :: n_ids
-    integer :: k, n, first, cell_count
+    integer :: k, m, n, first, cell_count
     cell_count = 0
     do k = 1, size(mesh%block)
       cell_count = cell_count + size(mesh%block(k)%node, 2)
@@ -59,8 +61,9 @@ contains
       n = size(mesh%block(k)%node, 2)
       cells%vtk_type(first + 1:first + n) = int(kind%vtk_type, int8)
       cells%tag(first + 1:first + n) = mesh%block(k)%tag
-      n_ids = kind%n_nodes*int(n, int64)
-      call fill_connectivity(kind%n_nodes, n, mesh%block(k)%node, kind%vtk_order(:kind%n_nodes), first_node, &
+      m = count(kind%vtk_order > 0)
+      n_ids = m*int(n, int64)
+      call fill_connectivity(m, n, mesh%block(k)%node, kind%vtk_order(:m), first_node, &
                              cells%connectivity(first_node + 1:first_node + n_ids), &
                              cells%offset(first + 2:first + n + 1))
       first = first + n
@@ -74,8 +77,8 @@ contains
     integer, intent(in) :: n_nodes
     !> Number of elements.
     integer, intent(in) :: n_cells
-    !> Nodes of the elements, from 1, in the order of gmsh (nodes per cell, n_cells).
-    integer, intent(in) :: node(n_nodes, n_cells)
+    !> Nodes of the elements, from 1, in the order of gmsh (at least n_nodes, n_cells).
+    integer, intent(in) :: node(:, :)
     !> Local node of gmsh for each node of VTK (n_nodes).
     integer, intent(in) :: vtk_order(n_nodes)
     !> Length of the connectivity of earlier blocks.

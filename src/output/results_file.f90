@@ -63,7 +63,7 @@ contains
     integer(int64), intent(in), contiguous :: n_points(:)
     !> Elements of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_cells(:)
-    !> Sum of the nodes of all elements of each body, of `connectivity_length` (n_parts).
+    !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
     integer(int64), intent(in), contiguous :: n_connectivity(:)
     !> Whether displacements will be written.
     logical, intent(in) :: want_displacement

@@ -23,8 +23,8 @@ except ImportError as reason:
     print("check_vtk.py: skipped:", reason)
     sys.exit(77)
 
-LINEAR = {22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 32: 13}  # quadratic cell types -> those of their corners
-CORNERS = {5: 3, 9: 4, 10: 4, 12: 8, 13: 6}
+LINEAR = {22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 32: 13, 27: 14}  # quadratic cell types -> those of their corners
+CORNERS = {5: 3, 9: 4, 10: 4, 12: 8, 13: 6, 14: 5}
 POINT, WEIGHT = (t.tolist() for t in np.polynomial.legendre.leggauss(4))
 
 
@@ -38,15 +38,17 @@ def corner_shapes(linear, p):
     if linear == 13:
         return [a * b for b in (1 - t, t) for a in (1 - r - s, r, s)]
     quad = [(1 - r) * (1 - s), r * (1 - s), r * s, (1 - r) * s]
+    if linear == 14:
+        return [a * (1 - t) for a in quad] + [t]
     return quad if linear == 9 else [a * b for b in (1 - t, t) for a in quad]
 
 
 def quadrature(linear):
-    """Points and weights on VTK's parametric domain: Gauss on the cube, folded onto simplices."""
+    """Points and weights on VTK's parametric domain, a cube also for pyramids: Gauss, folded onto simplices."""
     gauss = [((1 + x) / 2, w / 2) for x, w in zip(POINT, WEIGHT)]
     for r, u in gauss:
         for s, v in gauss:
-            for t, w in (gauss if linear in (10, 12, 13) else [(0.0, 1.0)]):
+            for t, w in (gauss if linear in (10, 12, 13, 14) else [(0.0, 1.0)]):
                 if linear in (5, 13):
                     yield (r, s * (1 - r), t), u * v * w * (1 - r)
                 elif linear == 10:

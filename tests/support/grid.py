@@ -12,12 +12,33 @@ import numpy as np
 # nodes of a cell in gmsh's order, as offsets along x, y, z
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 CUBE = [(*corner, z) for z in (0, 1) for corner in SQUARE]
+# faces of an element, outward, by its dimension and number of nodes; gmsh's types of elements and of facets
+FACES = {(2, 3): [(0, 1), (1, 2), (2, 0)], (2, 4): [(0, 1), (1, 2), (2, 3), (3, 0)],
+         (3, 4): [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
+         (3, 5): [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)],
+         (3, 6): [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
+         (3, 8): [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]}
+TYPES = {(1, 2): 1, (2, 3): 2, (2, 4): 3, (3, 4): 4, (3, 8): 5, (3, 6): 6, (3, 5): 7}
+
 # how a cell is cut; simplices and prisms of neighbours fit each other (Kuhn's triangulation), squares and cubes as far
 # as is said below
 WHOLE_SQUARE, WHOLE_CUBE = [(0, 1, 2, 3)], [tuple(range(8))]
 TRIANGLES = [(0, 1, 2), (0, 2, 3)]
 TETRAHEDRA = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
 PRISMS = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
+
+
+def pyramids(apex):
+    """Three pyramids whose apex is a corner of the cube, that on the horizontal face first."""
+    return [(*face[::-1], apex) for face in FACES[3, 8] if apex not in face]
+
+
+def halves(pyramid):
+    """The two tetrahedra of a pyramid whose base is cut from the corner opposite to the apex in the cube."""
+    *base, apex = pyramid
+    first = base.index(CUBE.index(tuple(1 - c for c in CUBE[apex])))
+    base = base[first:] + base[:first]
+    return [(*base[:3], apex), (base[0], *base[2:], apex)]
 
 
 def each(cell):
@@ -35,6 +56,14 @@ def layers(cell):
     return cell[:, -1] % 2 == 0
 
 
+def mirrored(corner, period=2, layer=0):
+    """The cells where a corner of the cube is the apex of pyramids, in layers of a period: mirror images side by side."""
+    def rule(cell):
+        own = np.array(CUBE[corner])
+        return np.all(cell[:, :2] % 2 == own[:2], axis=1) & (cell[:, 2] % period == layer + own[2])
+    return rule
+
+
 def others(rule):
     """The cells that a rule leaves."""
     return lambda cell: ~rule(cell)
@@ -44,24 +73,26 @@ def others(rule):
 KINDS = {"quad4": (SQUARE, [(WHOLE_SQUARE, each)], 1, 0), "tri3": (SQUARE, [(TRIANGLES, each)], 1, 0),
          "hex8": (CUBE, [(WHOLE_CUBE, each)], 1, 0), "tet4": (CUBE, [(TETRAHEDRA, each)], 1, 0),
          "prism6": (CUBE, [(PRISMS, each)], 1, 0),
+         "pyramid5": (CUBE, [(pyramids(apex), mirrored(apex)) for apex in range(8)], 1, 0),
          "quad4 and tri3": (SQUARE, [(WHOLE_SQUARE, alternate), (TRIANGLES, others(alternate))], 1, 0),
          "hex8 and prism6": (CUBE, [(WHOLE_CUBE, alternate), (PRISMS, others(alternate))], 1, 0),
          "prism6 and tet4": (CUBE, [(PRISMS, layers), (TETRAHEDRA, others(layers))], 1, 0)}
+# layers: hexahedra, pyramids on their upper faces with tetrahedra, the same upside down, hexahedra
+KINDS["hex8, pyramid5 and tet4"] = (
+    CUBE, [(WHOLE_CUBE, lambda cell: (cell[:, 2] + 1) % 4 < 2)]
+    + [(pyramids(apex)[:1], mirrored(apex, 4, 2 - 2 * CUBE[apex][2])) for apex in range(8)]
+    + [(halves(pyramids(apex)[1]) + halves(pyramids(apex)[2]), mirrored(apex, 4, 2 - 2 * CUBE[apex][2]))
+       for apex in range(8)], 1, 0)
 for linear, quadratic, incomplete in (("quad4", "quad8", 1), ("quad4", "quad9", 0), ("tri3", "tri6", 0),
                                       ("hex8", "hex20", 1), ("hex8", "hex27", 0), ("tet4", "tet10", 0),
                                       ("prism6", "prism15", 1), ("prism6", "prism18", 0),
+                                      ("pyramid5", "pyramid13", 1), ("pyramid5", "pyramid14", 0),
+                                      ("hex8, pyramid5 and tet4", "hex20, pyramid13 and tet10", 1),
+                                      ("hex8, pyramid5 and tet4", "hex27, pyramid14 and tet10", 0),
                                       ("quad4 and tri3", "quad9 and tri6", 0),
                                       ("hex8 and prism6", "hex20 and prism15", 1),
                                       ("prism6 and tet4", "prism18 and tet10", 0)):
     KINDS[quadratic] = (*KINDS[linear][:2], 2, incomplete)
-
-# faces of an element, outward, by its dimension and number of nodes; gmsh's types of elements and of facets
-FACES = {(2, 3): [(0, 1), (1, 2), (2, 0)], (2, 4): [(0, 1), (1, 2), (2, 3), (3, 0)],
-         (3, 4): [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
-         (3, 6): [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
-         (3, 8): [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]}
-TYPES = {(1, 2): 1, (2, 3): 2, (2, 4): 3, (3, 4): 4, (3, 8): 5, (3, 6): 6}
-
 
 class Block:
     """A block: lines of the grid along each direction, and a map of coordinates (n, d) to new ones.

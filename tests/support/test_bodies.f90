@@ -10,7 +10,7 @@ module test_bodies
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_hex8, element_quad4, &
-    max_facet_nodes, reference_nodes, shape_functions
+    element_pyramid5, max_facet_nodes, reference_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -47,7 +47,8 @@ contains
     class(box_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
-    !> Number of cells along each axis; a cell is divided into two triangles, six tetrahedra or two prisms.
+    !> Number of cells along each axis; a cell is divided into two triangles, six tetrahedra, two prisms or
+    !> three pyramids.
     integer, intent(in) :: cells
     !> Distortion: one of the constants above.
     integer, intent(in) :: distortion
@@ -74,7 +75,7 @@ contains
         e = e + 1
         do a = 1, n
           call shape_functions(properties%corner_kind, xi(:, a), linear)
-          x = 2*(origin(:dim) + matmul(corner(:, :, piece), linear))
+          x = 2*(origin(:dim) + matmul(in_cell(properties, origin(:dim), corner(:, :, piece)), linear))
           key = 0
           do d = dim, 1, -1
             key = key*(2*cells + 1) + nint(x(d))
@@ -126,11 +127,33 @@ contains
         end do
         if (i > 3) corner(:, 2:3, i) = corner(:, [3, 2], i)
       end do
+    case (element_pyramid5)
+      ! All apexes are at the origin.
+      corner = reshape(real([1, 0, 0, 1, 0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 0, 1, 1, 0, 1, 1, 1, 0, 1, 1, 0, 0, 0, &
+        0, 0, 1, 0, 1, 1, 1, 1, 1, 1, 0, 1, 0, 0, 0], dp), [3, 5, 3])
     case default
       corner = reshape(real([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 0, 1, 1, &
         1, 1, 0, 0, 1, 0, 1, 0, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1], dp), [3, 6, 2])
     end select
   end subroutine split_cell
+
+  !> Corners of an element in its cell. Neighbouring cells of pyramids are mirror images: whole faces meet whole ones.
+  function in_cell(properties, cell, corner) result(place)
+    !> Properties of the element kind.
+    type(element_kind_t), intent(in) :: properties
+    !> Cell (dim).
+    integer, intent(in) :: cell(:)
+    !> Corners in a cell that is not mirrored (dim, n_corners) [].
+    real(dp), intent(in) :: corner(:, :)
+    real(dp) :: place(size(corner, 1), size(corner, 2))
+    integer :: d
+    place = corner
+    if (properties%corner_kind /= element_pyramid5) return
+    do d = 1, size(cell)
+      if (mod(cell(d), 2) == 1) place(d, :) = 1 - place(d, :)
+    end do
+    if (mod(sum(mod(cell, 2)), 2) == 1) place(:, [2, 4]) = place(:, [4, 2])
+  end function in_cell
 
   !> Displace the interior corners, and put the other nodes at their positions on straight elements.
   subroutine move_corners(self, properties)
