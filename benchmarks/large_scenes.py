@@ -5,14 +5,13 @@ namelist and gives its path.
 """
 import math
 import os
-import re
 import subprocess
 import sys
 
 sys.dont_write_bytecode = True
 import speed_scenes  # noqa: E402
 
-import namelist  # noqa: E402
+import dotyk  # noqa: E402
 
 
 class Scene:
@@ -48,16 +47,10 @@ class Scene:
 
     def case(self, solver=''):
         """The namelist with other keys of &solver, such as "response='multigrid', tolerance=1e-6"."""
-        text = namelist.changed(self.text(), 'scene', {'mesh': self.label + '.msh'})
-        for key in re.findall(r'(\w+) *=', solver):
-            text = re.sub(r'(?m)^(&solver .*?)\b%s=[^ ,/]*,? *' % key, r'\1', text)
-        if solver:
-            text = re.sub(r'(?m)^&solver *(.*?),? */$', lambda found: '&solver %s%s /' % (
-                found[1] + ', ' if found[1] else '', solver), text)
-        path = os.path.join(self.folder, 'case.nml')
-        with open(path, 'w') as file:
-            file.write(text)
-        return path
+        scene = dotyk.Scene.parse(self.text())
+        scene.scene(mesh=self.label + '.msh')
+        scene.solver(**dotyk.Scene.parse('&solver %s /' % solver).find('solver'))
+        return os.fspath(scene.write(os.path.join(self.folder, 'case.nml')))
 
 
 def size_text(unknowns):

@@ -10,8 +10,8 @@ import numpy as np
 
 sys.dont_write_bytecode = True
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-sys.path.insert(0, os.path.join(ROOT, 'tools'))
-import namelist  # noqa: E402
+sys.path.insert(0, os.path.join(ROOT, 'tools/python'))
+import dotyk  # noqa: E402
 
 INPUTS = os.path.join(ROOT, 'inputs')
 CHAIN = """
@@ -63,19 +63,16 @@ class Scene:
 
     def supports(self):
         """For each body in turn: material, [(axes, planes)]."""
-        groups = namelist.groups(self.text)
-        found = {group.get_one('name', str): (group.get_one('material', str), []) for group in groups if group.name == 'body'}
-        for group in groups:
-            if group.name == 'support':
-                surface = re.sub(r' \d+$', '', group.get_one('surface', str))
-                axes = ['xyz'.index(letter) for letter in group.get_one('fix', str)]
-                found[group.get_one('body', str)][1].append((axes, self.planes[surface]))
+        scene = dotyk.Scene.parse(self.text)
+        found = {group['name']: (group['material'], []) for group in scene.all('body')}
+        for group in scene.all('support'):
+            axes = ['xyz'.index(letter) for letter in group['fix']]
+            found[group['body']][1].append((axes, self.planes[re.sub(r' \d+$', '', group['surface'])]))
         return list(found.values())
 
     def materials(self):
         """Young's modulus and Poisson's ratio by name."""
-        return {group.get_one('name', str): (group.get_one('young', float), group.get_one('poisson', float))
-                for group in namelist.groups(self.text) if group.name == 'material'}
+        return {group['name']: (group['young'], group['poisson']) for group in dotyk.Scene.parse(self.text).all('material')}
 
     @staticmethod
     def fixed(points, dimension, supports):
@@ -107,7 +104,10 @@ def given(*names):
 
 def without_solver(text, mesh):
     """A scene with another mesh and without &solver."""
-    return namelist.changed(re.sub(r'(?m)^&solver .*\n', '', text), 'scene', {'mesh': mesh})
+    scene = dotyk.Scene.parse(text)
+    scene.groups = [group for group in scene.groups if group.name != 'solver']
+    scene.scene(mesh=mesh)
+    return str(scene)
 
 
 def replaced(text, changes):

@@ -31,6 +31,7 @@ every point that failed or did not converge. An interrupted run goes on where it
 changed are run again, all of them where the folder is removed. The executable is $DOTYK, or build/release/dotyk.
 """
 import datetime
+import difflib
 import hashlib
 import importlib.util
 import itertools
@@ -46,13 +47,12 @@ import sys
 import time
 
 sys.dont_write_bytecode = True
-import h5py  # noqa: E402
 import numpy as np  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / 'tools'))
+sys.path[:0] = [str(ROOT / 'tools'), str(ROOT / 'tools/python')]
+import dotyk  # noqa: E402
 import energy_norm  # noqa: E402
-import namelist  # noqa: E402
 import work_precision_report as report  # noqa: E402
 
 CONTACT = {'discretization': str, 'quadrature': str, 'geometry': str}
@@ -66,11 +66,31 @@ PARAMETER = r'(?m)(^[ \t]*%s[ \t]*=)([^;\n]+)(?=;)|(^[ \t]*DefineConstant[ \t]*\
 LISTS = {'error': str, 'error_label': str, 'scale_with': str, 'without': str}
 
 
+KINDS = {str: 'a text in quotes', int: 'an integer', float: 'a number'}
+
+
 def said(group, key, kind, many):
-    """A key's values (or its only one); kind None: numbers or texts."""
-    if kind is None and key in group.keys:
-        kind = str if isinstance(group.keys[key][1][0] if group.keys[key][1] else 0, str) else float
-    return group.get(key, kind) if many else group.get_one(key, kind)
+    """A key's values (or its only one), None where it is absent; kind None: numbers or texts."""
+    if key not in group:
+        return None
+    values = group.list(key)
+    kind = kind or (str if values and isinstance(values[0], str) else float)
+    if kind is float:
+        values = [float(value) if type(value) is int else value for value in values]
+    for value in values:
+        if type(value) is not kind:
+            group.fail('%s: %r is not %s' % (key, value, KINDS[kind]), key)
+    if not values or len(values) > 1 and not many:
+        group.fail('%s: %s' % (key, '%d values in place of one' % len(values) if values else 'no value'), key)
+    return values if many else values[0]
+
+
+def check_keys(group, known):
+    """Refuse keys that are not among the known ones."""
+    for key in group:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, 1)
+            group.fail("unknown key '%s'%s" % (key, " (did you mean '%s'?)" % near[0] if near else ''), key)
 
 
 class Grid:
@@ -79,13 +99,13 @@ class Grid:
     def __init__(self, path):
         self.path = pathlib.Path(path).resolve()
         self.text = self.path.read_text()
-        found = namelist.groups(self.text, path)
+        found = dotyk.Scene.parse(self.text, path).groups
         for group in found:
             if group.name != 'grid':
                 group.fail('the only group is &grid')
-            group.check([*DIMENSIONS] + ([*SETTINGS, *LISTS] if group is found[0] else []))
+            check_keys(group, [*DIMENSIONS] + ([*SETTINGS, *LISTS] if group is found[0] else []))
         if not found:
-            raise namelist.NamelistError('%s:1: no group &grid' % path)
+            raise dotyk.NamelistError('%s:1: no group &grid' % path)
         first, folder = found[0], self.path.parent
         for key, kind in SETTINGS.items():
             setattr(self, key, said(first, key, kind, False))
@@ -111,7 +131,7 @@ class Grid:
             lists = {}
             for key, kind in DIMENSIONS.items():
                 values = said(group, key, kind, True)
-                other = any(name in group.keys for names in EITHER if key in names for name in names if name != key)
+                other = any(name in group for names in EITHER if key in names for name in names if name != key)
                 lists[key] = values or (None if other else said(first, key, kind, True)) or [None]
                 seen = self.axes.setdefault(key, [])
                 seen.extend(value for value in lists[key] if value not in seen)
@@ -134,20 +154,13 @@ class Scene:
 
     def __init__(self, grid):
         self.grid, self.text = grid, grid.scene.read_text()
-        groups = namelist.groups(self.text, str(grid.scene))
-        self.dimension = 3
-        self.meshes = []  # mesh files in the order in which they are named
-        for group in groups:
-            if group.name == 'scene':
-                self.dimension = 3 if group.get_one('analysis', str, '3d') == '3d' else 2
-            if group.name in ('scene', 'body') and 'mesh' in group.keys:
-                self.meshes.append(grid.scene.parent / group.get_one('mesh', str))
+        scene = dotyk.Scene.parse(self.text, str(grid.scene))
+        self.dimension = 3 if scene.find('scene').get('analysis', '3d') == '3d' else 2
+        self.meshes = [grid.scene.parent / group['mesh'] for group in with_mesh(scene)]  # files in the order in which they are named
         texts = [file.read_text() for file in self.meshes if file.suffix == '.geo']
         for name in [grid.geometry_parameter] + grid.scale_with if 'size' in grid.said else []:
             if all(self.parameter(text, name) is None for text in texts):
                 raise ValueError("%s: no line '%s = ...;' in %s" % (grid.path.name, name, ', '.join(f.name for f in self.meshes)))
-        if not any(group.name == 'solver' for group in groups):
-            self.text += '\n&solver /\n'
 
     def mesh(self, file, size, order):
         """The mesh of a .geo file with this size and order, made if it is not there; other files as they are."""
@@ -200,27 +213,28 @@ class Scene:
 
     def case(self, point):
         """The namelist text of a point; its meshes are made."""
-        text = self.text
-        text = replace_meshes(text, [str(self.mesh(file, point['size'], point['order'])) for file in self.meshes])
-        solver = {key: point[key] for key in SOLVER if point[key] is not None}
+        scene = dotyk.Scene.parse(self.text)
+        for group, file in zip(with_mesh(scene), self.meshes):
+            group['mesh'] = str(self.mesh(file, point['size'], point['order']))
+        keys = {key: point[key] for key in SOLVER if point[key] is not None}
         without = list(self.grid.without)
-        if 'theta' in solver or 'theta_relative' in solver or point['theta_default'] is not None:
+        if 'theta' in keys or 'theta_relative' in keys or point['theta_default'] is not None:
             without += ['theta', 'theta_relative']
-            text = namelist.changed(text, 'contact', {}, ['theta', 'theta_relative'])
-        if solver.get('stop_rule') == 'budget' and 'tolerance' not in solver:
+            for contact in scene.all('contact'):
+                contact.update(theta=None, theta_relative=None)
+        if keys.get('stop_rule') == 'budget' and 'tolerance' not in keys:
             without.append('tolerance')
         if self.grid.max_iterations is not None:
-            solver['max_iterations'] = self.grid.max_iterations
-        text = namelist.changed(text, 'solver', solver, without)
-        return namelist.changed(text, 'contact', {key: point[key] for key in CONTACT if point[key] is not None})
+            keys['max_iterations'] = self.grid.max_iterations
+        scene.solver(**{**dict.fromkeys(without), **keys})
+        for contact in scene.all('contact'):
+            contact.update({key: point[key] for key in CONTACT if point[key] is not None})
+        return str(scene)
 
 
-def replace_meshes(text, names):
-    """The text with other names of meshes, in the order in which they stand."""
-    spans = [group.spans['mesh'] for group in namelist.groups(text) if group.name in ('scene', 'body') and 'mesh' in group.keys]
-    for (start, end), name in reversed(list(zip(spans, names))):
-        text = text[:start] + 'mesh=' + namelist.written(name) + text[end:]
-    return text
+def with_mesh(scene):
+    """The groups of a scene that name a mesh."""
+    return [group for group in scene.groups if group.name in ('scene', 'body') and 'mesh' in group]
 
 
 class Omission(Exception):
@@ -258,20 +272,14 @@ def run(command, limit):
     return None if late else process.returncode, '' if late else output, time.monotonic() - start
 
 
-def attributes(node):
-    """Attributes of an HDF5 group as plain values."""
-    return {name: value.decode() if isinstance(value, bytes) else value.item() if hasattr(value, 'item') and np.ndim(value) == 0
-            else value for name, value in node.attrs.items()}
-
-
 class Study:
     """The grid's runs."""
 
-    def __init__(self, grid, dotyk):
-        self.grid, self.dotyk, self.scene = grid, dotyk, Scene(grid)
+    def __init__(self, grid, program):
+        self.grid, self.program, self.scene = grid, program, Scene(grid)
         self.folder = grid.output / 'points'
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.executable = hashlib.sha1(pathlib.Path(dotyk).read_bytes()).hexdigest()
+        self.executable = hashlib.sha1(pathlib.Path(program).read_bytes()).hexdigest()
         self.check = self.check_text = None
         if grid.check.exists():
             self.check_text = grid.check.read_text()
@@ -291,7 +299,7 @@ class Study:
     def execute(self, case, output, threads, limit):
         """One run of dotyk: exit code and output; Omission where there are no results."""
         output.unlink(missing_ok=True)
-        command = [self.dotyk, str(case), '--quiet', '--output', str(output), *(['--threads', str(threads)] if threads else [])]
+        command = [self.program, str(case), '--quiet', '--output', str(output), *(['--threads', str(threads)] if threads else [])]
         code, text, seconds = run(command, limit)
         if code is None:
             output.unlink(missing_ok=True)
@@ -343,7 +351,7 @@ class Study:
                     errors['energy'] = found/energy_norm.energy_norm(output)
                 else:
                     errors['energy'] = energy_norm.distance_meshes(output, self.reference)/self.reference_norm
-            except (ValueError, KeyError, namelist.NamelistError) as reason:
+            except (ValueError, KeyError) as reason:
                 missing.append('energy: %s' % reason)
         return errors, missing
 
@@ -362,15 +370,13 @@ class Study:
             seconds, processes = [], []
             for i in range(self.grid.repeat):
                 row['exit'], process = self.execute(file, output, point['threads'], self.grid.limit_seconds)
-                with h5py.File(output) as results:
-                    summary, timing = attributes(results['dotyk/summary']), attributes(results['dotyk/timing'])
+                with dotyk.Results(output) as results:
+                    summary, timing, own = (record.attributes for record in (results.summary, results.timing, results.run))
+                    row['elements'] = sum(body.n_cells for body in results.bodies.values())
                 seconds.append(timing['total'])
                 processes.append(process)
                 if i == 0:
                     errors, missing = self.measure(output)
-                    with h5py.File(output) as results:
-                        row['elements'] = int(results['VTKHDF/Types'].shape[0])
-                        own = attributes(results['dotyk'])
                     row['libraries'] = ', '.join(str(own[name]) for name in ('compiler', 'blas') if name in own)
             for name in ('unknowns', 'constraints', 'iterations', 'body_solves', 'error_bound', 'error_penalty',
                          'error_discretization', 'energy_norm', 'max_penetration'):
@@ -460,7 +466,7 @@ class Study:
                  'grid': str(self.grid.path.relative_to(ROOT) if self.grid.path.is_relative_to(ROOT) else self.grid.path.name),
                  'cpu': model[1] if model else platform.processor(), 'cores': os.cpu_count(),
                  'memory_gib': round(os.sysconf('SC_PAGE_SIZE')*os.sysconf('SC_PHYS_PAGES')/2**30, 1),
-                 'system': platform.platform(), 'dotyk': said_by(self.dotyk, '--version'), 'executable_sha1': self.executable,
+                 'system': platform.platform(), 'dotyk': said_by(self.program, '--version'), 'executable_sha1': self.executable,
                  'gmsh': last_line(said_by('gmsh', '--version')), 'python': platform.python_version(), 'numpy': np.__version__,
                  'git_commit': commit if re.fullmatch('[0-9a-f]{40}', commit) else 'none',
                  'git_dirty': bool(said_by('git', 'status', '--porcelain', '--untracked-files=no'))}
@@ -490,19 +496,19 @@ def main():
     if len(sys.argv) != 2 or sys.argv[1] in ('-h', '--help'):
         print(__doc__)
         return 0 if len(sys.argv) == 2 else 2
-    dotyk = os.path.abspath(os.environ['DOTYK']) if os.environ.get('DOTYK') else str(ROOT / 'build/release/dotyk')
-    if not os.access(dotyk, os.X_OK):
-        sys.exit("work_precision: no executable %s; tools/build.sh makes it, or DOTYK names another" % dotyk)
+    program = os.path.abspath(os.environ['DOTYK']) if os.environ.get('DOTYK') else str(ROOT / 'build/release/dotyk')
+    if not os.access(program, os.X_OK):
+        sys.exit("work_precision: no executable %s; tools/build.sh makes it, or DOTYK names another" % program)
     if shutil.which('gmsh') is None:
         sys.exit('work_precision: gmsh is missing; tools/setup.sh installs it')
     try:
         grid = Grid(sys.argv[1])
-        study = Study(grid, dotyk)
+        study = Study(grid, program)
         rows = study.run()
         report.write_all(grid, rows, study.provenance(rows))
     except KeyboardInterrupt:
         sys.exit('work_precision: interrupted; the same command goes on')
-    except (OSError, ValueError, namelist.NamelistError) as reason:
+    except (OSError, ValueError) as reason:
         print('work_precision: %s' % reason, file=sys.stderr)
         return 2
     print('report: %s' % (grid.output / 'report.md'))

@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "python"))
 COLUMNS = ("case", "exit", "error_bound", "iterations", "seconds", "memory_mib", "error_penalty", "error_discretization")
 
 
@@ -73,11 +74,10 @@ def inputs_of(path):
 def summary_of(results):
     """Errors and number of iterations in a results file."""
     try:
-        import h5py
-        with h5py.File(results, "r") as file:
-            summary = file["dotyk/summary"].attrs
-            return {"error_bound": float(summary["error_bound"]), "iterations": int(summary["iterations"]),
-                    **{part: float(summary[part]) for part in ("error_penalty", "error_discretization") if part in summary}}
+        import dotyk
+        with dotyk.Results(results) as file:
+            return {part: file.summary[part] for part in ("error_bound", "iterations", "error_penalty", "error_discretization")
+                    if part in file.summary}
     except (ImportError, OSError, KeyError, ValueError) as error:
         print("batch: %s: %s" % (results, error), file=sys.stderr)
         return {}

@@ -7,8 +7,13 @@ given one in the mean square. As (integral of p f) = (integral of p times the pr
     sum_i w_i p_i f_i,   f = surface.projection(f),
 is the integral of p f to a higher order than with values f_i at the vertices.
 """
-import h5py
+import os
+import sys
+
 import numpy as np
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'python'))
+import dotyk  # noqa: E402
 
 # Corners and mid nodes of the facets of an element in VTK's order of nodes, by VTK's number of the element.
 FACETS = {5: [(0, 1), (1, 2), (2, 0)], 9: [(0, 1), (1, 2), (2, 3), (3, 0)],
@@ -27,13 +32,11 @@ class ContactSurface:
     """
 
     def __init__(self, path, pair, body=0, axisymmetric=False, n_gauss=12):
-        with h5py.File(path) as file:
-            contact = file['dotyk/contact/' + pair]
-            self.position, self.weight = contact['position'][:], contact['weight'][:]
-            self.pressure, self.projected = contact['pressure'][:], contact['pressure_projected'][:]
-            self.force = contact.attrs['force'][:]
-            self.converged = bool(file['dotyk/summary'].attrs['converged'])
-            points, facet, n_corners = body_facets(file['VTKHDF'], body)
+        with dotyk.Results(path) as results:
+            rows, body = results.pairs[pair], list(results.bodies.values())[body]
+            self.position, self.weight, self.pressure, self.projected = rows.position, rows.weight, rows.pressure, rows.pressure_projected
+            self.force, self.converged, points = rows.force, results.converged, body.nodes
+            facet, n_corners = body_facets(body)
         self.row = self.rows_at(points[facet[:, :n_corners]])
         self.row, facet = self.row[(self.row >= 0).all(1)], facet[(self.row >= 0).all(1)]
         self.shape, self.at, self.measure = quadrature(points[facet], n_corners, n_gauss)
@@ -90,19 +93,12 @@ def distance(surface, x):
     return np.abs(x[..., 0]) if surface.row.shape[1] == 2 else np.hypot(x[..., 0], x[..., 1])
 
 
-def body_facets(grid, body):
-    """Points of a body, the facets on its boundary as node numbers (n, nodes of a facet), and how many of these are corners."""
-    first = [np.cumsum(np.append(0, grid[name][:])) for name in ('NumberOfPoints', 'NumberOfCells', 'NumberOfConnectivityIds')]
-    (p0, p1), (c0, c1), (i0, i1) = [(f[body], f[body + 1]) for f in first]
-    points, kinds, connectivity = grid['Points'][p0:p1], grid['Types'][c0:c1], grid['Connectivity'][i0:i1]
-    start = grid['Offsets'][c0 + body:c1 + body]
-    found = []
-    for kind in np.unique(kinds):
-        for nodes in FACETS[kind]:
-            found.append(connectivity[start[kinds == kind][:, None] + np.array(nodes)])
-    facet = np.concatenate(found)
+def body_facets(body):
+    """The facets on the boundary of a body as node numbers (n, nodes of a facet), and how many of these are corners."""
+    cells = body.cells
+    facet = np.concatenate([kind.nodes[:, nodes] for kind in cells for nodes in FACETS[kind.type]])
     _, index, count = np.unique(np.sort(facet, axis=1), axis=0, return_index=True, return_counts=True)
-    return points, facet[index[count == 1]], 2 if kinds[0] in PLANE else 3
+    return facet[index[count == 1]], 2 if cells[0].type in PLANE else 3
 
 
 def quadrature(x, n_corners, n):

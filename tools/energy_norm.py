@@ -28,11 +28,10 @@ import itertools
 import os
 import sys
 
-import h5py
 import numpy as np
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import namelist  # noqa: E402
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'python'))
+import dotyk  # noqa: E402
 
 ANALYSES = ('3d', 'plane_strain', 'plane_stress', 'axisymmetric')
 FILE_ORDER = [0, 1, 2, 5, 3, 4]  # xx yy zz xy yz xz of the results file from xx yy zz yz xz xy, which is used here
@@ -248,18 +247,15 @@ def turned(stiffness, axis_1, axis_2):
 
 def stiffness_of(group):
     """The stiffness of a &material group."""
-    if 'young_formula' in group.keys:
+    if 'young_formula' in group:
         group.fail('energy_norm does not evaluate young_formula', 'young_formula')
-    upper = group.get('stiffness', float)
-    if upper is not None:
+    axes = group.get('axis_1', [1, 0, 0]), group.get('axis_2', [0, 1, 0])
+    if 'stiffness' in group:
         stiffness = np.zeros((6, 6))
-        stiffness[np.triu_indices(6)] = upper
-        return turned(stiffness + np.triu(stiffness, 1).T, group.get('axis_1', float, [1, 0, 0]), group.get('axis_2', float, [0, 1, 0]))
-    young, poisson = group.get('young', float), group.get('poisson', float)
-    if len(young) == 1:
-        return isotropic(young[0], poisson[0])
-    return orthotropic(young, poisson, group.get('shear', float), group.get('axis_1', float, [1, 0, 0]),
-                       group.get('axis_2', float, [0, 1, 0]))
+        stiffness[np.triu_indices(6)] = group['stiffness']
+        return turned(stiffness + np.triu(stiffness, 1).T, *axes)
+    young, poisson = group['young'], group['poisson']
+    return isotropic(young, poisson) if np.isscalar(young) else orthotropic(young, poisson, group['shear'], *axes)
 
 
 # Results files
@@ -271,63 +267,33 @@ class Block:
         self.kind, self.body, self.cells, self.nodes = kind, body, cells, nodes
 
 
-def copies_of(groups):
-    """Each body with its &body group: `repeat` makes copies, the first number fastest, and their numbers replace the * of the name."""
-    copies = []
-    for group in groups:
-        if group.name != 'body':
-            continue
-        name, repeat = group.get_one('name', str), group.get('repeat', int, [])
-        for last_fastest in itertools.product(*(range(1, n + 1) for n in reversed(repeat))):
-            numbers = [str(n) for n in reversed(last_fastest)]
-            parts = name.split('*')
-            if len(parts) == 2:
-                numbers = [' '.join(numbers)]
-            copies.append((group, ''.join(itertools.chain(*itertools.zip_longest(parts, numbers, fillvalue=''))) if repeat else name))
-    return copies
-
-
 class Results:
     """Mesh, displacement and materials of a results file. young, poisson: numbers for each body, or one for all."""
 
     def __init__(self, path, young=None, poisson=None, analysis=None):
-        self.path = os.fspath(path)
-        with h5py.File(self.path, 'r') as file:
-            root, text = file['VTKHDF'], file['dotyk'].attrs.get('input', '')
-            if 'displacement' not in root['PointData']:
+        with dotyk.Results(path) as file:
+            self.path, scene, self.blocks = file.path, file.scene, []
+            if 'displacement' not in file:
                 raise ValueError("%s: no displacement; ask for it in &output fields" % self.path)
-            self.points, self.displacement = root['Points'][:], root['PointData/displacement'][:]
-            types, body, connectivity = root['Types'][:], root['CellData/body'][:], root['Connectivity'][:]
-            n_points, n_cells, n_ids = (root['NumberOf' + name][:] for name in ('Points', 'Cells', 'ConnectivityIds'))
-            offsets = root['Offsets'][:]
-        self.n_cells = len(types)
-        # each partition counts its own nodes and offsets
-        first, place = [], 0
-        for i, (n, ids) in enumerate(zip(n_cells, n_ids)):
-            first.append(offsets[place:place + n] + n_ids[:i].sum())
-            connectivity[n_ids[:i].sum():n_ids[:i].sum() + ids] += n_points[:i].sum()
-            place += n + 1
-        first = np.concatenate(first) if first else np.zeros(0, int)
-        self.blocks = []
-        for b, t in sorted(set(zip(body.tolist(), types.tolist()))):
-            if t not in KINDS:
-                raise ValueError('%s: cells of the unknown type %d' % (self.path, t))
-            cells = np.flatnonzero((body == b) & (types == t))
-            self.blocks.append(Block(KINDS[t], b, cells, connectivity[first[cells, None] + np.arange(len(KINDS[t].nodes))]))
-        self.complete_pyramids(np.unique(connectivity))
-        self.n_bodies = int(body.max()) if len(body) else 0
-        self.text = text.decode() if isinstance(text, bytes) else str(text)
-        groups = namelist.groups(self.text, self.path + ' (input)')
-        self.analysis = analysis or next((g.get_one('analysis', str, '3d') for g in groups if g.name == 'scene'), '3d')
+            self.points, self.displacement = file.nodes, file['displacement']
+            for body in file.bodies.values():
+                for cells in body.cells:
+                    if cells.type not in KINDS:
+                        raise ValueError('%s: cells of the unknown type %d' % (self.path, cells.type))
+                    self.blocks.append(Block(KINDS[cells.type], body.number, cells.numbers + body.cell_range.start,
+                                             cells.nodes + body.node_range.start))
+        self.complete_pyramids(np.concatenate([block.nodes.ravel() for block in self.blocks]))
+        self.n_cells = sum(len(block.cells) for block in self.blocks)
+        self.body_names = [name for name, _ in scene.bodies()]
+        self.n_bodies = len(self.body_names)
+        self.analysis = analysis or scene.find('scene').get('analysis', '3d')
         if self.analysis not in ANALYSES:
             raise ValueError('%s: analysis %r' % (self.path, self.analysis))
         if young is not None:
             pairs = zip(np.broadcast_to(young, self.n_bodies), np.broadcast_to(poisson, self.n_bodies))
             self.stiffness = [isotropic(e, v) for e, v in pairs]
         else:
-            materials = {g.get_one('name', str): g for g in groups if g.name == 'material'}
-            self.stiffness = [stiffness_of(materials[group.get_one('material', str)]) for group, _ in copies_of(groups)]
-        self.body_names = [name for _, name in copies_of(groups)]
+            self.stiffness = [stiffness_of(scene.find('material', name=group['material'])) for _, group in scene.bodies()]
         self.dimension = 3 if self.analysis == '3d' else 2
         self.rows = {'3d': [0, 1, 2, 3, 4, 5], 'axisymmetric': [0, 1, 2, 5]}.get(self.analysis, [0, 1, 5])
 
@@ -598,7 +564,7 @@ def main():
             print('distance           %.6e\nrelative           %.6e' % (found, found/norm))
         if options.cells:
             np.save(options.cells, parts)
-    except (OSError, KeyError, ValueError, AttributeError, namelist.NamelistError) as reason:
+    except (OSError, KeyError, ValueError, AttributeError) as reason:
         sys.exit('energy_norm: %s' % reason)
 
 

@@ -7,8 +7,9 @@ import argparse
 import os
 import sys
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "python"))
 try:
-    import h5py
+    import dotyk
     import numpy as np
 except ImportError:
     if not os.path.samefile(sys.executable, "/usr/bin/python3"):
@@ -22,41 +23,40 @@ FIRST = ("status", "converged", "error_bound", "error_penalty", "error_discretiz
 
 def text_of(value):
     """An attribute as text."""
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
     if isinstance(value, np.ndarray):
         return "  ".join(text_of(v) for v in value)
-    return "%.6g" % value if isinstance(value, np.floating) else str(value)
+    return "%.6g" % value if isinstance(value, float) else str(value)
 
 
-def print_attributes(title, node, without=()):
+def print_attributes(title, record, without=()):
     """A title and a table of attributes."""
-    names = [name for name in FIRST if name in node.attrs]
-    names += [name for name in node.attrs if name not in FIRST and name not in without]
+    attributes = record.attributes
+    names = [name for name in FIRST if name in attributes]
+    names += [name for name in attributes if name not in FIRST and name not in without]
     if not names:
         return
     print(title)
     for name in names:
-        print("  %-26s %s" % (name, text_of(node.attrs[name])))
+        print("  %-26s %s" % (name, text_of(attributes[name])))
 
 
 def print_file(path, with_input):
     """All of one file."""
-    with h5py.File(path, "r") as file:
-        grid, own = file["VTKHDF"], file["dotyk"]
+    with dotyk.Results(path) as results:
+        bodies = results.bodies.values()
         print("%s: %d bodies, %d nodes, %d elements" % (
-            path, len(grid["NumberOfPoints"]), grid["Points"].shape[0], grid["Types"].shape[0]))
-        print_attributes("run", own, without=("input",))
-        print_attributes("summary", own["summary"])
-        for name, contact in own["contact"].items():
-            print_attributes("contact '%s'" % name, contact)
+            path, len(bodies), sum(body.n_nodes for body in bodies), sum(body.n_cells for body in bodies)))
+        print_attributes("run", results.run, without=("input",))
+        print_attributes("summary", results.summary)
+        for name, pair in results.pairs.items():
+            print_attributes("contact '%s'" % name, pair)
             for field in ("pressure", "pressure_projected", "gap"):
-                if field in contact and len(contact[field]):
-                    values = contact[field][:]
+                values = pair.get(field, ())
+                if len(values):
                     print("  %-26s %.6g to %.6g in %d rows" % (field, values.min(), values.max(), len(values)))
-        print_attributes("seconds", own["timing"])
-        if with_input and "input" in own.attrs:
-            print("input\n" + text_of(own.attrs["input"]))
+        print_attributes("seconds", results.timing)
+        if with_input and "input" in results.run:
+            print("input\n" + text_of(results.run["input"]))
 
 
 def main():

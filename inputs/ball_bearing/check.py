@@ -2,8 +2,11 @@
 """Load distribution and pressures of ball_bearing.vtkhdf against theory: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 LOAD = 3000.0                                        # of the half, as in ball_bearing.nml
 YOUNG, POISSON = 210e3, 0.3
@@ -57,13 +60,11 @@ def expected_loads():
 
 def errors(path):
     """What is wrong, loads of the halves of the balls, peak pressures inside and outside and those of Hertz."""
-    with h5py.File(path) as file:
-        pairs = file['dotyk/contact']
-        force = np.array([pairs['inner %d' % i].attrs['force'][:2] for i in range(1, 9)])
-        peak = {side: np.array([pairs['%s %d' % (side, i)]['pressure_projected'][:].max() for i in range(1, 9)])
-                for side in ('inner', 'outer')}
-        converged = bool(file['dotyk/summary'].attrs['converged'])
-        motion = np.linalg.norm(file['VTKHDF/PointData/displacement'][:], axis=1).max()
+    results = dotyk.Results(path)
+    force = np.array([results.pairs['inner %d' % i].force[:2] for i in range(1, 9)])
+    peak = {side: np.array([results.pairs['%s %d' % (side, i)].pressure_projected.max() for i in range(1, 9)])
+            for side in ('inner', 'outer')}
+    motion = np.linalg.norm(results['displacement'], axis=1).max()
     load = np.linalg.norm(force, axis=1)
     largest = load.max()
     mirrored = np.roll(load[::-1], 1)                # balls 1, 8, 7, ...
@@ -71,7 +72,7 @@ def errors(path):
     conform = 1/BALL - 1/GROOVE
     exact = {'inner': np.array([hertz(2*q, 1/BALL + 1/INNER_RACE, conform) if q > 0 else 0 for q in load]),
              'outer': np.array([hertz(2*q, 1/BALL - 1/OUTER_RACE, conform) if q > 0 else 0 for q in load])}
-    e = {'not converged': float(not converged),
+    e = {'not converged': float(not results.converged),
          'load': np.abs(force.sum(axis=0) - [0, -LOAD]).max()/LOAD,
          'left against right': (np.abs(load - mirrored)/np.maximum(load, 1e-3*largest)).max(),
          'load distribution': np.abs(load - expected_loads()).max()/largest,
@@ -84,7 +85,7 @@ LIMITS = {'not converged': 0, 'load': LOAD_ERROR, 'left against right': SYMMETRY
           'peak pressures': PEAK_ERROR, 'largest motion': LARGEST_MOTION}
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'ball_bearing.vtkhdf')
+    default = os.path.join(FOLDER, 'ball_bearing.vtkhdf')
     e, load, peak, exact = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('ball      load  stiff rings   peak pressure inside, Hertz   outside, Hertz')
     for i, expected in enumerate(expected_loads()):

@@ -6,12 +6,12 @@ How contact radius and peak pressure are measured: tools/contact_surface.py, as 
 import os
 import sys
 
-import h5py
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
 import contact_surface  # noqa: E402
+import dotyk  # noqa: E402
 
 YOUNG, POISSON, RADIUS = 210e9, 0.3, 0.01  # as in ball_between_plates.nml and .geo
 SYMMETRY = 4                               # a quarter is computed
@@ -45,12 +45,11 @@ def contact_errors(path, name):
 def errors(path):
     """Of both contacts, and of their forces relative to the load."""
     contacts = {name: contact_errors(path, name) for name in ('lower contact', 'upper contact')}
-    with h5py.File(path) as file:
-        force = {name: SYMMETRY*file['dotyk/contact/' + name].attrs['force'] for name in contacts}
-        converged = bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    force = {name: SYMMETRY*results.pairs[name].force for name in contacts}
     on_ball = {'lower contact': 1, 'upper contact': -1}  # the ball is pushed up from below, and down from above
     balance = max(np.abs(force[name][2] - on_ball[name]*LOAD) for name in contacts)/LOAD
-    return {'contacts': contacts, 'force_error': balance, 'converged': converged,
+    return {'contacts': contacts, 'force_error': balance, 'converged': results.converged,
             'force_difference': abs(sum(force.values())[2])/LOAD}
 
 

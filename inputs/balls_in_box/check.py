@@ -5,8 +5,11 @@ Pairs are called 'slave - master'. Contact forces alone act on the balls, and ea
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 # 54 pairs of balls, 25 balls at walls and bottom, 9 under the lid.
 PAIRS = 88
@@ -17,22 +20,19 @@ LIMITS = {'not converged': 0, 'number of pairs': 0, 'equilibrium of each ball': 
 
 def errors(path):
     """What is out of balance, relative to the force on the lid, and that force."""
-    with h5py.File(path) as file:
-        force, tension = {}, 0.0
-        for name, pair in file['dotyk/contact'].items():
-            for body, sign in zip(name.split(' - '), (1, -1)):
-                force[body] = force.get(body, 0) + sign*pair.attrs['force']
-            tension = max(tension, -pair['pressure'][:].min())
-        n = len(file['dotyk/contact'])
-        converged = bool(file['dotyk/summary'].attrs['converged'])
+    results, force, tension = dotyk.Results(path), {}, 0.0
+    for name, pair in results.pairs.items():
+        for body, sign in zip(name.split(' - '), (1, -1)):
+            force[body] = force.get(body, 0) + sign*pair.force
+        tension = max(tension, -pair.pressure.min())
     lid = np.linalg.norm(force['lid'])
-    return {'not converged': float(not converged), 'number of pairs': abs(n - PAIRS),
+    return {'not converged': float(not results.converged), 'number of pairs': abs(len(results.pairs) - PAIRS),
             'equilibrium of each ball': max(np.abs(force[body]).max() for body in force if body.startswith('ball'))/lid,
             'tension': tension}, lid
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'balls_in_box.vtkhdf')
+    default = os.path.join(FOLDER, 'balls_in_box.vtkhdf')
     e, lid = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('force on the lid %.2f N' % lid)
     for name, error in e.items():

@@ -2,8 +2,11 @@
 """Load distribution and pressures of bearing.vtkhdf against theory: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 LOAD = 3000.0                                        # as in bearing.nml
 YOUNG, POISSON = 210e3, 0.3
@@ -40,19 +43,17 @@ def hertz(load, curvature):
 
 def errors(path):
     """Loads of the rollers and what is wrong with them."""
-    with h5py.File(path) as file:
-        pairs = file['dotyk/contact']
-        of_side = {side: [pairs['%s: roller %d - %s ring' % (side, i, side)] for i in range(1, 13)] for side in ('inner', 'outer')}
-        force = {side: np.array([pair.attrs['force'][:2] for pair in of_side[side]]) for side in of_side}
-        peak = {side: np.array([pair['pressure_projected'][:].max() for pair in of_side[side]]) for side in of_side}
-        converged = bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    of_side = {side: [results.pairs['%s: roller %d - %s ring' % (side, i, side)] for i in range(1, 13)] for side in ('inner', 'outer')}
+    force = {side: np.array([pair.force[:2] for pair in of_side[side]]) for side in of_side}
+    peak = {side: np.array([pair.pressure_projected.max() for pair in of_side[side]]) for side in of_side}
     load = np.linalg.norm(force['inner'], axis=1)
     largest = load.max()
     mirrored = np.roll(load[::-1], 1)                # rollers 1, 12, 11, ...
     loaded = load > 0.1*largest
     p_inner = hertz(load[loaded], 1/ROLLER + 1/INNER_RACE)
     p_outer = hertz(load[loaded], 1/ROLLER - 1/OUTER_RACE)
-    e = {'not converged': float(not converged),
+    e = {'not converged': float(not results.converged),
          'equilibrium of each roller': np.abs(force['inner'] + force['outer']).max()/LOAD,
          'load': np.abs(np.sum(force['inner'], axis=0) - [0, -LOAD]).max()/LOAD,
          'left against right': np.abs(load - mirrored).max()/largest,
@@ -65,7 +66,7 @@ LIMITS = {'not converged': 0, 'equilibrium of each roller': BALANCE, 'load': LOA
           'load distribution': DISTRIBUTION_ERROR, 'peak pressures': PEAK_ERROR}
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'bearing.vtkhdf')
+    default = os.path.join(FOLDER, 'bearing.vtkhdf')
     e, load, peak = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('roller    load  Sjoevall   peak pressure inside, Hertz   outside, Hertz')
     for i, expected in enumerate(sjoevall()):

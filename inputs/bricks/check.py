@@ -2,8 +2,11 @@
 """Forces and moments of bricks.vtkhdf against statics: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 WEIGHT = 1.7658e-5*240*120*60                             # of a brick, as in bricks.nml and bricks.geo
 CENTRE = {'left brick': (170, 60), 'right brick': (500, 75), 'bridging brick': (350, 90)}
@@ -15,19 +18,15 @@ LENGTH = 240
 
 def errors(path):
     """What is out of balance, relative to a brick's weight (and length), and the reactions of the bridging brick."""
-    e = {}
-    with h5py.File(path) as file:
-        force, place, pressure, normal = {}, {}, [], []
-        for name, contact in file['dotyk/contact'].items():
-            x, w, p, n = (contact[key][:] for key in ('position', 'weight', 'pressure', 'normal'))
-            each = w*p*-n[:, 2]                           # upward on body a: a is pushed against the normal
-            force[name] = contact.attrs['force']
-            place[name] = each @ x[:, :2]/np.sum(each)    # centre of pressure
-            pressure.append(p.min()/p.max())
-            normal.append(np.abs(force[name][:2]).max()/WEIGHT)
-            e['sum of ' + name] = abs(np.sum(each)/force[name][2] - 1)
-        summary = file['dotyk/summary'].attrs
-        e['converged'] = 1 - summary['converged']
+    e, force, place, pressure, normal, results = {}, {}, {}, [], [], dotyk.Results(path)
+    for name, contact in results.pairs.items():
+        p, each = contact.pressure, contact.forces[:, 2]       # upward on body a
+        force[name] = contact.force
+        place[name] = each @ contact.position[:, :2]/np.sum(each)  # centre of pressure
+        pressure.append(p.min()/p.max())
+        normal.append(np.abs(force[name][:2]).max()/WEIGHT)
+        e['sum of ' + name] = abs(np.sum(each)/force[name][2] - 1)
+    e['converged'] = 1 - results.summary['converged']
     for brick, pairs in PAIRS.items():
         e['force on ' + brick] = abs(sum(sign*force[name][2] for name, sign in pairs.items()) - WEIGHT)/WEIGHT
         moment = sum(sign*force[name][2]*(place[name] - CENTRE[brick]) for name, sign in pairs.items())
@@ -46,7 +45,7 @@ def errors(path):
 TOLERANCE = 1e-8
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'bricks.vtkhdf')
+    default = os.path.join(FOLDER, 'bricks.vtkhdf')
     e, reaction = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('weight of a brick %.6f N' % WEIGHT)
     print('bridging brick: %.6f N at x = %.2f mm, %.6f N at x = %.2f mm'

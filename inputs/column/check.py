@@ -5,8 +5,11 @@ Needs h5py and numpy.
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 SHORTENING = 1e-3                                # as in column.nml; each cube is 1 m high
 MATERIALS = [(30e9, 0.2), (210e9, 0.3)]          # lower, upper: Young's modulus, Poisson's ratio
@@ -31,17 +34,15 @@ def exact_stress(x, y, z=None, body=None, theta=None):
 
 def errors(path):
     """Pressure of the joint, and the exact one: uniform."""
-    with h5py.File(path) as file:
-        contact = file['dotyk/contact/joint']
-        w, p = contact['weight'][:], contact['pressure_projected'][:]
-        theta = contact.attrs['theta']
-    exact = pressure(theta)
+    joint = dotyk.Results(path).pairs['joint']
+    w, p = joint.weight, joint.pressure_projected
+    exact = pressure(joint.attributes['theta'])
     mean = np.sum(w*p)/np.sum(w)
     return {'mean': mean, 'exact': exact, 'mean_error': mean/exact - 1, 'largest_error': np.max(np.abs(p/exact - 1))}
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'column.vtkhdf')
+    default = os.path.join(FOLDER, 'column.vtkhdf')
     e = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('mean pressure of the joint %.8g Pa, exact %.8g Pa, error %+.1e' % (e['mean'], e['exact'], e['mean_error']))
     print('largest error of the pressure at a point %.1e' % e['largest_error'])

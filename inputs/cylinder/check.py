@@ -2,8 +2,11 @@
 """How far cylinder.vtkhdf is from Hertz's theory: check.py [results file]. Exit code 1: wrong. Needs h5py and numpy."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 RADIUS, FORCE = 50.0, 920.0                                              # as in cylinder.geo; twice that of cylinder.nml
 STIFFNESS = 1/((1 - 0.3**2)/210e3 + (1 - 0.33**2)/70e3)                  # E*
@@ -21,10 +24,9 @@ def closed_form():
 
 def errors(path):
     """Relative errors, and what was found beside what is exact."""
-    with h5py.File(path) as file:
-        contact = file['dotyk/contact/touch']
-        x, w, p = contact['position'][:, 0], contact['weight'][:], contact['pressure_projected'][:]
-        force, converged = 2*abs(contact.attrs['force'][1]), bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    contact = results.pairs['touch']
+    x, w, p, force = contact.position[:, 0], contact.weight, contact.pressure_projected, 2*abs(contact.force[1])
     b, p0 = closed_form()
     # p^2 = p0^2 (1 - x^2/b^2) is a straight line in x^2
     inside = x < 0.9*b
@@ -33,12 +35,12 @@ def errors(path):
     exact = p0*np.sqrt(np.maximum(0, 1 - x*x/b**2))
     e = {'b': abs(found['b']/b - 1), 'p0': abs(found['p0']/p0 - 1),
          'profile': np.sqrt(np.sum(w*(p - exact)**2)/np.sum(w*exact**2)),
-         'force': abs(force/FORCE - 1), 'not converged': float(not converged)}
+         'force': abs(force/FORCE - 1), 'not converged': float(not results.converged)}
     return e, {'b': (found['b'], b), 'p0': (found['p0'], p0)}
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'cylinder.vtkhdf')
+    default = os.path.join(FOLDER, 'cylinder.vtkhdf')
     e, figures = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     for name, (found, exact) in figures.items():
         print('%-14s found %.6g, exact %.6g, %+.3f %%' % (name, found, exact, 100*(found/exact - 1)))

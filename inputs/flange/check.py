@@ -2,8 +2,11 @@
 """Bolt loads and equilibrium of flange.vtkhdf: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 PRESSURE, RADIUS = 5.0, 30.0     # as in flange.nml, flange.geo
 
@@ -20,15 +23,14 @@ LIMITS = {
 
 def errors(path):
     """Loads of the bolts, the load of the gasket, and what is wrong with them, relative to the load of a bolt or the pressure."""
-    with h5py.File(path) as file:
-        force = {name: pair.attrs['force'] for name, pair in file['dotyk/contact'].items()}
-        converged = bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    force = {name: pair.force for name, pair in results.pairs.items()}
     chain = np.array([[np.abs(force[pair % ((i,)*pair.count('%'))]) for i in range(1, 9)]
                       for pair in ('bolt %d - ring', 'nut %d - bolt %d', 'nut %d - washer %d', 'washer %d - cover')])
     bolt = chain[0, :, 2]
     gasket = abs(force['cover - gasket'][2])
     pressed = PRESSURE*np.pi*RADIUS**2
-    e = {'not converged': float(not converged),
+    e = {'not converged': float(not results.converged),
          'equilibrium of bolts, washers, nuts': np.abs(chain - chain[0]).max()/bolt.mean(),
          'equilibrium of the gasket': abs(gasket - abs(force['ring - gasket'][2]))/bolt.mean(),
          'equilibrium of the cover': abs(bolt.sum() - gasket - pressed)/pressed,
@@ -37,7 +39,7 @@ def errors(path):
 
 
 def main():
-    path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), 'flange.vtkhdf')
+    path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, 'flange.vtkhdf')
     e, bolt, gasket = errors(path)
     print('bolts %.0f N to %.0f N, gasket %.0f N' % (bolt.min(), bolt.max(), gasket))
     for name, value in e.items():

@@ -2,8 +2,11 @@
 """Balance, signs and complementarity in free_stack.vtkhdf: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 LOAD = 50e6*0.6**2       # pressure times patch, as in free_stack.nml and free_stack.geo
 EDGE, PLATES = 1.0, 8
@@ -19,24 +22,22 @@ def errors(path):
     e = {'force': 0.0, 'force along the joints': 0.0, 'area': 0.0, 'tension': 0.0, 'pressure where open': 0.0,
          'penetration': 0.0}
     figures = {'open': [], 'peak': []}
-    with h5py.File(path) as file:
-        summary = file['dotyk/summary'].attrs
-        e['not converged'] = 1 - summary['converged']
-        movement = max(np.linalg.norm(file['VTKHDF/PointData/displacement'][:], axis=1))
-        for k in range(1, PLATES):
-            joint = file['dotyk/contact/joint %d' % k]
-            w, p, gap = (joint[key][:] for key in ('weight', 'pressure', 'gap'))
-            force = joint.attrs['force']
-            e['force'] = max(e['force'], abs(abs(force[2])/LOAD - 1), abs(np.sum(w*p)/LOAD - 1))
-            e['force along the joints'] = max(e['force along the joints'], np.abs(force[:2]).max()/LOAD)
-            e['area'] = max(e['area'], abs(np.sum(w)/EDGE**2 - 1))
-            e['tension'] = max(e['tension'], -p.min()/p.max())
-            e['pressure where open'] = max(e['pressure where open'], np.max(p*np.maximum(0, gap))/(p.max()*movement))
-            e['penetration'] = max(e['penetration'], -gap.min()/movement)
-            figures['open'].append(np.sum(w[p == 0])/EDGE**2)
-            figures['peak'].append(p.max())
-        # Without initial gaps the energy is minus half the work of the load, at any theta.
-        figures['compliance'] = -2*summary['energy']/LOAD**2
+    results = dotyk.Results(path)
+    e['not converged'] = 1 - results.summary['converged']
+    movement = max(np.linalg.norm(results['displacement'], axis=1))
+    for k in range(1, PLATES):
+        joint = results.pairs['joint %d' % k]
+        w, p, gap, force = joint.weight, joint.pressure, joint.gap, joint.force
+        e['force'] = max(e['force'], abs(abs(force[2])/LOAD - 1), abs(np.sum(w*p)/LOAD - 1))
+        e['force along the joints'] = max(e['force along the joints'], np.abs(force[:2]).max()/LOAD)
+        e['area'] = max(e['area'], abs(np.sum(w)/EDGE**2 - 1))
+        e['tension'] = max(e['tension'], -p.min()/p.max())
+        e['pressure where open'] = max(e['pressure where open'], np.max(p*np.maximum(0, gap))/(p.max()*movement))
+        e['penetration'] = max(e['penetration'], -gap.min()/movement)
+        figures['open'].append(np.sum(w[p == 0])/EDGE**2)
+        figures['peak'].append(p.max())
+    # Without initial gaps the energy is minus half the work of the load, at any theta.
+    figures['compliance'] = -2*results.summary['energy']/LOAD**2
     e['closed everywhere'] = float(max(figures['open']) < 0.01)
     return e, figures
 
@@ -45,7 +46,7 @@ LIMITS = {'force': BALANCE, 'force along the joints': BALANCE, 'area': BALANCE, 
           'closed everywhere': 0, 'pressure where open': COMPLEMENTARITY, 'penetration': COMPLEMENTARITY}
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'free_stack.vtkhdf')
+    default = os.path.join(FOLDER, 'free_stack.vtkhdf')
     e, figures = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     print('load %.6g N, compliance (work of the load/load^2) %.4e m/N' % (LOAD, figures['compliance']))
     for k in range(1, PLATES):

@@ -9,8 +9,11 @@ of x + i y. For l that is large beside b this is the groove of inputs/groove. Ne
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 YOUNG, POISSON = 1.0, 0.3                                     # as in groove_row.nml
 DEPTH, WIDTH, PERIOD = 1e-3, 1.0, 4.0                         # r in groove_row.nml; b and l = 2 L in groove_row.geo
@@ -72,10 +75,9 @@ def exact_stress(x, y, z=None, body=None):
 
 def errors(path):
     """Relative errors, and what was found beside what is exact."""
-    with h5py.File(path) as file:
-        contact = file['dotyk/contact/groove']
-        x, w, p = contact['position'][:, 0], contact['weight'][:], contact['pressure_projected'][:]
-        force, converged = abs(contact.attrs['force'][1]), bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    contact = results.pairs['groove']
+    x, w, p, force = contact.position[:, 0], contact.weight, contact.pressure_projected, abs(contact.force[1])
     c, peak = closed_form()
     # (p/S)^2 is a straight line in S^2 between c and b
     inside = (x > c + 0.1*(WIDTH - c)) & (x < WIDTH - 0.1*(WIDTH - c))
@@ -85,12 +87,12 @@ def errors(path):
     exact = pressure(x)
     e = {'c': abs(found['c']/c - 1), 'peak': abs(found['peak']/peak - 1),
          'profile': np.sqrt(np.sum(w*(p - exact)**2)/np.sum(w*exact**2)),
-         'force': abs(force/(PRESSURE*np.sum(w)) - 1), 'not converged': float(not converged)}
+         'force': abs(force/(PRESSURE*np.sum(w)) - 1), 'not converged': float(not results.converged)}
     return e, {'c': (found['c'], c), 'peak': (found['peak'], peak)}
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'groove_row.vtkhdf')
+    default = os.path.join(FOLDER, 'groove_row.vtkhdf')
     e, figures = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     for name, (found, exact) in figures.items():
         print('%-14s found %.6g, exact %.6g' % (name, found, exact))

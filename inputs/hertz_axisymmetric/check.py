@@ -23,12 +23,12 @@ What n = 80 and 160 have in common is the theory's, which is right for a/R = 0 o
 import os
 import sys
 
-import h5py
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
 import contact_surface  # noqa: E402
+import dotyk  # noqa: E402
 
 YOUNG, POISSON, RADIUS, FORCE = 210e3, 0.3, 100.0, 12.0  # as in hertz_axisymmetric.nml and .geo
 
@@ -50,11 +50,9 @@ def errors(path):
 
     found = contact_surface.hertz_radius_and_peak(surface, surface.pressure)
     of_exact = contact_surface.hertz_radius_and_peak(surface, surface.means(exact))
-    with h5py.File(path) as file:
-        grid = file['VTKHDF']
-        x, u, n = grid['Points'][:], grid['PointData/displacement'][:], grid['NumberOfPoints'][0]
-    centre = u[np.argmin(np.hypot(x[:n, 0], x[:n, 1] - RADIUS)), 1]
-    origin = u[n + np.argmin(np.hypot(x[n:, 0], x[n:, 1])), 1]
+    ball, half_space = dotyk.Results(path).bodies.values()
+    centre = ball.displacement[np.argmin(np.hypot(ball.nodes[:, 0], ball.nodes[:, 1] - RADIUS)), 1]
+    origin = half_space.displacement[np.argmin(np.hypot(half_space.nodes[:, 0], half_space.nodes[:, 1])), 1]
     figures = {'radius': (found[0], a), 'peak': (found[1], p0), 'depression': (-origin, a*a/(2*RADIUS)), 'approach': (-centre, a*a/RADIUS)}
     profile = exact(surface.position)
     e = {name: abs(found/exact - 1) for name, (found, exact) in figures.items()}

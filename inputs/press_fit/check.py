@@ -5,8 +5,11 @@ Without a file both are checked, the second one if it is there. Needs h5py and n
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 YOUNG, POISSON = 210e3, 0.3              # as in press_fit.nml and overlap.nml
 A, B, C = 10.0, 20.0, 30.0               # radii: bore, joint, outside; as in press_fit.geo
@@ -60,53 +63,42 @@ def radius_displacement(r, body, overlap=0.0):
     return widening(A, B + overlap, 0, pressure[0], r) if body == 1 else widening(B, C, pressure[1], 0, r)
 
 
-def tubes(file):
+def tubes(results):
     """For each body its nodes, their radial displacements, the centres of its elements and their stresses xx yy zz xy."""
-    grid = file['VTKHDF']
-    nodes = np.split(np.arange(len(grid['Points'])), np.cumsum(grid['NumberOfPoints'][:-1]))
-    cells = np.split(np.arange(len(grid['Types'])), np.cumsum(grid['NumberOfCells'][:-1]))
-    offsets = grid['Offsets'][:]
-    x, u = grid['Points'][:], grid['PointData/displacement'][:]
-    stress, connectivity = grid['CellData/stress'][:], grid['Connectivity'][:]
-    start = 0
-    for body, (own, elements) in enumerate(zip(nodes, cells)):
-        per_element = (offsets[elements[0] + body + 1] - offsets[elements[0] + body])
-        corners = x[own][connectivity[start:start + per_element*len(elements)].reshape(-1, per_element)]
-        start += per_element*len(elements)
+    for body in results.bodies.values():
+        x, elements = body.nodes, body.cells[0].nodes
         # the middle of a quadrilateral: of 4 nodes their mean, of 8 half of those on the edges less a quarter of the corners
-        weights = np.full(4, 0.25) if per_element == 4 else np.repeat([-0.25, 0.5], 4)
-        r = np.hypot(x[own, 0], x[own, 1])
-        yield r, np.sum(x[own]*u[own], axis=1)/r, np.einsum('k,cki->ci', weights, corners), stress[elements][:, :4]
+        weights = np.full(4, 0.25) if elements.shape[1] == 4 else np.repeat([-0.25, 0.5], 4)
+        r = np.hypot(x[:, 0], x[:, 1])
+        yield r, np.sum(x*body.displacement, axis=1)/r, np.einsum('k,cki->ci', weights, x[elements]), body.stress[:, :4]
 
 
 def errors(path):
     """Relative errors, and what was found beside what is exact."""
-    with h5py.File(path) as file:
-        fit = file['dotyk/contact/fit']
-        w, p, force = fit['weight'][:], fit['pressure_projected'][:], np.abs(fit.attrs['force'][:2])
-        overlap = max(0, np.max(np.hypot(*fit['position'][:, :2].T)) - B)
-        converged = bool(file['dotyk/summary'].attrs['converged'])
-        overlap = INTERFERENCE if overlap > INTERFERENCE/2 else 0.0
-        exact = joint(overlap)[0]
-        displacement, stress, hoop = [], [], []
-        for body, (r, u, x, found) in enumerate(tubes(file), 1):
-            right = radius_displacement(r, body, overlap)
-            displacement.append(np.abs(u - right).max()/np.abs(right).max())
-            right = exact_stress(x[:, 0], x[:, 1], None, body, overlap)[:4].T
-            stress.append(np.abs(found - right).max()/np.abs(right).max())
-            c, s = (x[:, :2]/np.hypot(x[:, 0], x[:, 1])[:, None]).T
-            hoops = [t[:, 0]*s*s + t[:, 1]*c*c - 2*t[:, 3]*s*c for t in (found, right)]
-            hoop.append(np.abs(hoops[0]/hoops[1] - 1).max())
+    results = dotyk.Results(path)
+    fit = results.pairs['fit']
+    w, p, force = fit.weight, fit.pressure_projected, np.abs(fit.force[:2])
+    overlap = max(0, np.max(np.hypot(*fit.position[:, :2].T)) - B)
+    overlap = INTERFERENCE if overlap > INTERFERENCE/2 else 0.0
+    exact = joint(overlap)[0]
+    displacement, stress, hoop = [], [], []
+    for body, (r, u, x, found) in enumerate(tubes(results), 1):
+        right = radius_displacement(r, body, overlap)
+        displacement.append(np.abs(u - right).max()/np.abs(right).max())
+        right = exact_stress(x[:, 0], x[:, 1], None, body, overlap)[:4].T
+        stress.append(np.abs(found - right).max()/np.abs(right).max())
+        c, s = (x[:, :2]/np.hypot(x[:, 0], x[:, 1])[:, None]).T
+        hoops = [t[:, 0]*s*s + t[:, 1]*c*c - 2*t[:, 3]*s*c for t in (found, right)]
+        hoop.append(np.abs(hoops[0]/hoops[1] - 1).max())
     mean = np.sum(w*p)/np.sum(w)
     e = {'pressure': abs(mean/exact - 1), 'profile': np.sqrt(np.sum(w*(p - exact)**2)/np.sum(w))/exact,
          'displacement': max(displacement), 'stress': max(stress), 'hoop': max(hoop),
-         'force': np.abs(force/(exact*(B + overlap)) - 1).max(), 'not converged': float(not converged)}
+         'force': np.abs(force/(exact*(B + overlap)) - 1).max(), 'not converged': float(not results.converged)}
     return e, {'pressure': (mean, exact)}
 
 
 if __name__ == '__main__':
-    folder = os.path.dirname(os.path.abspath(__file__))
-    paths = sys.argv[1:2] or [os.path.join(folder, name) for name in ('press_fit.vtkhdf', 'overlap.vtkhdf')]
+    paths = sys.argv[1:2] or [os.path.join(FOLDER, name) for name in ('press_fit.vtkhdf', 'overlap.vtkhdf')]
     wrong = False
     for path in paths[:1] + [path for path in paths[1:] if os.path.exists(path)]:
         e, figures = errors(path)

@@ -6,8 +6,11 @@ M. Ciavarella, D. A. Hills, G. Monno, "The influence of rounded edges on indenta
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 YOUNG, POISSON = 1.0, 0.3                # as in punch.nml
 STIFFNESS = YOUNG/(1 - POISSON**2)/2     # E*
@@ -76,11 +79,11 @@ def fitted_half_width(x, p, b):
 
 def errors(path):
     """Relative errors, and what was found beside what is exact."""
-    with h5py.File(path) as file:
-        contact = file['dotyk/contact/punch']
-        order = np.argsort(contact['position'][:, 0])
-        x, w, p = contact['position'][:, 0][order], contact['weight'][:][order], contact['pressure_projected'][:][order]
-        load, converged = 2*abs(contact.attrs['force'][1]), bool(file['dotyk/summary'].attrs['converged'])
+    results = dotyk.Results(path)
+    contact = results.pairs['punch']
+    order = np.argsort(contact.position[:, 0])
+    x, w, p = contact.position[order, 0], contact.weight[order], contact.pressure_projected[order]
+    load = 2*abs(contact.force[1])
     b = half_width()
     dense = pressure(np.linspace(0, b, 20001), b)
     # the highest point of the parabola through the three highest values
@@ -93,12 +96,12 @@ def errors(path):
     e = {name: abs(found/right - 1) for name, (found, right) in figures.items()}
     e['profile'] = np.sqrt(np.sum(w*(p - exact)**2)/np.sum(w*exact**2))
     e['force'] = abs(load/FORCE - 1)
-    e['not converged'] = float(not converged)
+    e['not converged'] = float(not results.converged)
     return e, figures
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'punch.vtkhdf')
+    default = os.path.join(FOLDER, 'punch.vtkhdf')
     e, figures = errors(sys.argv[1] if len(sys.argv) > 1 else default)
     for name, (found, exact) in figures.items():
         print('%-14s found %.6g, exact %.6g, %+.3f %%' % (name, found, exact, 100*(found/exact - 1)))

@@ -5,8 +5,11 @@ usage: check.py [results file [results file with another load]]; needs h5py and 
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 THICKNESS, STRIP = 10.0, 0.5                       # of the layer; half the width of the load: as in receding.geo
 LOAD = {'receding': 1000.0, 'tenfold': 10000.0}    # as in the namelists
@@ -64,12 +67,11 @@ def exact(strip, n=41):
 
 def measured(path):
     """Contact points x, pressures (projected, and of the scheme), the force, the half-width, whether it converged."""
-    with h5py.File(path) as file:
-        joint = file['dotyk/contact/joint']
-        order = np.argsort(joint['position'][:, 0])
-        x, p, state = joint['position'][:, 0][order], joint['pressure_projected'][:][order], joint['pressure'][:][order]
-        force, converged = joint.attrs['force'][1], bool(file['dotyk/summary'].attrs['converged'])
-    return x, p, state, force, half_width(np.abs(x), p), converged
+    results = dotyk.Results(path)
+    joint = results.pairs['joint']
+    order = np.argsort(joint.position[:, 0])
+    x, p = joint.position[order, 0], joint.pressure_projected[order]
+    return x, p, joint.pressure[order], joint.force[1], half_width(np.abs(x), p), results.converged
 
 
 def half_width(x, p):
@@ -98,9 +100,8 @@ def scaled_errors(path, load, other, other_load):
 
 
 if __name__ == '__main__':
-    folder = os.path.dirname(os.path.abspath(__file__))
-    path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(folder, 'receding.vtkhdf')
-    other = sys.argv[2] if len(sys.argv) > 2 else os.path.join(folder, 'tenfold.vtkhdf')
+    path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, 'receding.vtkhdf')
+    other = sys.argv[2] if len(sys.argv) > 2 else os.path.join(FOLDER, 'tenfold.vtkhdf')
     e = errors(path, LOAD['receding'])
     print('half-width %.5f mm, exact %.5f mm, error %+.2f %%' % (e['b'], e['b_exact'], 100*e['b_error']))
     print('pressure: at the middle %+.2f %%, in the mean square %.2f %%' % (100*e['peak_error'], 100*e['profile_error']))

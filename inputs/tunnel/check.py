@@ -7,8 +7,11 @@ Needs h5py and numpy.
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 YOUNG, POISSON, PRESSURE = 35e9, 0.2, 0.5e6   # as in tunnel.nml
 A, B = 2.5, 2.8                               # radii inside and outside, as in tunnel.geo
@@ -37,34 +40,29 @@ def narrowing(r):
 
 def errors(path):
     """Relative errors."""
-    with h5py.File(path) as file:
-        grid, summary = file['VTKHDF'], dict(file['dotyk/summary'].attrs)
-        rings, segments, force = [], [], []
-        for name, pair in file['dotyk/contact'].items():
-            p, x, w = pair['pressure_projected'][:], pair['position'][:], pair['weight'][:]
-            if name.startswith('segments'):   # of one ring
-                segments.append(np.abs(p/(Q*(1 + (A/np.hypot(x[:, 0], x[:, 1]))**2)) - 1).max())
-                force.append(abs(np.linalg.norm(pair.attrs['force'])/(PRESSURE*B*1.5) - 1))
-            else:
-                rings.append(np.abs(p/(2*POISSON*Q) - 1).max())
-                force.append(abs(np.linalg.norm(pair.attrs['force'])/(2*POISSON*Q*np.pi*(B**2 - A**2)/12) - 1))
-        x, u = grid['Points'][:], grid['PointData/displacement'][:]
-        r = np.hypot(x[:, 0], x[:, 1])
-        right = np.c_[x[:, :2]/r[:, None]*narrowing(r)[:, None], 0*r]
-        stress = grid['CellData/stress'][:]
-        # all elements are hexahedra of 20 nodes; the middle is a quarter of the nodes on the edges less a quarter of the corners
-        weights = np.repeat([-0.25, 0.25], [8, 12])
-        connectivity = grid['Connectivity'][:].reshape(-1, 20)
-        bodies = np.repeat(np.cumsum(grid['NumberOfPoints'][:]) - grid['NumberOfPoints'][:], grid['NumberOfCells'][:])
-        middle = np.einsum('k,cki->ci', weights, x[connectivity + bodies[:, None]])
-        exact = exact_stress(middle[:, 0], middle[:, 1]).T
+    results, rings, segments, force = dotyk.Results(path), [], [], []
+    for name, pair in results.pairs.items():
+        p, x = pair.pressure_projected, pair.position
+        if name.startswith('segments'):   # of one ring
+            segments.append(np.abs(p/(Q*(1 + (A/np.hypot(x[:, 0], x[:, 1]))**2)) - 1).max())
+            force.append(abs(np.linalg.norm(pair.force)/(PRESSURE*B*1.5) - 1))
+        else:
+            rings.append(np.abs(p/(2*POISSON*Q) - 1).max())
+            force.append(abs(np.linalg.norm(pair.force)/(2*POISSON*Q*np.pi*(B**2 - A**2)/12) - 1))
+    x, u, stress = results.nodes, results['displacement'], results['stress']
+    r = np.hypot(x[:, 0], x[:, 1])
+    right = np.c_[x[:, :2]/r[:, None]*narrowing(r)[:, None], 0*r]
+    # all elements are hexahedra of 20 nodes; the middle is a quarter of the nodes on the edges less a quarter of the corners
+    weights = np.repeat([-0.25, 0.25], [8, 12])
+    middle = np.concatenate([np.einsum('k,cki->ci', weights, body.nodes[body.cells[0].nodes]) for body in results.bodies.values()])
+    exact = exact_stress(middle[:, 0], middle[:, 1]).T
     return {'ring joints': max(rings), 'segment joints': max(segments), 'displacement': np.abs(u - right).max()/np.abs(right).max(),
             'stress': np.abs(stress - exact).max()/np.abs(exact).max(), 'force': max(force),
-            'factorizations': abs(int(summary['factorizations']) - 3), 'not converged': float(not summary['converged'])}
+            'factorizations': abs(results.summary['factorizations'] - 3), 'not converged': float(not results.converged)}
 
 
 if __name__ == '__main__':
-    found = errors(sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), 'tunnel.vtkhdf'))
+    found = errors(sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, 'tunnel.vtkhdf'))
     for name, error in found.items():
         print('%-14s %.1e%s' % (name, error, '' if error <= LIMITS[name] else '   WRONG'))
     sys.exit(any(error > LIMITS[name] for name, error in found.items()))

@@ -5,8 +5,11 @@ Needs h5py and numpy.
 """
 import os
 import sys
-import h5py
 import numpy as np
+
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+import dotyk  # noqa: E402
 
 YOUNG, POISSON, LENGTH, HEIGHT = 1.0, 0.3, 1.0, 0.002  # as in wavy.nml
 DEPTH, APPROACH = 1.5, 0.0062                          # of each layer, as in wavy.geo; of its outer faces, as in wavy.nml
@@ -65,10 +68,9 @@ def exact_stress(x, y, z=None, body=None, mean=None, depth=DEPTH):
 
 def errors(path):
     """Half-width a of the contact and peak pressure, and Westergaard's for the same mean pressure."""
-    with h5py.File(path) as file:
-        contact = file['dotyk/contact/wave']
-        x, w, p = contact['position'][:, 0], contact['weight'][:], contact['pressure_projected'][:]
-        mean = abs(contact.attrs['force'][1])/np.sum(w)
+    contact = dotyk.Results(path).pairs['wave']
+    x, w, p = contact.position[:, 0], contact.weight, contact.pressure_projected
+    mean = abs(contact.force[1])/np.sum(w)
     stiffness = YOUNG/(1 - POISSON**2)/2
     sine2 = mean*LENGTH/(np.pi*stiffness*HEIGHT)
     a_exact = LENGTH/np.pi*np.arcsin(np.sqrt(sine2))
@@ -85,7 +87,7 @@ def errors(path):
 
 
 if __name__ == '__main__':
-    default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'wavy.vtkhdf')
+    default = os.path.join(FOLDER, 'wavy.vtkhdf')
     path = sys.argv[1] if len(sys.argv) > 1 else default
     e = errors(path)
     print('mean pressure %.6g' % e['mean'])

@@ -7,11 +7,11 @@ import sys
 import numpy as np
 
 import dotyk_case
+import dotyk
 from blocks import KINDS, LOWER, UPPER, block_geo, column_exact, column_nml, dimension
 
 sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
 import energy_norm  # noqa: E402
-import namelist  # noqa: E402
 
 
 def gauss(d, n=4):
@@ -52,11 +52,6 @@ def stress_of(gradient, young, poisson, analysis):
 
 
 class EnergyNorm(dotyk_case.Case):
-    def test_copies_of_a_body(self):
-        groups = namelist.groups("&body name='a *', repeat=2 /\n&body name='b', x=1 /\n&body name='c *', repeat=3,2 /\n&body name='*d*e', repeat=2,2 /")
-        self.assertEqual([name for _, name in energy_norm.copies_of(groups)],
-                         ["a 1", "a 2", "b", "c 1 1", "c 2 1", "c 3 1", "c 1 2", "c 2 2", "c 3 2", "1d1e", "2d1e", "1d2e", "2d2e"])
-
     def column(self, kinds, analysis=None, name="column", left=0.0, divisions=(2, 1), contact=""):
         """Run the column with these kinds of elements; the path of its results."""
         d = dimension(kinds[0])
@@ -205,7 +200,7 @@ class EnergyNorm(dotyk_case.Case):
         shear = 210 / 2.6
         text = ("&material name='a', young=3*210, poisson=3*0.3, shear=3*%r, axis_1=1,2,3, axis_2=0,1,-1 /\n"
                 "&material name='b', stiffness=1,2,3,4,5,6, 7,8,9,10,11, 12,13,14,15, 16,17,18, 19,20, 21 /" % shear)
-        one, two = (energy_norm.stiffness_of(group) for group in namelist.groups(text))
+        one, two = (energy_norm.stiffness_of(group) for group in dotyk.Scene.parse(text).groups)
         np.testing.assert_allclose(one, energy_norm.isotropic(210, 0.3), rtol=0, atol=1e-11)
         np.testing.assert_array_equal(two, two.T)
         self.assertEqual((two[0, 1], two[1, 1], two[2, 3], two[5, 5]), (2, 7, 13, 21))

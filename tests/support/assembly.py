@@ -8,10 +8,13 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 import tempfile
 
-import h5py
 import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
+import dotyk  # noqa: E402
 
 from grid import CUBE, FACES, SQUARE, TETRAHEDRA, TRIANGLES, TYPES
 
@@ -235,19 +238,11 @@ class Answer:
         self.code, self.log, self.bodies, self.pairs, self.summary = code, log, {}, {}, {}
         if code not in (0, 1) or not path.exists():
             return
-        with h5py.File(path) as file:
-            vtk = file["VTKHDF"]
-            self.summary = dict(file["dotyk/summary"].attrs)
-            first = np.concatenate([[0], np.cumsum(vtk["NumberOfPoints"][:])])
-            x, u = vtk["Points"][:] @ turn, vtk["PointData/displacement"][:] @ turn
-            for k, name in enumerate(names):
-                self.bodies[name] = (x[first[k]:first[k + 1]], u[first[k]:first[k + 1]])
-            for name, pair in file.get("dotyk/contact", {}).items():
-                found = {key: pair[key][:] for key in pair}
-                for key in ("position", "normal"):
-                    found[key] = found[key] @ turn
-                found["force"] = pair.attrs["force"] @ turn
-                self.pairs[name] = found
+        with dotyk.Results(path) as results:
+            self.summary = results.summary.attributes
+            self.bodies = {name: (body.nodes @ turn, body.displacement @ turn) for name, body in results.bodies.items()}
+            for name, pair in results.pairs.items():
+                self.pairs[name] = {key: pair[key] @ turn if key in ("position", "normal", "force") else pair[key] for key in pair}
 
     def force(self, body=None):
         """Sum of the forces of all pairs on their bodies a."""

@@ -1,8 +1,13 @@
 """An independent check of results files of linear or straight quadratic tetrahedra: forces and moments by the stiffness
 of the elements, penetration of the deformed bodies by points in tetrahedra. Needs nothing of the program but the
 file."""
-import h5py
+import pathlib
+import sys
+
 import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
+import dotyk  # noqa: E402
 
 # VTK's tet10: corners, mids of 01 12 20 03 13 23; eight tetrahedra and the sub-facets of its faces
 SPLIT = [(0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 5, 6, 8), (4, 6, 7, 8), (6, 5, 9, 8), (6, 9, 7, 8)]
@@ -76,10 +81,10 @@ class Body:
 class Pair:
     """Force on the first body of a contact pair; positions, normals and gaps before deformation of its active rows."""
 
-    def __init__(self, group):
-        active = group["pressure"][:] > 0
-        self.force = group.attrs["force"]
-        self.position, self.normal, self.gap, self.weight, self.pressure = (group[key][:][active] for key in (
+    def __init__(self, pair):
+        active = pair.pressure > 0
+        self.force = pair.force
+        self.position, self.normal, self.gap, self.weight, self.pressure = (pair[key][active] for key in (
             "position", "normal", "gap_initial", "weight", "pressure"))
 
 
@@ -99,18 +104,9 @@ def shapes(nodes):
 
 def read(path):
     """Bodies, pairs and summary of a results file."""
-    with h5py.File(path) as file:
-        vtk = file["VTKHDF"]
-        points, cells, ids = (np.concatenate([[0], np.cumsum(vtk[name][:])]) for name in (
-            "NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds"))
-        x, u, nodes, types = (vtk[name][:] for name in ("Points", "PointData/displacement", "Connectivity", "Types"))
-        bodies = []
-        for k in range(len(points) - 1):
-            n = 4 if types[cells[k]] == 10 else 10
-            bodies.append(Body(x[points[k]:points[k + 1]], u[points[k]:points[k + 1]],
-                               nodes[ids[k]:ids[k + 1]].reshape(-1, n)))
-        pairs = {name: Pair(pair) for name, pair in file.get("dotyk/contact", {}).items()}
-        return bodies, pairs, dict(file["dotyk/summary"].attrs)
+    with dotyk.Results(path) as results:
+        bodies = [Body(body.nodes, body.displacement, body.cells[0].nodes) for body in results.bodies.values()]
+        return bodies, {name: Pair(pair) for name, pair in results.pairs.items()}, results.summary.attributes
 
 
 def samples(facets):

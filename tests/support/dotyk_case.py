@@ -12,6 +12,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 INPUTS = ROOT / "inputs"
+sys.path.insert(0, str(ROOT / "tools" / "python"))
 
 
 class Case(unittest.TestCase):
