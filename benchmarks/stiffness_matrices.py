@@ -3,9 +3,14 @@
 bodies(results) reads the meshes that a results file holds; stiffness(body, young, poisson, fixed) is the lower triangle of the
 matrix without the unknowns of the supports; write(path, matrix) stores it for cholmod_reference.
 """
-import h5py
+import os
+import sys
+
 import numpy as np
 import scipy.sparse
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../tools/python'))
+import dotyk  # noqa: E402
 
 GAUSS = np.sqrt(0.6)*np.array([-1, 0, 1]), np.array([5, 8, 5])/9
 
@@ -67,17 +72,12 @@ KINDS = {22: (6, 2, shape_tri6, TRIANGLE), 24: (10, 3, shape_tet10, TETRAHEDRON)
 
 def bodies(results):
     """Coordinates (nodes, 3), VTK's type and connectivity (elements, nodes) of each body in a results file."""
-    with h5py.File(results) as file:
-        grid = file['VTKHDF']
-        points, connectivity, types = grid['Points'][:], grid['Connectivity'][:], grid['Types'][:]
-        counts = [grid[name][:] for name in ('NumberOfPoints', 'NumberOfCells', 'NumberOfConnectivityIds')]
-    point = cell = place = 0
-    for n_points, n_cells, n_places in zip(*counts):
-        kinds = set(types[cell:cell + n_cells])
-        if len(kinds) != 1 or not kinds <= set(KINDS):
-            raise ValueError('%s: elements of the types %s; only %s are known' % (results, sorted(kinds), sorted(KINDS)))
-        yield points[point:point + n_points], kinds.pop(), connectivity[place:place + n_places].reshape(n_cells, -1)
-        point, cell, place = point + n_points, cell + n_cells, place + n_places
+    with dotyk.Results(results) as file:
+        for body in file.bodies.values():
+            kinds = [cells.type for cells in body.cells]
+            if len(kinds) != 1 or kinds[0] not in KINDS:
+                raise ValueError('%s: elements of the types %s; only %s are known' % (results, kinds, sorted(KINDS)))
+            yield body.nodes, kinds[0], body.cells[0].nodes
 
 
 def stiffness(points, kind, element, young, poisson, fixed):

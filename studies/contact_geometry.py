@@ -14,10 +14,12 @@ import subprocess
 import sys
 import tempfile
 
-import h5py
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT/'tools/python'))
+from dotyk import Results  # noqa: E402
+
 YOUNG, POISSON, THETA = 200.0, 0.3, 1e-5
 GEOMETRIES = ('elements', 'smooth')
 TUBE = """
@@ -88,9 +90,8 @@ def fit(dotyk, folder, analysis, geometry, pressure, interference):
     lines += ["&contact name='fit', surface_a='inner:outside', surface_b='outer:inside', geometry='%s' /" % geometry,
               "&solver theta=%r, tolerance=1e-8 /" % THETA]
     (folder/'fit.nml').write_text('\n'.join(lines) + '\n')
-    with h5py.File(run(dotyk, folder, 'fit.nml')) as file:
-        contact = file['dotyk/contact/fit']
-        w, p, gap = (contact[name][:] for name in ('weight', 'pressure_projected', 'gap_initial'))
+    fit = Results(run(dotyk, folder, 'fit.nml')).pairs['fit']
+    w, p, gap = fit.weight, fit.pressure_projected, fit.gap_initial
     error = p/pressure - 1
     return [len(p)] + [100*e for e in (np.sum(w*error)/np.sum(w), np.sqrt(np.sum(w*error**2)/np.sum(w)), np.abs(error).max(),
                                        np.abs(gap/interference + 1).max())]

@@ -20,10 +20,12 @@ import subprocess
 import sys
 import tempfile
 
-import h5py
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT/'tools'), str(ROOT/'tools/python')]
+import dotyk  # noqa: E402
+
 LEFT_OUT = ('not converged', 'force')  # zero but for rounding
 
 
@@ -54,12 +56,12 @@ def relative_errors(check, path):
     return {name: value for name, value in errors.items() if name not in LEFT_OUT}
 
 
-def run(dotyk, folder, scene, text):
+def run(program, folder, scene, text):
     """One run of a scene whose .geo is this text: the results file."""
     geo = folder/re.search(r"mesh='([^']+)'", (folder/scene).read_text())[1]
     geo.write_text(text)
     for options in (['--check'], []):  # the first one makes the mesh
-        done = subprocess.run([dotyk, scene, '--quiet', *options], cwd=folder, text=True,
+        done = subprocess.run([program, scene, '--quiet', *options], cwd=folder, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode != 0:
             sys.exit('study: exit code %d\n%s' % (done.returncode, done.stdout))
@@ -78,10 +80,9 @@ def rows(options, name, folder):
         for factor in options.factors:
             text = set_parameter(set_parameter(original, 'h', '%g*({})' % factor), 'order', str(order))
             path = run(options.dotyk, folder, scene, text)
-            with h5py.File(path) as file:
-                timing = file['dotyk/timing'].attrs
-                row = {'order': order, 'factor': factor, 'unknowns': int(file['dotyk/summary'].attrs['unknowns']),
-                       'seconds': timing['total'] - timing['read']}
+            with dotyk.Results(path) as results:
+                row = {'order': order, 'factor': factor, 'unknowns': results.summary['unknowns'],
+                       'seconds': results.timing['total'] - results.timing['read']}
             errors = relative_errors(check, path)
             if norms:
                 errors['energy norm'] = norms.error(str(path), check.exact_stress)/(norms.energy_norm(str(path)) or np.nan)

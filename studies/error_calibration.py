@@ -17,12 +17,11 @@ import subprocess
 import sys
 import tempfile
 
-import h5py
-
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT/'tools'))
 import convergence  # noqa: E402
 import energy_norm  # noqa: E402
+import dotyk  # noqa: E402
 
 # examples with exact stresses, and the factors on h of the meshes
 EXACT = {'wavy': (4, 2, 1, 0.5), 'groove_row': (4, 2, 1, 0.5), 'press_fit': (4, 2, 1, 0.5)}
@@ -57,8 +56,7 @@ def copy(name, scratch):
 
 def summary(path):
     """The attributes of /dotyk/summary."""
-    with h5py.File(path) as file:
-        return dict(file['dotyk/summary'].attrs)
+    return dotyk.Results(path).summary.attributes
 
 
 def refined(name, folder, order, factor):

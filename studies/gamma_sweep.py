@@ -16,11 +16,11 @@ import subprocess
 import sys
 import tempfile
 import time
-import h5py
 import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-sys.path.insert(0, os.path.join(ROOT, 'studies'))
+sys.path[:0] = [os.path.join(ROOT, 'studies'), os.path.join(ROOT, 'tools/python')]
+import dotyk  # noqa: E402
 from theory import contradictions, factor, factor_of_paper  # noqa: E402
 
 GEO = os.path.join(ROOT, 'inputs/multilayer/multilayer.geo')
@@ -59,17 +59,15 @@ class Run:
 
     def __init__(self, path, text):
         self.text = text
-        with h5py.File(path) as file:
-            self.summary = dict(file['dotyk/summary'].attrs)
-            self.history = {name: values[:] for name, values in file['dotyk/history'].items()}
-            joints = [file['dotyk/contact/joint %d' % (k + 1)] for k in range(len(file['dotyk/contact']))]
+        with dotyk.Results(path) as results:
+            self.summary, self.history = results.summary.attributes, dict(results.history)
+            joints = [results.pairs['joint %d' % (k + 1)] for k in range(len(results.pairs))]
             names = ('weight', 'pressure', 'pressure_projected', 'gap')
-            self.joints = [{'x': joint['position'][:, 0], **{name: joint[name][:] for name in names}}
-                           for joint in joints]
-            self.forces = np.array([joint.attrs['force'] for joint in joints])
-            grid = file['VTKHDF']
-            if 'displacement' in grid['PointData']:
-                self.bodies = bodies_of(grid)
+            self.joints = [{'x': joint.position[:, 0], **{name: joint[name] for name in names}} for joint in joints]
+            self.forces = np.array([joint.force for joint in joints])
+            if 'displacement' in results:  # and of the cells the corners of quadrilaterals
+                self.bodies = [(body.nodes[:, :2], body.displacement[:, :2], body.cells[0].nodes[:, :4])
+                               for body in results.bodies.values()]
         self.weight, self.pressure, self.gap = (np.concatenate([joint[name] for joint in self.joints])
                                                 for name in ('weight', 'pressure', 'gap'))
         self.iterations = int(self.summary['iterations'])
@@ -78,16 +76,6 @@ class Run:
     def active(self):
         """Rows with penetration. On open rows the pressures of the Neumann scheme decay, but are not 0."""
         return self.gap < 0
-
-
-def bodies_of(grid):
-    """Nodes, displacements and cells (corners of quadrilaterals) of every body."""
-    found, start, cell, entry = [], 0, 0, 0
-    for n, n_cells, n_entries in zip(*(grid['NumberOf' + name][:] for name in ('Points', 'Cells', 'ConnectivityIds'))):
-        nodes = grid['Connectivity'][entry:entry + n_entries].reshape(n_cells, -1)[:, :4]
-        found.append((grid['Points'][start:start + n, :2], grid['PointData/displacement'][start:start + n, :2], nodes))
-        start, cell, entry = start + n, cell + n_cells, entry + n_entries
-    return found
 
 
 def distance(one, other):

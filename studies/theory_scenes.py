@@ -3,12 +3,12 @@ import os
 import re
 import subprocess
 import sys
-import h5py
 import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, 'tools'))
 import energy_norm  # noqa: E402
+import dotyk  # noqa: E402
 
 # Two blocks of height 1 between smooth walls, pushed together by 1: one mode, everything is known.
 COLUMN_GEO = """
@@ -117,13 +117,12 @@ class Run:
 
     def __init__(self, path, text, code):
         self.text, self.code = text, code
-        with h5py.File(path) as file:
-            self.summary = dict(file['dotyk/summary'].attrs)
-            self.history = {name: values[:] for name, values in file['dotyk/history'].items()}
-            pairs = [pair for _, pair in sorted(file['dotyk/contact'].items())]
-            self.weight, self.pressure, gap, theta = (np.concatenate([pair[name][:] for pair in pairs])
-                                                           for name in ('weight', 'pressure', 'gap', 'theta'))
-            self.y, self.row_theta, self.theta = -gap, theta, float(pairs[0].attrs['theta'])
+        with dotyk.Results(path) as results:
+            self.summary, self.history = results.summary.attributes, dict(results.history)
+            pairs = [pair for _, pair in sorted(results.pairs.items())]
+            self.weight, self.pressure, gap, theta = (np.concatenate([pair[name] for pair in pairs])
+                                                      for name in ('weight', 'pressure', 'gap', 'theta'))
+            self.y, self.row_theta, self.theta = -gap, theta, pairs[0].attributes['theta']
         self.results = energy_norm.Results(path)
 
     def norm(self):

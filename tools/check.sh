@@ -6,6 +6,7 @@
 #   api       the pages that FORD makes of the comments, without a warning: build/api/index.html
 #   flang     LLVM's flang builds all layers that need no module file of gfortran, and runs unit tests
 #   runners   unit tests under pFUnit (CONTRIBUTING.md) and under the small runner: as many as the .pf files have, both times
+#   package   the Python package of tools/python installs by pip, and its tests pass with the h5py and numpy that pip finds
 #   slurm     tools/batch.slurm under a Slurm of its own on this machine (tests/slurm); skipped where Slurm is absent
 #   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
 #   asan      all tests with the address and undefined-behaviour sanitizers
@@ -14,7 +15,7 @@ set -uo pipefail
 
 tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$tools/.."
-parts=(lint werror api flang runners slurm debug asan coverage)
+parts=(lint werror api flang runners package slurm debug asan coverage)
 
 # A Python environment with the tools of check_requirements.txt.
 environment() {
@@ -58,6 +59,14 @@ runners() {
     ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" -R '^test_' > "$build.log"
   done
   "$tools/python.sh" "$tools/count_tests.py" build/pfunit_on build/pfunit_off
+}
+
+# In an environment of its own.
+package() {
+  "$tools/setup.sh" --run python3-venv && "$tools/build.sh" release && rm -rf build/package && /usr/bin/python3 -m venv build/package || return
+  build/package/bin/pip --quiet install ./tools/python || return
+  (cd build/package && bin/python -P -c "import dotyk; assert 'site-packages' in dotyk.__file__, dotyk.__file__") || return
+  DOTYK=$PWD/build/release/dotyk PYTHONPATH=tests/support OMP_WAIT_POLICY=passive build/package/bin/python -B tests/cases/package.py
 }
 
 # With the program with MPI too, where it is built (cmake --preset mpi).

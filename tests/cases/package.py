@@ -273,6 +273,24 @@ def children(parent):
 
 
 class Package(dotyk_case.Case):
+    def test_examples_of_the_page(self):
+        """docs/python.md: pressures on the page and those that are found are Hertz's; a scene that is read and changed."""
+        page = (dotyk_case.ROOT / "docs" / "python.md").read_text()
+        first, second = re.findall(r"(?s)```python\n(.*?)```", page)
+        (self.folder / "inputs").mkdir()
+        self.copy("hertz").rename(self.folder / "inputs" / "hertz")
+        environment = {**os.environ, "PYTHONPATH": str(dotyk_case.ROOT / "tools" / "python")}
+        for code in (first, second + "print(results.converged, results.scene.find('solver'), results.pairs['touch'].force)"):
+            done = subprocess.run([sys.executable, "-B", "-c", code], cwd=self.folder, env=environment, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            if code == first:
+                for text in (page, done.stdout):
+                    errors = re.findall(r"(?m)^ +(\d+) .* ([-+][\d.]+) % +[\d.]+ %$", text)
+                    self.assertEqual([force for force, _ in errors], ["1", "10", "100"])
+                    self.assertLess(max(abs(float(error)) for _, error in errors), 0.4)
+        self.assertRegex(done.stdout, "True &solver +tolerance=1e-06, theta=0 /")
+        self.assertIn("! A quarter of a steel sphere", (self.folder / "shallow.nml").read_text())
+
     def test_version(self):
         version = re.search(r"project\(dotyk VERSION ([\d.]+)", (dotyk_case.ROOT / "CMakeLists.txt").read_text())[1]
         self.assertEqual(dotyk.__version__, version)

@@ -13,11 +13,11 @@ import tempfile
 import time
 import unittest
 
-import h5py
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]/"tools"))
 from energy_norm import Results, energy_norm  # noqa: E402
+import dotyk  # noqa: E402
 
 
 # Distances below this are not judged: they are a few units of the last digit.
@@ -45,16 +45,12 @@ class Answer:
     def __init__(self, path, moduli, log):
         self.path, self.log, self.results = path, log, Results(path, **moduli)
         self.displacement, self.points = self.results.displacement, self.results.points
-        with h5py.File(path) as file:
-            self.summary = dict(file["dotyk/summary"].attrs)
-            self.lost = max(file["dotyk/summary/digits_lost"][:])
-            self.seconds = file["dotyk/timing"].attrs["total"]
-            self.pairs, self.broken = {}, []
-            for name, pair in file["dotyk/contact"].items():
-                self.pairs[name] = {key: pair[key][:] for key in pair}
-                self.pairs[name].update(pair.attrs)
-            self.stress = file["VTKHDF/CellData/stress"][:] if "VTKHDF/CellData/stress" in file else None
-            file.visititems(self.look)
+        with dotyk.Results(path) as file:
+            self.summary, self.lost = file.summary.attributes, max(file.summary["digits_lost"])
+            self.seconds, self.broken = file.timing["total"], []
+            self.pairs = {name: {**pair, **pair.attributes} for name, pair in file.pairs.items()}
+            self.stress = file["stress"] if "stress" in file else None
+            file.file.visititems(self.look)
         self.bound = self.summary["error_bound"]
 
     def look(self, name, entry):
