@@ -15,6 +15,9 @@ import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent / "python"))
+import dotyk  # noqa: E402
+from dotyk.program import ask_to_end  # noqa: E402
+
 COLUMNS = ("case", "exit", "error_bound", "iterations", "seconds", "memory_mib", "error_penalty", "error_discretization")
 
 
@@ -74,11 +77,10 @@ def inputs_of(path):
 def summary_of(results):
     """Errors and number of iterations in a results file."""
     try:
-        import dotyk
         with dotyk.Results(results) as file:
             return {part: file.summary[part] for part in ("error_bound", "iterations", "error_penalty", "error_discretization")
                     if part in file.summary}
-    except (ImportError, OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError) as error:
         print("batch: %s: %s" % (results, error), file=sys.stderr)
         return {}
 
@@ -158,16 +160,8 @@ class Batch:
             with self.lock:
                 self.stopped = True
                 for process in self.running:
-                    self.stop(process)
+                    ask_to_end(process, self.launcher)
         pool.shutdown()
-
-    def stop(self, process):
-        """Ask a run to end with its results. A SIGTERM to mpirun ends the ranks at once, SIGUSR1 reaches them; a SIGTERM to srun
-        kills them, and Slurm has sent them theirs already."""
-        if self.launcher in ("mpirun", "mpiexec", "orterun"):
-            process.send_signal(signal.SIGUSR1)
-        elif self.launcher != "srun":
-            process.terminate()
 
     def report(self):
         """The table, on the screen and in batch.csv. The exit code: that of a single case, or 1 where one of many has not converged."""

@@ -54,7 +54,7 @@ def run(scene, output=None, threads=None, ranks=None, on_progress=None, restart=
     extension .nml; there it replaces only what was written in the same way.
     output: results file; if absent, that of the scene (docs/input.md).
     threads: number of threads (of each rank); all processors if absent.
-    ranks: number of ranks, for a program with MPI. launcher: what starts them, such as 'srun -n 4'; 'mpirun -n RANKS' if absent.
+    ranks: number of ranks, for a program with MPI. launcher: what starts them, such as 'srun -n 4'; 'mpirun --quiet -n RANKS' if absent.
     on_progress: called with each line of the log as it comes, such as print; an exception in it stops the run.
     restart: results file whose contact pressures the scheme starts from.
     program: see find_program.
@@ -62,7 +62,7 @@ def run(scene, output=None, threads=None, ranks=None, on_progress=None, restart=
     Raises Error, with message and exit code, where there are no results. Ctrl-C, SIGTERM and exceptions of on_progress are passed on:
     the program ends its iteration and writes its results, then the exception is raised; a second Ctrl-C after a second ends it at once.
     """
-    words = shlex.split(launcher or ('mpirun -n %d' % ranks if ranks else ''))
+    words = shlex.split(launcher or ('mpirun --quiet -n %d' % ranks if ranks else ''))
     program = find_program(program, bool(words))
     if words and 'MPI' not in subprocess.run([program, '--version'], capture_output=True, text=True, check=False).stdout:
         raise Error('%s was built without MPI' % program)
@@ -97,7 +97,7 @@ def _namelist_of(scene, output):
 
 def _default_output(namelist):
     """The results file of a namelist."""
-    with contextlib.suppress(OSError, ValueError, KeyError):  # the program refuses the file, and says why
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # the program refuses the file, and says why
         return namelist.parent/Scene.read(namelist).find('scene')['output']
     return namelist.with_suffix('.vtkhdf')
 
