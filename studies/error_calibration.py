@@ -11,9 +11,7 @@ iteration  error_bound over the distance of an answer that was stopped early fro
 import argparse
 import os
 import pathlib
-import re
 import shutil
-import subprocess
 import sys
 import tempfile
 
@@ -33,17 +31,15 @@ THETAS = {'wavy': (1, 1e-1, 1e-2, 1e-3, 1e-4), 'column': (1, 1e-1, 1e-2), 'press
 STOPS = {'neumann': (10, 100, 1000), 'nesterov': (10, 100), 'anderson': (10, 100), 'secant': (10, 100), 'robin': (10, 100)}
 
 
-def scene(folder, name, solver, output):
+def run(folder, name, output, **solver):
     """Run an example with another &solver group; its results file."""
-    text = (folder/(name + '.nml')).read_text()
-    text, n = re.subn(r'(?m)^&solver .*$', "&solver %s /" % solver, text)
-    assert n == 1
-    (folder/'case.nml').write_text(text)
-    done = subprocess.run([OPTIONS.dotyk, 'case.nml', '--quiet', '--output', output], cwd=folder, text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    if done.returncode not in (0, 1):
-        sys.exit('calibration: %s: %s' % (name, done.stdout))
-    return str(folder/output)
+    scene = dotyk.Scene.read(folder/(name + '.nml'))
+    scene.groups.remove(scene.find('solver'))
+    scene.solver(**solver)
+    try:
+        return dotyk.run(scene.write(folder/'case.nml'), folder/output, program=OPTIONS.dotyk).path
+    except dotyk.Error as error:
+        sys.exit('calibration: %s: %s' % (name, error))
 
 
 def copy(name, scratch):
@@ -64,7 +60,7 @@ def refined(name, folder, order, factor):
     original = ROOT/'inputs'/name/(name + '.geo')
     text = convergence.set_parameter(convergence.set_parameter(original.read_text(), 'h', '%g*({})' % factor), 'order', str(order))
     (folder/(name + '.geo')).write_text(text)
-    return scene(folder, name, 'theta_relative=0, tolerance=1e-8', '%s_%d_%g.vtkhdf' % (name, order, factor))
+    return run(folder, name, '%s_%d_%g.vtkhdf' % (name, order, factor), theta_relative=0, tolerance=1e-8)
 
 
 def mesh(scratch):
@@ -96,9 +92,9 @@ def penalty(scratch):
     yield '| example | theta E/h | true error | estimate | estimate/true |\n|---|---:|---:|---:|---:|'
     for name, thetas in THETAS.items():
         folder = copy(name, scratch)
-        exact = scene(folder, name, 'theta_relative=0, tolerance=1e-10', 'exact.vtkhdf')
+        exact = run(folder, name, 'exact.vtkhdf', theta_relative=0, tolerance=1e-10)
         for theta in thetas:
-            path = scene(folder, name, 'theta_mesh=%g, tolerance=1e-10' % theta, 'penalty.vtkhdf')
+            path = run(folder, name, 'penalty.vtkhdf', theta_mesh=theta, tolerance=1e-10)
             true = energy_norm.distance(path, exact)/energy_norm.energy_norm(path)
             estimate = summary(path)['error_penalty']
             yield '| %s | %g | %.3e | %.3e | %.4f |' % (name, theta, true, estimate, estimate/true)
@@ -109,10 +105,10 @@ def iteration(scratch):
     yield '| example | scheme | steps | true error | bound | bound/true |\n|---|---|---:|---:|---:|---:|'
     for name in ('wavy', 'column'):
         folder = copy(name, scratch)
-        exact = scene(folder, name, "scheme='dual', theta_mesh=0.3, tolerance=1e-12", 'exact.vtkhdf')
+        exact = run(folder, name, 'exact.vtkhdf', scheme='dual', theta_mesh=0.3, tolerance=1e-12)
         for scheme, steps in STOPS.items():
             for step in steps:
-                path = scene(folder, name, "scheme='%s', theta_mesh=0.3, tolerance=1e-9, max_iterations=%d" % (scheme, step), 'a.vtkhdf')
+                path = run(folder, name, 'a.vtkhdf', scheme=scheme, theta_mesh=0.3, tolerance=1e-9, max_iterations=step)
                 true = energy_norm.distance(path, exact)/energy_norm.energy_norm(path)
                 bound = summary(path)['error_bound']
                 yield '| %s | %s | %d | %.2e | %.2e | %.2f |' % (name, scheme, summary(path)['iterations'], true, bound, bound/true)

@@ -1,6 +1,5 @@
 """Scenes of studies/theory.py, runs of the program on them, and distances of their results in the energy norm."""
 import os
-import re
 import subprocess
 import sys
 import numpy as np
@@ -115,15 +114,14 @@ Physical Curve("sides") = {4, 5};
 class Run:
     """What one run left: the state of its contact points, summary, history and exit code."""
 
-    def __init__(self, path, text, code):
-        self.text, self.code = text, code
-        with dotyk.Results(path) as results:
-            self.summary, self.history = results.summary.attributes, dict(results.history)
-            pairs = [pair for _, pair in sorted(results.pairs.items())]
-            self.weight, self.pressure, gap, theta = (np.concatenate([pair[name] for pair in pairs])
-                                                      for name in ('weight', 'pressure', 'gap', 'theta'))
-            self.y, self.row_theta, self.theta = -gap, theta, pairs[0].attributes['theta']
-        self.results = energy_norm.Results(path)
+    def __init__(self, results):
+        self.text, self.code = results.log, 0 if results.converged else 1
+        self.summary, self.history = results.summary.attributes, dict(results.history)
+        pairs = [pair for _, pair in sorted(results.pairs.items())]
+        self.weight, self.pressure, gap, theta = (np.concatenate([pair[name] for pair in pairs])
+                                                  for name in ('weight', 'pressure', 'gap', 'theta'))
+        self.y, self.row_theta, self.theta = -gap, theta, pairs[0].attributes['theta']
+        self.results = energy_norm.Results(results.path)
 
     def norm(self):
         """||u||_A: nothing but given displacements loads the scenes, so that F_theta is half its square and the penalty term."""
@@ -151,7 +149,7 @@ class Scene:
     """A folder with a mesh and a namelist file, whose solver is chosen run by run."""
 
     def __init__(self, program, folder, name, geo, nml):
-        self.program, self.name = program, name
+        self.program, self.name, self.nml = program, name, nml
         self.folder = os.path.join(folder, name)
         os.makedirs(self.folder)
         path = os.path.join(self.folder, name)
@@ -160,22 +158,22 @@ class Scene:
         dimension = '-2' if 'plane_strain' in nml else '-3'
         subprocess.run(['gmsh', dimension, '-format', 'msh41', '-o', path + '.msh', path + '.geo'], check=True,
                        stdout=subprocess.DEVNULL)
-        self.nml = re.sub(r"mesh='[^']+'", "mesh='%s.msh'" % name, nml)
         self.runs = 0
 
     def run(self, **solver):
         """One run; keywords are those of &solver."""
-        keys = ', '.join('%s=%s' % (key, repr(value) if isinstance(value, str) else '%.17g' % value)
-                         for key, value in solver.items())
-        case, output = (os.path.join(self.folder, name) for name in ('run.nml', 'run.vtkhdf'))
-        with open(case, 'w') as file:
-            file.write(re.sub(r'(?m)^&solver .*$', '&solver %s /' % keys, self.nml) + "&output fields='displacement contact' /\n")
-        done = subprocess.run([self.program, case, '--output', output, '--threads', '1'], text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        if done.returncode not in (0, 1):
-            sys.exit('%s: %s' % (self.name, done.stdout))
+        scene = dotyk.Scene.parse(self.nml)
+        scene.groups.remove(scene.find('solver'))
+        scene.scene(mesh=self.name + '.msh')
+        scene.solver(**solver)
+        scene.output(fields='displacement contact')
+        scene.write(os.path.join(self.folder, 'run.nml'))
+        try:
+            results = dotyk.run(scene, threads=1, program=self.program)
+        except dotyk.Error as error:
+            sys.exit('%s: %s' % (self.name, error))
         self.runs += 1
-        return Run(output, done.stdout, done.returncode)
+        return Run(results)
 
 
 def wavy(divisions, amplitude=0.002):
