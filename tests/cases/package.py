@@ -62,7 +62,7 @@ class Namelists(dotyk_case.Case):
         self.assertRaises(ValueError, dotyk.Group, "scene", {"a b": 1})
 
     def test_reads_what_the_program_reads(self):
-        text = "\ufeff! comment / &x\n&A X =1 ! c, /\n y= 3*'b''', z\n=t, w=2*1.5d3,\"!\"/ ! end\n"
+        text = "\ufeff! comment / &x\n&A X =1 ! c, /\n y= 3*'b''', z\n=t ! v=1\n, w=2*1.5d3,\"!\"/ ! end\n"
         scene = dotyk.Scene.parse(text)
         self.assertEqual(dict(scene.find("a")), {"x": 1, "y": 3 * ["b'"], "z": True, "w": [1500, 1500, "!"]})
         self.assertEqual(str(scene), text)
@@ -93,7 +93,8 @@ class Namelists(dotyk_case.Case):
             self.assertRaisesRegex(dotyk.NamelistError, message, dotyk.Scene.parse, text, "f")
 
     def test_copies_of_a_body(self):
-        scene = dotyk.Scene.parse("&body name='a *', repeat=2 /\n&body name='b', x=1 /\n&body name='c *', repeat=3,2 /\n&body name='*d*e', repeat=2,2 /")
+        scene = dotyk.Scene.parse("&body name='a *', repeat=2 /\n&body name='b', x=1 /\n"
+                                  "&body name='c *', repeat=3,2 /\n&body name='*d*e', repeat=2,2 /")
         self.assertEqual([name for name, _ in scene.bodies()],
                          ["a 1", "a 2", "b", "c 1 1", "c 2 1", "c 3 1", "c 1 2", "c 2 2", "c 3 2", "1d1e", "2d1e", "1d2e", "2d2e"])
 

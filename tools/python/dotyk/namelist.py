@@ -9,7 +9,7 @@ import numbers
 import os
 import re
 
-BLANK = r'(?:[ \t\r\n\ufeff]|![^\n]*)'
+BLANK = r'(?:[ \t\r\n\ufeff]|![^\n]*(?![^\n]))'  # a comment ends with its line, also where a pattern would like less of it
 QUOTED = r"""'(?:[^'\n]|'')*'|"(?:[^"\n]|"")*\""""
 TOKEN = re.compile(r"""(?P<blank>%s+)|(?P<group>&\w*)|(?P<end>/)|(?P<comma>,)|(?P<key>[A-Za-z_]\w*)%s*="""
                    r"""|(?:(?P<times>\d+)\*)?(?:(?P<text>%s)|(?P<word>[^\s,/'"!=&*]+))(?=[\s,/!=&]|$)""" % (BLANK, BLANK, QUOTED))
