@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """The Python package tools/python/dotyk: scenes written and read, runs and how they end, results against plain h5py."""
+import copy
 import os
 import pathlib
 import re
@@ -163,6 +164,18 @@ class Runs(dotyk_case.Case):
         one = dotyk.run(scene, self.case)
         two = dotyk.run(dotyk_case.INPUTS / "column/column.nml", output=self.folder / "two.vtkhdf")
         np.testing.assert_array_equal(one["displacement"], two["displacement"])
+
+    def test_groups_without_a_method(self):
+        scene = column()
+        warm = copy.deepcopy(scene)
+        warm.find("material", name="steel")["expansion"] = 1e-5
+        warm.temperature(body="upper", value=1.0)
+        self.assertEqual(str(scene), str(column()))
+        self.assertFalse(hasattr(scene, "_x"))
+        cold, hot = (dotyk.run(one, self.folder / name) for one, name in ((scene, "cold.vtkhdf"), (warm, "hot.vtkhdf")))
+        self.assertGreater(hot.pairs["joint"].pressure.max(), 1.01 * cold.pairs["joint"].pressure.max())
+        scene.materail(name="x")
+        self.failing(scene, 2, "unknown group '?&materail'?")
 
     def test_stiffness_over_several_lines(self):
         scene = column()

@@ -1,4 +1,5 @@
 """Scenes: the groups of one namelist."""
+import functools
 import itertools
 import os
 import pathlib
@@ -10,7 +11,8 @@ class Scene:
     """A scene, made group by group or read from a namelist.
 
     Scene(title='ball on a block', mesh='hertz.geo') begins with the keys of &scene; the methods add groups with the keys of
-    docs/input.md and return them, as namelist.Group, to be changed later. Paths that are texts are relative to the namelist that is
+    docs/input.md and return them, as namelist.Group, to be changed later; groups that have no method here are added in the same way:
+    scene.temperature(body='ring', value=80). copy.deepcopy(scene) is a scene of its own. Paths that are texts are relative to the namelist that is
     written, those of pathlib to the current directory.
 
     groups: list of all groups in the order of the file. path: the file that was written last, or None.
@@ -93,6 +95,12 @@ class Scene:
     def output(self, **keys):
         """Add &output: fields, error_parts, interval [s], or change it where the scene has one. The Group."""
         return self._only('output', keys)
+
+    def __getattr__(self, group):
+        """A function that adds a group of another name; the program refuses those that it does not know."""
+        if group.startswith('_'):
+            raise AttributeError(group)
+        return functools.partial(self.add, group)
 
     def bodies(self):
         """List of (name, Group) of the bodies in the order of the results file, with all copies that `repeat` makes.
