@@ -149,6 +149,7 @@ class Runs(dotyk_case.Case):
             np.testing.assert_array_equal(results.summary["condition_number"], summary["condition_number"])
             np.testing.assert_array_equal(results.history["energy"], file["dotyk/history/energy"])
             self.assertEqual(results.timing["total"], file["dotyk/timing"].attrs["total"])
+            self.assertEqual(dict(results.record("timing")), dict(results.timing))
         self.assertRaisesRegex(KeyError, "no field 'x'", lambda: results["x"])
         self.assertRaisesRegex(KeyError, "no field 'x'", lambda: body["x"])
         self.assertRaisesRegex(KeyError, "no 'x' in /dotyk/contact/joint", lambda: pair["x"])
@@ -224,6 +225,9 @@ class Runs(dotyk_case.Case):
         self.failing(column().write(self.folder / "own.nml"), 4, "none")
         self.failing(column().write(self.folder / "own.nml"), None, "no program /none", program="/none")
         self.failing(column().write(self.folder / "own.nml"), None, "built without MPI", ranks=2, program="true")
+        self.write("mpi", "#!/bin/sh\necho MPI\n").chmod(0o755)
+        self.failing(column().write(self.folder / "own.nml"), None, "no program /srun", launcher="/srun -n 2",
+                     program=self.folder / "mpi")
 
     def test_not_converged(self):
         results = dotyk.run(column(**{**ENDLESS, "max_iterations": 3}), self.case)

@@ -66,6 +66,8 @@ def run(scene, output=None, threads=None, ranks=None, on_progress=None, restart=
     program = find_program(program, bool(words))
     if words and 'MPI' not in subprocess.run([program, '--version'], capture_output=True, text=True, check=False).stdout:
         raise Error('%s was built without MPI' % program)
+    if words and shutil.which(words[0]) is None:
+        raise Error('no program %s' % words[0])
     namelist = _namelist_of(scene, output)
     output = pathlib.Path(output or _default_output(namelist))
     before = _identity(output)

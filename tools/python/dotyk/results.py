@@ -143,14 +143,18 @@ class Results:
         self.path, self.log = os.fspath(path), log
         self.file = h5py.File(self.path, 'r')
 
-    summary = functools.cached_property(lambda self: Record(self.file['dotyk/summary']))
+    summary = functools.cached_property(lambda self: self.record('summary'))
     summary.__doc__ = 'How the run ended: errors, energies, numbers of iterations, ... (docs/results.md); Record.'
-    history = functools.cached_property(lambda self: Record(self.file['dotyk/history']))
+    history = functools.cached_property(lambda self: self.record('history'))
     history.__doc__ = 'Arrays with one entry per iteration (n_iterations): error_bound, energy, active, ...; Record.'
-    timing = functools.cached_property(lambda self: Record(self.file['dotyk/timing']))
+    timing = functools.cached_property(lambda self: self.record('timing'))
     timing.__doc__ = 'Wall times of the stages [s]; Record.'
     run = functools.cached_property(lambda self: Record(self.file['dotyk']))
     run.__doc__ = 'How the results were made: version, command_line, threads, started, input, ...; Record.'
+
+    def record(self, name):
+        """Another group of /dotyk by its name (docs/results.md); Record."""
+        return Record(self.file['dotyk'][name])
 
     @property
     def converged(self):
