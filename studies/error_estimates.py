@@ -35,7 +35,7 @@ def main():
             for kind in estimate_scenes.KINDS_2D + estimate_scenes.KINDS_3D * options.three:
                 if name in estimate_scenes.WRAPPED and kind in estimate_scenes.KINDS_3D:
                     continue
-                if 'sheet' in name and kind in ('tri3', 'quad4', 'tet4', 'hex8', 'prism6'):
+                if 'sheet' in name and kind in ('tri3', 'quad4', 'tet4', 'hex8', 'prism6', 'pyramid5'):
                     continue
                 row = []
                 for n in DIVISIONS:

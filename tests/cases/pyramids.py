@@ -135,6 +135,24 @@ class Pyramids(dotyk_case.Case):
                 self.assertBetween(0.85, np.log2(coarse[0] / fine[0]) / grid.KINDS[kind][2], 1.3)
                 self.assertBetween(0.9, fine[1], 1.4)
 
+    def test_free_expansion(self):
+        """Temperatures that are constant, and in quadratic elements linear, make no stress."""
+        for kind in MIXED:
+            t = 30.0 * (kind != MIXED[0])
+            u = ["1e-5*(80*x+%r*(x^2-y^2-z^2)/2)" % t, "1e-5*(80*y+%r*x*y)" % t, "1e-5*(80*z+%r*x*z)" % t]
+            self.block(kind, skew if t else wavy)
+            self.write("block.nml", "&scene mesh='block.msh' /\n&material name='m', young=%r, poisson=%r, expansion=1e-5 /\n"
+                       "&body name='block', volume='block', material='m' /\n&temperature body='block', formula='80+%r*x' /\n"
+                       "&support body='block', surface='bottom', fix='xyz', value_formula='%s','%s','%s' /\n" % (YOUNG, POISSON, t, *u))
+            self.dotyk("block.nml")
+            file = self.results("block.vtkhdf")
+            with self.subTest(kind):
+                x, found = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+                exact = np.stack([eval(f.replace("^", "**"), dict(zip("xyz", x.T))) for f in u], axis=1)
+                np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
+                np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:], 0, rtol=0, atol=1e-11 * YOUNG * 1e-3)
+            file.close()
+
     def test_nearly_incompressible(self):
         """The thick cylinder: errors stay near those that the same mesh has at Poisson's ratio 0.3."""
         sides = {"inside": lambda p: np.all(p[:, 0] == 1), "outside": lambda p: np.all(p[:, 0] == 2),

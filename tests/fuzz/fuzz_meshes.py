@@ -30,7 +30,7 @@ class Mesh:
         return new
 
 
-# Corners of a cell, its cuts into elements (numbers of corners), and where the nodes behind the corners are: means of
+# Corners of a cell and, in space, its middle; its cuts into elements (numbers of corners), and where the nodes behind the corners are: means of
 # corners.
 LINE = [(0, 1)]
 TRIANGLE = [(0, 1), (1, 2), (2, 0)]
@@ -41,12 +41,15 @@ CUBE_FACES = [(0, 3, 2, 1), (0, 1, 5, 4), (0, 4, 7, 3), (1, 2, 6, 5), (2, 3, 7, 
 PRISM = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 4), (2, 5), (3, 4), (3, 5), (4, 5)]
 PRISM_FACES = [(0, 1, 4, 3), (0, 3, 5, 2), (1, 2, 5, 4)]
 PRISM_ENDS = [(0, 2, 1), (3, 4, 5)]
+PYRAMID = [(0, 1), (0, 3), (0, 4), (1, 2), (1, 4), (2, 3), (2, 4), (3, 4)]
+PYRAMID_FACES = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
 CORNERS = {2: [(0, 0), (1, 0), (1, 1), (0, 1)],
-           3: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]}
+           3: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1), (0.5, 0.5, 0.5)]}
 HALVES = [(0, 1, 2), (0, 2, 3)]
 SIXTHS = [(0, 1, 2, 6), (0, 5, 1, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 4, 5, 6), (0, 7, 4, 6)]
 WHOLE = {2: [(0, 1, 2, 3)], 3: [tuple(range(8))]}
 SLICES = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
+AROUND = [(*face[::-1], 8) for face in CUBE_FACES]
 # kind: gmsh's type, dimension, cuts, nodes behind the corners, faces, {corners of a face: (gmsh's type, nodes behind
 # its corners)}
 TRI_FACES, TET_FACES = [(0, 1), (1, 2), (2, 0)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
@@ -66,6 +69,9 @@ KINDS = {
     "prism15": (18, 3, SLICES, PRISM, PRISM_FACES + PRISM_ENDS, {3: (9, TRIANGLE), 4: (16, SQUARE)}),
     "prism18": (13, 3, SLICES, PRISM + PRISM_FACES, PRISM_FACES + PRISM_ENDS,
                 {3: (9, TRIANGLE), 4: (10, SQUARE + EVERY)}),
+    "pyramid5": (7, 3, AROUND, [], PYRAMID_FACES, {3: (2, []), 4: (3, [])}),
+    "pyramid13": (19, 3, AROUND, PYRAMID, PYRAMID_FACES, {3: (9, TRIANGLE), 4: (16, SQUARE)}),
+    "pyramid14": (14, 3, AROUND, PYRAMID + EVERY, PYRAMID_FACES, {3: (9, TRIANGLE), 4: (10, SQUARE + EVERY)}),
 }
 
 

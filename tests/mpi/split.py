@@ -47,6 +47,19 @@ Mesh.MeshSizeMax = 0.2;  Mesh.MeshSizeMin = 0.2;  Mesh.ElementOrder = 2;
 Physical Volume("block") = {1};  Physical Surface("side") = {1};  e = 1e-4;
 Physical Surface("end") = {Surface In BoundingBox{-9, -e, -9, 9, e, 9}};
 """
+# Hexahedra, pyramids on them, and tetrahedra above.
+TRANSITION = """
+Mesh.ElementOrder = %d;
+Point(1) = {0, 0, 0}; line() = Extrude {2, 0, 0} { Point{1}; Layers{6}; };
+face() = Extrude {0, 2, 0} { Curve{line(1)}; Layers{6}; Recombine; };
+lower() = Extrude {0, 0, 0.5} { Surface{face(1)}; Layers{2}; Recombine; };
+TransfQuadTri {lower(1)};
+Transfinite Volume {lower(1)};
+upper() = Extrude {0, 0, 0.5} { Surface{lower(0)}; };
+Physical Volume("block") = {lower(1), upper(1)};
+Physical Surface("bottom") = {face(1)};
+Physical Surface("top") = {upper(0)};
+"""
 # A block of two parts.
 TWO_BOXES = """SetFactory("OpenCASCADE");
 Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {3, 0, 0, 1, 1, 1};  Mesh.MeshSizeMax = 0.5;  Mesh.ElementOrder = 2;
@@ -139,6 +152,17 @@ class Split(RankCase):
                                      "&support body='lower', surface='bottom', fix='xyz' /",
                                      "&load body='upper', surface='top', traction_formula='0','0','-0.1*exp(-8*((x-1.2)^2+(y-1.1)^2))' /",
                                      "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
+                self.compare(self.write("case.nml", "\n".join(lines)))
+
+    def test_a_layer_of_pyramids(self):
+        """Pyramids join hexahedra to tetrahedra, and parts are cut through them."""
+        for order in (1, 2):
+            with self.subTest(order=order):
+                lines = [*MATERIALS, self.body("lower", TRANSITION % order, "soft"),
+                         self.body("upper", block_geo("hex8" if order == 1 else "hex27", (5, 5, 3), (0.3, 0.3, 1), (1.4, 1.4, 0.5)), "steel"),
+                         "&support body='lower', surface='bottom', fix='xyz' /",
+                         "&load body='upper', surface='top', traction_formula='0','0','-0.1*(1+0.2*x)' /",
+                         "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
                 self.compare(self.write("case.nml", "\n".join(lines)))
 
     def test_a_roller_that_is_free_to_slide(self):

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 KINDS_2D = ("tri3", "quad4", "tri6", "quad8", "quad9")
-KINDS_3D = ("tet4", "hex8", "prism6", "tet10", "hex20", "prism15")
+KINDS_3D = ("tet4", "hex8", "prism6", "pyramid5", "tet10", "hex20", "prism15", "pyramid13", "pyramid14")
 
 
 class Cut(grid.Block):
