@@ -2,10 +2,11 @@
 !> standard output. The only module that knows files.c.
 module dotyk_base_files
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_long, c_null_char, c_ptr, c_size_t
+  use dotyk_base_text, only: lower
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-    print_text, hold_standard_files, is_trusted_folder, user_number, write_new
+    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192
@@ -175,6 +176,14 @@ contains
   integer function user_number()
     user_number = int(c_user())
   end function user_number
+
+  !> Whether a file is a CAD file with solids, by its name: gmsh tells it by that, too.
+  pure logical function is_cad_file(path)
+    !> Path.
+    character(*), intent(in) :: path
+    character(5), parameter :: endings(*) = [character(5) :: '.step', '.stp', '.iges', '.igs', '.brep', '.brp']
+    is_cad_file = any(endings == lower(path(max(1, index(path, '.', back=.true.)):)))
+  end function is_cad_file
 
   !> Write a text to a new file; nothing happens where the name is taken.
   subroutine write_new(path, text)

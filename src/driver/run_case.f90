@@ -7,6 +7,7 @@ module dotyk_driver_run_case
   use dotyk_control_parallel, only: use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
+  use dotyk_driver_cad_faces, only: show_cad_faces
   use dotyk_driver_prediction, only: predict_run
   use dotyk_driver_results, only: prepare_output, write_results
   use dotyk_driver_penetration, only: check_bodies, check_placement
@@ -96,6 +97,7 @@ contains
       if (allocated(error)) return
     end if
     if (arguments%check) then
+      call show_cad_faces(case, monitor%log)
       call predict_run(case, run%scheme, scene, monitor, error)
       if (allocated(error)) return
       call monitor%log%line('  input checked; nothing was solved')

@@ -176,7 +176,7 @@ contains
     body%volume = text_of(group, 'volume')
     call refer(group, 'material', text_of(group, 'material'), materials, problems, body%material)
     if (is_given(group, 'mesh')) then
-      call read_mesh_path(group, directory, problems, body%mesh)
+      call read_mesh_path(group, directory, scene%dimension, problems, body%mesh)
       if (len(body%mesh) > 0 .and. body%mesh == scene%output) &
         call report(problems, group, 'mesh', 'mesh: '//shown(body%mesh)//' is the results file of &scene')
     else

@@ -24,6 +24,10 @@ module dotyk_input_case
     character(:), allocatable :: title
     !> Mesh of the bodies that name none of their own; empty where it is not given.
     character(:), allocatable :: mesh
+    !> Size of the elements of CAD files; 0 where it is not given [length].
+    real(dp) :: mesh_size = 0
+    !> Their order.
+    integer :: mesh_order = 2
     !> Results file.
     character(:), allocatable :: output
     !> One of `analysis_*`.

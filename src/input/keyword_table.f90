@@ -102,8 +102,15 @@ contains
     call list%add('title', kind_text, may_be_empty=.true., &
                   meaning='title')
     call list%add('mesh', kind_text, &
-                  'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1) or .geo (meshed by gmsh); '// &
+                  'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1), .geo (meshed by gmsh), or a '// &
+                  'CAD file (.step, .stp, .iges, .igs, .brep, .brp; meshed by gmsh, lengths in mm), whose volumes '// &
+                  'are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers them; '// &
                   'relative to the namelist file')
+    call list%add('mesh_size', kind_real, unit='length', positive=.true., &
+                  meaning='size of the elements in CAD files; smaller at curved faces (16 around a circle); if '// &
+                  'absent, a twelfth of the largest extent of each solid')
+    call list%add('mesh_order', kind_integer, positive=.true., default='2', &
+                  meaning='order of the elements in CAD files, 1 or 2')
     call list%add('output', kind_text, &
                   'results file, relative to the namelist file; if absent, the namelist file with extension .vtkhdf')
     call list%add('analysis', kind_name, names=analysis_names, default=option_name(analysis_names, default_analysis), &

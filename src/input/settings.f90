@@ -1,5 +1,6 @@
 !> Reads `&scene`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
 module dotyk_input_settings
+  use dotyk_base_files, only: is_cad_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
@@ -37,7 +38,11 @@ contains
     ! A wrong analysis leaves the dimension unknown: nothing is checked against it.
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
-    call read_mesh_path(group, directory_of(file), problems, scene%mesh)
+    call read_mesh_path(group, directory_of(file), scene%dimension, problems, scene%mesh)
+    if (is_given(group, 'mesh_size')) scene%mesh_size = real_of(group, 'mesh_size')
+    scene%mesh_order = integer_of(group, 'mesh_order')
+    if (is_usable(group, 'mesh_order') .and. scene%mesh_order > 2) &
+      call report(problems, group, 'mesh_order', 'mesh_order must be 1 or 2')
     if (is_given(group, 'output')) then
       scene%output = resolve_path(directory_of(file), text_of(group, 'output'))
     else
@@ -52,11 +57,13 @@ contains
   end subroutine read_scene
 
   !> Read the mesh of a group: a readable file with a known extension.
-  subroutine read_mesh_path(group, directory, problems, path)
+  subroutine read_mesh_path(group, directory, dimension, problems, path)
     !> `&scene` or `&body`.
     type(group_t), intent(in) :: group
     !> Directory of the namelist file.
     character(*), intent(in) :: directory
+    !> Dimension of space; 0 where it is unknown.
+    integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     !> Path of the mesh; empty where it is not given.
@@ -64,8 +71,12 @@ contains
     character(:), allocatable :: reason
     path = resolve_path(directory, text_of(group, 'mesh'))
     if (len(path) == 0) return
-    if (extension_of(path) /= '.msh' .and. extension_of(path) /= '.geo') &
-      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh or .geo')
+    if (extension_of(path) /= '.msh' .and. extension_of(path) /= '.geo' .and. .not. is_cad_file(path)) &
+      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo or the ending of a CAD '// &
+                  'file: .step, .stp, .iges, .igs, .brep, .brp')
+    if (dimension == 2 .and. is_cad_file(path)) &
+      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' has solids, which need analysis=''3d''; for '// &
+                  'bodies in the plane write a .geo file')
     reason = why_not_readable(path)
     if (len(reason) > 0) call report(problems, group, 'mesh', 'mesh: '//shown(path)//' '//reason)
   end subroutine read_mesh_path

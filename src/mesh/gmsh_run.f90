@@ -8,12 +8,13 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_content_hash, only: content_hash_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_machine, exit_not_written
-  use dotyk_base_files, only: own_mark, remove_leftovers
+  use dotyk_base_files, only: is_cad_file, own_mark, remove_leftovers, write_new
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, status_not_confined, stop_if_interrupted
-  use dotyk_base_kinds, only: int64
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: to_text
+  use dotyk_mesh_cad_script, only: cad_script
   use dotyk_mesh_geometry_sources, only: geometry_sources_t
   use dotyk_mesh_mesh_cache, only: find_cache
   implicit none
@@ -26,6 +27,9 @@ module dotyk_mesh_gmsh_run
     logical :: no_shell = .false.
     !> Whether the mesh is for this run only: the caller deletes it.
     logical :: for_once = .false.
+    !> Size of the elements of CAD files, not positive: by each solid [length]; and their order.
+    real(dp) :: size = 0
+    integer :: order = 2
     !> Remark for the log; empty where there is none.
     character(:), allocatable :: remark
   end type meshing_t
@@ -52,7 +56,7 @@ contains
     type(meshing_t), intent(inout), optional :: meshing
     type(meshing_t) :: local
     character(:), allocatable :: stage
-    if (present(meshing)) local%no_shell = meshing%no_shell
+    if (present(meshing)) local = meshing
     ! Threads of one process would use the same temporary names.
     !$omp critical (dotyk_mesh_geometry)
     stage = stage_text()
@@ -77,7 +81,7 @@ contains
     !> directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
     type(geometry_sources_t) :: sources
-    character(:), allocatable :: base
+    character(:), allocatable :: base, script
     logical :: found
     meshing%remark = ''
     call sources%find(geo_file, error)
@@ -86,7 +90,9 @@ contains
       call set_error(error, geo_file//': --no-shell forbids programs: '//sources%command//' starts one')
       return
     end if
-    call name_mesh(geo_file, dimension, sources, base, error)
+    script = ''
+    if (is_cad_file(geo_file)) script = cad_script(meshing%size, meshing%order)
+    call name_mesh(geo_file, dimension, sources, script, base, error)
     if (allocated(error)) return
     meshing%for_once = allocated(sources%doubt)
     if (meshing%for_once) then
@@ -95,22 +101,24 @@ contains
         meshing%remark = 'warning: '//geo_file//' starts a program: '//sources%command// &
                          '; it is meshed at each run. --no-shell forbids programs to geometries'
       msh_file = base//own_mark()//'.once.msh'
-      call run_gmsh(geo_file, dimension, base, meshing%no_shell, msh_file, error)
+      call run_gmsh(geo_file, dimension, script, base, meshing%no_shell, msh_file, error)
       return
     end if
     msh_file = base//'.msh'
     inquire (file=msh_file, exist=found)
-    if (.not. found) call run_gmsh(geo_file, dimension, base, meshing%no_shell, msh_file, error)
+    if (.not. found) call run_gmsh(geo_file, dimension, script, base, meshing%no_shell, msh_file, error)
   end subroutine find_mesh
 
   !> Path, without extension, of the mesh for the present content of a geometry.
-  subroutine name_mesh(geo_file, dimension, sources, base, error)
+  subroutine name_mesh(geo_file, dimension, sources, script, base, error)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
     !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
     !> Files of the geometry.
     type(geometry_sources_t), intent(in) :: sources
+    !> What gmsh reads after it; may be empty.
+    character(*), intent(in) :: script
     !> Path of the mesh without its extension.
     character(:), allocatable, intent(out) :: base
     !> Set if a file cannot be read, gmsh is not found, or no directory for the mesh can be written.
@@ -122,10 +130,10 @@ contains
     call find_cache(geo_file, directory, error)
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
-    if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
+    if (index(name, '.', back=.true.) > 1) name = name(:index(name, '.', back=.true.) - 1)
     call find_version(directory, directory//name//own_mark()//'.version', version, error)
     if (allocated(error)) return
-    call hash%add(version//to_text(dimension))
+    call hash%add(version//to_text(dimension)//script)
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
   end subroutine name_mesh
 
@@ -186,7 +194,7 @@ contains
     if (allocated(error)) then
       continue
     else if (status == status_not_found .or. status == status_not_executable) then
-      call set_error(error, executable()//', which meshes .geo files, was not found: install it '// &
+      call set_error(error, executable()//', which meshes geometries, was not found: install it '// &
                      '(Debian: apt install gmsh), set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
     else if (status /= 0) then
       call set_error(error, executable()//' --version failed with exit status '//to_text(status), exit_bad_input)
@@ -228,11 +236,13 @@ contains
   end subroutine run_command
 
   !> Make a mesh; the output of gmsh is kept in `base`.log.
-  subroutine run_gmsh(geo_file, dimension, base, no_shell, msh_file, error)
+  subroutine run_gmsh(geo_file, dimension, script, base, no_shell, msh_file, error)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
     !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
+    !> What gmsh reads after it; may be empty.
+    character(*), intent(in) :: script
     !> Path of the cached mesh without its extension.
     character(*), intent(in) :: base
     !> Whether gmsh may start no program and write no other file.
@@ -242,7 +252,7 @@ contains
     !> Set if gmsh fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
-    character(:), allocatable :: path, temporary, errors, counts
+    character(:), allocatable :: path, temporary, errors, counts, more
     integer :: status
     path = geo_file
     ! gmsh would read a name with a leading minus as an option.
@@ -250,9 +260,15 @@ contains
     call remove_leftovers(base)
     temporary = base//own_mark()
     if (temporary(1:1) == '-') temporary = './'//temporary
+    more = ''
+    if (len(script) > 0) then
+      call write_new(temporary//'.geo', script)
+      more = ' '//shell_quoted(temporary//'.geo')
+    end if
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
-                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status, &
+                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path)//more, temporary//'.log', status, &
                      confined=no_shell)
+    if (len(script) > 0) call remove_file(temporary//'.geo')
     if (interrupted()) then
       call remove_file(temporary//'.log')
       call remove_file(temporary//'.msh')

@@ -17,7 +17,7 @@ module dotyk_model_body_setup
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material, turn_material
-  use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_file, only: meshing_of, read_mesh
   use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_volumes, only: volume_t
   implicit none
@@ -49,7 +49,7 @@ contains
     integer :: b, c, before
     allocate (body(size(case%body)), surfaces(size(case%body)))
     allocate (remarks(0))
-    meshing%no_shell = case%no_shell
+    meshing = meshing_of(case)
     read = .false.
     support_used = .not. case%support%any_body
     load_used = .not. case%load%any_body

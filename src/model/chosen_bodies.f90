@@ -10,7 +10,7 @@ module dotyk_model_chosen_bodies
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_model_body_setup, only: build_body
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_file, only: meshing_of, read_mesh
   use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_model_volumes, only: volume_t
   use dotyk_ranks_exchange, only: meet
@@ -71,7 +71,7 @@ contains
     type(error_t), allocatable :: failed
     logical :: of_file(size(chosen))
     integer :: b
-    meshing%no_shell = case%no_shell
+    meshing = meshing_of(case)
     selection%everything = .false.
     selection%dimension = case%scene%dimension
     do b = 1, size(chosen)

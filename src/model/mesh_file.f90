@@ -1,7 +1,9 @@
 !> Mesh files of bodies.
 module dotyk_model_mesh_file
   use dotyk_base_error, only: error_t
+  use dotyk_base_files, only: is_cad_file
   use dotyk_base_operating_system, only: remove_file
+  use dotyk_input_case, only: case_t
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
   use dotyk_mesh_mesh, only: mesh_t
@@ -10,11 +12,20 @@ module dotyk_model_mesh_file
   use dotyk_ranks_exchange, only: meet
   implicit none
   private
-  public :: read_mesh
+  public :: meshing_of, read_mesh
 
 contains
 
-  !> Read a .msh file, or a .geo file that gmsh meshes: the first rank lets it do so, and the others read what is made.
+  !> How a case has its geometries meshed.
+  pure type(meshing_t) function meshing_of(case) result(meshing)
+    !> The case.
+    type(case_t), intent(in) :: case
+    meshing%no_shell = case%no_shell
+    meshing%size = case%scene%mesh_size
+    meshing%order = case%scene%mesh_order
+  end function meshing_of
+
+  !> Read a .msh file, or a geometry that gmsh meshes: the first rank lets it do so, and the others read what is made.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
@@ -40,11 +51,11 @@ contains
   pure logical function is_geometry(path)
     !> Its path.
     character(*), intent(in) :: path
-    is_geometry = .false.
-    if (len(path) > 4) is_geometry = path(len(path) - 3:) == '.geo'
+    is_geometry = is_cad_file(path)
+    if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
   end function is_geometry
 
-  !> Read a .msh file, or a .geo file that gmsh meshes.
+  !> Read a .msh file, or a geometry that gmsh meshes.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path

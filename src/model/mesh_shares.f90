@@ -8,7 +8,7 @@ module dotyk_model_mesh_shares
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
-  use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_file, only: meshing_of, read_mesh
   use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_model_volume_parts, only: volume_share_t
   use dotyk_model_volumes, only: volume_t
@@ -63,7 +63,7 @@ contains
     allocate (self%mesh(n), self%volume(n))
     self%first_of_file = survey%first_of_file
     self%first_of_volume = survey%first_of_volume
-    meshing%no_shell = case%no_shell
+    meshing = meshing_of(case)
     selection%everything = .false.
     selection%n_shares = n_ranks()
     selection%share = this_rank()

@@ -14,7 +14,7 @@ module dotyk_model_mesh_survey
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_physical_group, only: groups_named
   use dotyk_model_locking, only: would_lock
-  use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_file, only: meshing_of, read_mesh
   use dotyk_ranks_exchange, only: on_any_rank
   implicit none
   private
@@ -68,7 +68,7 @@ contains
       end do
       self%first_of_volume(b) = c
     end do
-    meshing%no_shell = case%no_shell
+    meshing = meshing_of(case)
     selection%everything = .false.
     selection%counts_only = .true.
     selection%dimension = case%scene%dimension

@@ -1,0 +1,140 @@
+!> What `--check` says of the faces of CAD files: names are numbers, and a user has to tell them apart.
+module dotyk_driver_cad_faces
+  use dotyk_base_error, only: error_t
+  use dotyk_base_files, only: is_cad_file
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_input_case, only: case_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
+  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  implicit none
+  private
+  public :: show_cad_faces
+
+  !> Resultant over area of the normals of a face that counts as plane.
+  real(dp), parameter :: plane = 0.999_dp
+  !> Components below this are 0, relative to the others [].
+  real(dp), parameter :: rounding = 1.0e-9_dp
+
+contains
+
+  !> List the faces of all bodies from CAD files, in the coordinates of the files: area, centre, and the outward normal
+  !> of plane ones. All ranks do it together.
+  subroutine show_cad_faces(case, log)
+    !> The case, checked.
+    type(case_t), intent(in) :: case
+    !> Gets the table.
+    type(log_t), intent(inout) :: log
+    type(mesh_t) :: mesh
+    type(body_mesh_t) :: body_mesh
+    type(meshing_t) :: meshing
+    type(error_t), allocatable :: error
+    integer :: b, first
+    meshing = meshing_of(case)
+    do first = 1, size(case%body)
+      if (.not. is_cad_file(case%body(first)%mesh) .or. seen(first, .false.)) cycle
+      call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
+      if (allocated(error)) return
+      call log%line('  faces of '//case%body(first)%mesh//': about their area, centre, and normal where plane')
+      do b = first, size(case%body)
+        if (case%body(b)%mesh /= case%body(first)%mesh .or. seen(b, .true.)) cycle
+        call extract_body(mesh, case%body(b)%volume, case%scene%dimension, body_mesh, error)
+        if (allocated(error)) return
+        call show_faces(mesh, body_mesh, quoted(case%body(b)%name)//', '//case%body(b)%volume, log)
+      end do
+    end do
+
+  contains
+
+    !> Whether an earlier body has the mesh of a body, and its volume.
+    logical function seen(b, with_volume)
+      !> The body.
+      integer, intent(in) :: b
+      !> Whether the volume counts.
+      logical, intent(in) :: with_volume
+      integer :: i
+      seen = .true.
+      do i = 1, b - 1
+        if (case%body(i)%mesh == case%body(b)%mesh .and. &
+            (case%body(i)%volume == case%body(b)%volume .or. .not. with_volume)) return
+      end do
+      seen = .false.
+    end function seen
+  end subroutine show_cad_faces
+
+  !> List the faces of one body.
+  subroutine show_faces(mesh, body_mesh, title, log)
+    !> The mesh of the file.
+    type(mesh_t), intent(in) :: mesh
+    !> That of the body.
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Names of the body and of the volume.
+    character(*), intent(in) :: title
+    !> Gets the lines.
+    type(log_t), intent(inout) :: log
+    type(text_t), allocatable :: names(:)
+    type(surface_t) :: surface
+    type(error_t), allocatable :: error
+    character(:), allocatable :: line
+    real(dp) :: area, centre(3), normal(3)
+    integer :: i
+    call log%line('    '//title)
+    call surface_names(mesh, body_mesh, names)
+    do i = 1, size(names)
+      call extract_surface(mesh, body_mesh, names(i)%s, surface, error)
+      if (allocated(error)) cycle
+      call measure(body_mesh%x, surface, area, centre, normal)
+      line = '      '//names(i)%s//repeat(' ', max(1, 12 - len(names(i)%s)))//to_text(area, 4)//', '//vector(centre)
+      if (norm2(normal) > plane) line = line//', '//vector(normal)
+      call log%line(line)
+    end do
+  end subroutine show_faces
+
+  !> Area, centre and mean normal of a surface whose facets are taken for polygons of their corners.
+  subroutine measure(x, surface, area, centre, normal)
+    !> Nodes of the body (3, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> Area [area].
+    real(dp), intent(out) :: area
+    !> Centre (3) [length].
+    real(dp), intent(out) :: centre(3)
+    !> Mean of the outward normals; of length 1 for a plane surface (3) [].
+    real(dp), intent(out) :: normal(3)
+    type(element_kind_t) :: kind
+    real(dp) :: p(3, 3), vector(3)
+    integer :: f, k
+    area = 0
+    centre = 0
+    normal = 0
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      do k = 2, kind%n_corners - 1
+        p = x(:, surface%node([1, k, k + 1], f))
+        vector = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))/2
+        area = area + norm2(vector)
+        centre = centre + norm2(vector)*sum(p, dim=2)/3
+        normal = normal + vector
+      end do
+    end do
+    centre = centre/max(tiny(area), area)
+    normal = normal/max(tiny(area), area)
+    where (abs(centre) < rounding*max(maxval(abs(centre)), sqrt(area))) centre = 0
+    where (abs(normal) < rounding) normal = 0
+  end subroutine measure
+
+  !> A vector as text.
+  function vector(v) result(text)
+    !> Vector (3) [any].
+    real(dp), intent(in) :: v(3)
+    character(:), allocatable :: text
+    text = '('//to_text(v(1), 4)//', '//to_text(v(2), 4)//', '//to_text(v(3), 4)//')'
+  end function vector
+end module dotyk_driver_cad_faces
