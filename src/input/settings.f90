@@ -72,8 +72,8 @@ contains
     path = resolve_path(directory, text_of(group, 'mesh'))
     if (len(path) == 0) return
     if (extension_of(path) /= '.msh' .and. extension_of(path) /= '.geo' .and. .not. is_cad_file(path)) &
-      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo or the ending of a CAD '// &
-                  'file: .step, .stp, .iges, .igs, .brep, .brp')
+      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo or the ending of a '// &
+                  'CAD file: .step, .stp, .iges, .igs, .brep, .brp')
     if (dimension == 2 .and. is_cad_file(path)) &
       call report(problems, group, 'mesh', 'mesh: '//shown(path)//' has solids, which need analysis=''3d''; for '// &
                   'bodies in the plane write a .geo file')
