@@ -136,11 +136,22 @@ static const char *with_unit(double bytes, char *text, size_t length) {
   return text;
 }
 
+/* Ranks that run out of memory at the same time would all say so: what starts them ends the others with the first, by
+ * a signal that is no request for results any more. */
+static void wait_for_lower_ranks(void) {
+  const char *rank = getenv("OMPI_COMM_WORLD_RANK");
+  if (!rank) rank = getenv("PMIX_RANK");
+  if (!rank) return;
+  int turn = atoi(rank);
+  signal(SIGTERM, SIG_DFL);
+  usleep(500000u * (unsigned)(turn < 8 ? turn : 8));
+}
+
 /* End the program: an allocation of `bytes` failed; 0: of an unknown size, in a library. */
 _Noreturn void dotyk_out_of_memory(size_t bytes) {
   static const char *const name[] = {"", "of the machine", "of the container or batch job",
                                      "of the process (ulimit -v)"};
-  char wanted[40], in_use[40], rest[40];
+  char wanted[40], in_use[40], rest[40], needed[80] = "", room[120] = "";
   double used, left;
   int limit;
   /* One thread ends the program; the others wait. */
@@ -148,12 +159,15 @@ _Noreturn void dotyk_out_of_memory(size_t bytes) {
     for (;;) pause();
   }
   dotyk_memory(&used, &left, &limit);
-  say("out of memory while %s%s%s", stage, item[0] ? ", " : "", item);
-  if (bytes > 0) say(": %s more are needed", with_unit((double)bytes, wanted, sizeof wanted));
-  say("; %s are in use", with_unit(used, in_use, sizeof in_use));
-  if (limit != NOT_KNOWN) say(", %s are left %s", with_unit(left, rest, sizeof rest), name[limit]);
-  say("\nno results were written; give it more memory, or take a coarser mesh, fewer threads (--threads) or "
-      "linear_solver='iterative' (dotyk --check estimates what a scene takes)\n");
+  if (bytes > 0)
+    snprintf(needed, sizeof needed, ": %s more are needed", with_unit((double)bytes, wanted, sizeof wanted));
+  if (limit != NOT_KNOWN)
+    snprintf(room, sizeof room, ", %s are left %s", with_unit(left, rest, sizeof rest), name[limit]);
+  wait_for_lower_ranks();
+  say("out of memory while %s%s%s%s; %s are in use%s\n"
+      "no results were written; give it more memory, or take a coarser mesh, fewer threads (--threads) or "
+      "linear_solver='iterative' (dotyk --check estimates what a scene takes)\n",
+      stage, item[0] ? ", " : "", item, needed, with_unit(used, in_use, sizeof in_use), room);
   _exit(exit_machine);
 }
 
