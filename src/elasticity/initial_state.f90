@@ -9,6 +9,8 @@ module dotyk_elasticity_initial_state
   type, public :: initial_state_t
     !> Temperature above that of the stress-free body; none where not allocated (n_nodes) [temperature].
     real(dp), allocatable :: temperature(:)
+    !> Its extremes over the whole body, for the log (2) [temperature].
+    real(dp) :: range(2) = 0
     !> Initial stress in global axes, order xx yy zz yz xz xy; none where not allocated (6, n_nodes) [pressure].
     real(dp), allocatable :: stress(:, :)
   contains
@@ -50,6 +52,7 @@ contains
     !> The parcel.
     type(parcel_t), intent(inout) :: parcel
     call parcel%carry(self%temperature)
+    call parcel%carry_fixed(2, self%range)
     call parcel%carry(self%stress)
   end subroutine initial_state_carry
 end module dotyk_elasticity_initial_state

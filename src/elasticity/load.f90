@@ -1,5 +1,5 @@
-!> Loads as consistent nodal forces: tractions and pressures on surfaces, equation (5), force densities in bodies. With
-!> both L(v) is a continuous linear form, equation (16).
+!> Loads as consistent nodal forces: tractions and pressures on surfaces, equation (5), force densities in bodies, those
+!> of a rotation among them. With all L(v) is a continuous linear form, equation (16).
 !>
 !> A positive pressure pushes into the body. A local traction has its components along xi, eta, n of the surface with
 !> n the outward normal; eta is not used in two dimensions. Forces on plane bodies are per unit thickness, forces on
@@ -7,7 +7,8 @@
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_local_traction, load_pressure, load_traction
+  use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_local_traction, load_pressure, &
+    load_traction
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
   use dotyk_elasticity_face_table, only: local_face, point_of_element
@@ -27,8 +28,12 @@ module dotyk_elasticity_load
   type, public :: load_t
     !> Kind of the load: one of the `load_*` constants.
     integer :: kind = load_traction
-    !> Value: a pressure in the first component, else a vector (3) [pressure] or [force/volume].
+    !> Value: a pressure in the first component, else a vector (3) [pressure], [force/volume] or [1/time].
     real(dp) :: value(3) = 0
+    !> A point on the axis of an angular velocity (3) [length].
+    real(dp) :: centre(3) = 0
+    !> Density that it acts on [mass/volume].
+    real(dp) :: density = 0
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
   end type load_t
@@ -206,13 +211,13 @@ contains
     end select
   end subroutine traction_at
 
-  !> Add the nodal forces of a force density.
+  !> Add the nodal forces of a force density, given or that of a rotation.
   subroutine add_volume_load(mesh, analysis, load, force, error, points)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Force density.
+    !> Force density or angular velocity.
     type(load_t), intent(in) :: load
     !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
@@ -223,7 +228,11 @@ contains
     type(point_forces_t), intent(inout), optional :: points
     type(vector_field_t) :: field
     integer :: i
-    call field%init(load%value, error, load%formula)
+    if (load%kind == load_angular_velocity) then
+      call field%init_affine(centrifugal(load%value, load%density), load%centre)
+    else
+      call field%init(load%value, error, load%formula)
+    end if
     if (.not. allocated(error)) then
       do i = 1, size(mesh%block)
         call add_block(mesh, i, analysis, field, force, error, points)
@@ -233,6 +242,21 @@ contains
     call field%destroy()
     call add_context(error, 'force density: ')
   end subroutine add_volume_load
+
+  !> Centrifugal force per volume by the position relative to a point on the axis: density (w.w I - w w^T) (3, 3)
+  !> [force/volume/length].
+  pure function centrifugal(velocity, density) result(slope)
+    !> Angular velocity w (3) [1/time].
+    real(dp), intent(in) :: velocity(3)
+    !> Density [mass/volume].
+    real(dp), intent(in) :: density
+    real(dp) :: slope(3, 3)
+    integer :: i
+    slope = -density*spread(velocity, 2, 3)*spread(velocity, 1, 3)
+    do i = 1, 3
+      slope(i, i) = density*(sum(velocity**2, mask=[1, 2, 3] /= i))
+    end do
+  end function centrifugal
 
   !> Add the nodal forces of a force density on one block of elements.
   subroutine add_block(mesh, i_block, analysis, field, force, error, points)

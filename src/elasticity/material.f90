@@ -28,6 +28,8 @@ module dotyk_elasticity_material
     real(dp) :: mu = 0
     !> Stiffness in global axes (6, 6) [pressure].
     real(dp) :: stiffness(6, 6) = 0
+    !> Density; 0 where it is not given [mass/volume].
+    real(dp) :: density = 0
     !> Thermal expansion in global axes, as a strain: order xx yy zz yz xz xy, engineering shear (6) [1/temperature].
     real(dp) :: expansion(6) = 0
     !> Formula in x, y, z of the modulus field, a factor on the stiffness; 1 everywhere where not allocated.
@@ -350,6 +352,7 @@ contains
     call parcel%carry(self%lambda)
     call parcel%carry(self%mu)
     call parcel%carry_fixed(size(self%stiffness), self%stiffness)
+    call parcel%carry(self%density)
     call parcel%carry_fixed(size(self%expansion), self%expansion)
     call parcel%carry(self%modulus_formula)
     call parcel%carry(self%least_young)

@@ -1,4 +1,4 @@
-!> A vector field in space: constant components, components by formula, or both.
+!> A vector field in space: constant components, components by formula, or both; or an affine field.
 !>
 !> Formulas are parsed here from their text, because a formula serves one thread: no two users share a field.
 module dotyk_elasticity_vector_field
@@ -18,14 +18,19 @@ module dotyk_elasticity_vector_field
   type, public :: vector_field_t
     !> Components without a formula (3) [any].
     real(dp) :: value(3) = 0
-    !> Whether no component has a formula.
+    !> Whether the field is constant: no component has a formula, and it is not affine.
     logical :: constant = .true.
+    !> Derivatives of the components of an affine field by the coordinates (3, 3) [any/length].
+    real(dp), private :: slope(3, 3) = 0
+    !> Where an affine field has the constant components (3) [length].
+    real(dp), private :: origin(3) = 0
     !> Formulas of the components; not set where the component is constant (3).
     type(formula_t) :: formula(3)
     !> Their texts, for messages; not allocated where the component is constant (3).
     type(text_t), private :: text(3)
   contains
     procedure :: init => vector_field_init
+    procedure :: init_affine => vector_field_init_affine
     procedure :: evaluate => vector_field_evaluate
     procedure :: destroy => vector_field_destroy
   end type vector_field_t
@@ -61,6 +66,19 @@ contains
     end do
   end subroutine vector_field_init
 
+  !> An affine field that vanishes at a point.
+  subroutine vector_field_init_affine(self, slope, origin)
+    class(vector_field_t), intent(inout) :: self
+    !> Derivatives of the components by the coordinates (3, 3) [any/length].
+    real(dp), intent(in) :: slope(3, 3)
+    !> The point (3) [length].
+    real(dp), intent(in) :: origin(3)
+    call self%destroy()
+    self%slope = slope
+    self%origin = origin
+    self%constant = .false.
+  end subroutine vector_field_init_affine
+
   !> Value of the field at a point.
   subroutine vector_field_evaluate(self, x, value, error)
     class(vector_field_t), intent(in) :: self
@@ -76,8 +94,10 @@ contains
     if (self%constant) return
     position = 0
     position(:size(x)) = x
+    value = value + matmul(self%slope, position - self%origin)
     do i = 1, 3
-      if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(position)
+      if (.not. self%formula(i)%is_set()) cycle
+      value(i) = self%formula(i)%evaluate(position)
       if (.not. is_too_large(value(i))) cycle
       !$omp critical (message)
       call set_error(error, 'formula '//to_text(i)//', '//quoted(self%text(i)%s)//', is '//to_text(value(i))//' at '// &
@@ -96,6 +116,8 @@ contains
       call self%formula(i)%destroy()
     end do
     self%value = 0
+    self%slope = 0
+    self%origin = 0
     self%constant = .true.
   end subroutine vector_field_destroy
 

@@ -26,6 +26,7 @@ contains
     material%line = group%line
     material%name = text_of(group, 'name')
     material%young_formula = text_of(group, 'young_formula')
+    material%density = real_of(group, 'density')
     call read_expansion(group, problems, material)
     if (is_given(group, 'stiffness')) then
       material%kind = material_anisotropic

@@ -1,16 +1,17 @@
 !> Reads `&support` and `&load` from checked groups.
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: load_force_density, load_local_traction, load_names, load_pressure
+  use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_force_density, load_local_traction, &
+    load_names, load_pressure
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
-  use dotyk_input_case, only: load_input_t, support_input_t
+  use dotyk_input_case, only: body_input_t, load_input_t, material_input_t, scene_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, report, text_of, texts_of
   use dotyk_input_wildcards, only: names_several, refer_to_bodies
   implicit none
   private
-  public :: read_support, read_load
+  public :: check_densities, read_support, read_load
 
 contains
 
@@ -71,13 +72,13 @@ contains
   end subroutine refuse_values_not_fixed
 
   !> Read `&load`.
-  subroutine read_load(group, bodies, dimension, problems, load, matched)
+  subroutine read_load(group, bodies, scene, problems, load, matched)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
+    !> The scene, for its dimension and analysis.
+    type(scene_input_t), intent(in) :: scene
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     !> The load, without a body; incomplete where the group has mistakes.
@@ -114,20 +115,81 @@ contains
       return
     end if
     key = kinds(load%kind)%s
-    if (load%kind == load_force_density) then
+    if (load%kind == load_force_density .or. load%kind == load_angular_velocity) then
       if (is_given(group, 'surface')) &
-        call report(problems, group, 'surface', 'surface does not go together with force_density')
+        call report(problems, group, 'surface', 'surface does not go together with '//key)
     else if (.not. is_given(group, 'surface')) then
       call problems%add(group%line, '&load: ''surface'' is missing')
     end if
-    if (load%kind == load_pressure) then
+    if (is_given(group, 'centre') .and. load%kind /= load_angular_velocity) &
+      call report(problems, group, 'centre', 'centre means nothing without angular_velocity')
+    if (load%kind == load_angular_velocity) then
+      call read_rotation(group, scene, problems, load)
+    else if (load%kind == load_pressure) then
       load%value(1) = real_of(group, key)
       call texts_of(group, key//'_formula', load%formula)
     else
-      call read_vector(group, key, load%kind == load_local_traction, dimension, problems, load%value)
-      call read_formulas(group, key//'_formula', load%kind == load_local_traction, dimension, problems, load%formula)
+      call read_vector(group, key, load%kind == load_local_traction, scene%dimension, problems, load%value)
+      call read_formulas(group, key//'_formula', load%kind == load_local_traction, scene%dimension, problems, &
+                         load%formula)
     end if
   end subroutine read_load
+
+  !> Read angular velocity and centre.
+  subroutine read_rotation(group, scene, problems, load)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> The scene, for its dimension and analysis.
+    type(scene_input_t), intent(in) :: scene
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> Gets both.
+    type(load_input_t), intent(inout) :: load
+    character, parameter :: name(3) = ['x', 'y', 'z']
+    real(dp), allocatable :: numbers(:)
+    integer :: axis
+    axis = merge(2, 3, scene%analysis == analysis_axisymmetric)
+    call reals_of(group, 'angular_velocity', numbers)
+    if (size(numbers) == 3) then
+      load%value = numbers
+      load%value(axis) = 0
+      if (scene%dimension == 2 .and. any(abs(load%value) > 0)) &
+        call report(problems, group, 'angular_velocity', 'angular_velocity must be about '//name(axis)// &
+                    ' in this analysis: its other components are 0')
+      load%value = numbers
+    else if (size(numbers) == 1 .and. scene%dimension == 2) then
+      load%value(axis) = numbers(1)
+    else if (is_usable(group, 'angular_velocity')) then
+      call report(problems, group, 'angular_velocity', 'angular_velocity needs '// &
+                  trim(merge('1 or 3 values                ', '3 values in three dimensions ', &
+                             scene%dimension == 2))//', got '//to_text(size(numbers)))
+    end if
+    call read_vector(group, 'centre', .false., scene%dimension, problems, load%centre)
+    if (is_given(group, 'centre') .and. scene%analysis == analysis_axisymmetric) &
+      call report(problems, group, 'centre', 'axisymmetric bodies rotate about their axis: remove centre')
+  end subroutine read_rotation
+
+  !> Report bodies without a density that a load needs.
+  subroutine check_densities(load, body, material, problems)
+    !> Loads of bodies (n_loads).
+    type(load_input_t), intent(in) :: load(:)
+    !> The bodies (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> The materials (n_materials).
+    type(material_input_t), intent(in) :: material(:)
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    integer :: i
+    do i = 1, size(load)
+      if (load(i)%kind /= load_angular_velocity .or. load(i)%body == 0) cycle
+      associate (m => body(load(i)%body)%material)
+        if (m == 0) cycle
+        if (.not. material(m)%density > 0) &
+          call problems%add(load(i)%line, '&load: the material '//shown(material(m)%name)//' of body '// &
+                            shown(body(load(i)%body)%name)//' has no density')
+      end associate
+    end do
+  end subroutine check_densities
 
   !> Read a vector with three components from two or three numbers.
   subroutine read_vector(group, key, local, dimension, problems, vector)

@@ -59,6 +59,8 @@ module dotyk_input_case
     real(dp) :: stiffness(21) = 0
     !> Modulus field: factor of the elasticity matrix; empty where there is none.
     character(:), allocatable :: young_formula
+    !> Density; 0 where it is not given [mass/volume].
+    real(dp) :: density = 0
     !> Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
     real(dp) :: expansion(3) = 0
     !> Whether they are given.
@@ -113,12 +115,15 @@ module dotyk_input_case
     integer :: body = 0
     !> Whether wildcards name the body: of these bodies, those without the surface have no such load.
     logical :: any_body = .false.
-    !> Physical group of the surface, as in `support_input_t`; empty for a force density.
+    !> Physical group of the surface, as in `support_input_t`; empty for a force density and an angular
+    !> velocity.
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction
-    !> Constant value, a pressure in the first component or a vector (3) [pressure, or force/volume].
+    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume or 1/time].
     real(dp) :: value(3) = 0
+    !> A point on the axis of an angular velocity (3) [length].
+    real(dp) :: centre(3) = 0
     !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
   end type load_input_t

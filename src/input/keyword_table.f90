@@ -36,9 +36,10 @@ contains
                       "&support body='block', surface='bottom', fix='xyz' /"//lf// &
                       "&support body='ball', surface='cut', fix='n', value=0,0,-3e-5 /")
     groups(5) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
-                      'force_density or their formulas', &
+                      'force_density or their formulas, or angular_velocity', &
                       "&load body='block', surface='side', pressure=1e6 /"//lf// &
-                      "&load body='block', force_density_formula='0', '0', '-7850*9.81' /")
+                      "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
+                      "&load body='disc', angular_velocity=0,0,314, centre=0.2,0,0 /")
     groups(6) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
                       'its material expands; exactly one of value and formula', &
                       "&temperature body='ring', value=120 /"//lf// &
@@ -139,6 +140,8 @@ contains
                   'of its axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
     call list%add('young_formula', kind_formula, &
                   'modulus field: dimensionless factor of the elasticity matrix as a formula')
+    call list%add('density', kind_real, unit='mass/volume', positive=.true., &
+                  meaning='density, for angular_velocity of &load')
     call list%add('expansion', kind_real, most=3, unit='1/temperature', &
                   meaning='coefficient of thermal expansion; orthotropic or anisotropic: one, or three along the '// &
                   'axes 1, 2, 3')
@@ -212,7 +215,8 @@ contains
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support')
     call list%add('surface', kind_text, &
-                  'physical group of the surface, with wildcards as in &support; not with force_density')
+                  'physical group of the surface, with wildcards as in &support; not with force_density and '// &
+                  'angular_velocity')
     call list%add('traction', kind_real, least=2, most=3, unit='pressure', &
                   meaning='force per area in global axes')
     call list%add('pressure', kind_real, unit='pressure', &
@@ -229,6 +233,12 @@ contains
                   meaning='local_traction as formulas')
     call list%add('force_density_formula', kind_formula, least=2, most=3, unit='force/volume', &
                   meaning='force_density as formulas')
+    call list%add('angular_velocity', kind_real, most=3, unit='1/time', &
+                  meaning='rotation about an axis through centre, in radians per time: the centrifugal force, '// &
+                  'density times angular_velocity squared times the distance from the axis; one value in two '// &
+                  'dimensions: about z, in axisymmetry about the axis y')
+    call list%add('centre', kind_real, least=2, most=3, unit='length', &
+                  meaning='a point on the axis of angular_velocity; the origin if absent; not in axisymmetry')
   end subroutine add_load
 
   !> Keys of `&temperature`.

@@ -5,7 +5,7 @@ module dotyk_input_parse
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_bodies, only: read_body, read_material
   use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
-  use dotyk_input_boundary, only: read_load, read_support
+  use dotyk_input_boundary, only: check_densities, read_load, read_support
   use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
@@ -149,7 +149,7 @@ contains
     call pick_groups(groups, 'load', picked)
     allocate (load(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, load(i), matched)
+      call read_load(groups(picked(i)), bodies, case%scene, problems, load(i), matched)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%load(size(group_of)))
@@ -157,6 +157,7 @@ contains
       case%load(i) = load(group_of(i))
       case%load(i)%body = body_of(i)
     end do
+    call check_densities(case%load, case%body, case%material, problems)
     deallocate (group_of, body_of)
     call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)
     call read_initial_stresses(groups, bodies, case%scene, problems, case%initial_stress)

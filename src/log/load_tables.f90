@@ -9,6 +9,7 @@ module dotyk_log_load_tables
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
     notable_difference
   use dotyk_input_case, only: case_t
+  use dotyk_log_initial_states, only: show_initial_states
   implicit none
   private
   public :: show_loads
@@ -40,6 +41,7 @@ contains
       end do
     end do
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more load'))
+    call show_initial_states(log, problem%body)
     call warn_of_formulas(log, case, problem)
   end subroutine show_loads
 

@@ -3,7 +3,7 @@
 module dotyk_model_body_loads
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: load_force_density
+  use dotyk_base_options, only: load_angular_velocity, load_force_density, load_names, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
@@ -22,7 +22,7 @@ contains
   pure logical function acts_on_surface(given)
     !> `&load`.
     type(load_input_t), intent(in) :: given
-    acts_on_surface = given%kind /= load_force_density
+    acts_on_surface = .not. any(given%kind == [load_force_density, load_angular_velocity])
   end function acts_on_surface
 
   !> Add one load.
@@ -40,14 +40,16 @@ contains
     load%kind = given%kind
     load%value = given%value
     load%formula = given%formula
+    load%centre = given%centre
+    load%density = body%material%density
     before = body%load
-    if (load%kind == load_force_density) then
+    if (.not. acts_on_surface(given)) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
       ! Each rank has other elements of a body in parts.
       if (body%mesh%is_in_parts()) call agree_on_error(error)
       if (allocated(error)) return
-      if (size(load%formula) == 0) body%density = body%density + load%value
-      call note_resultant(body, body%load - before, 'force_density')
+      if (load%kind == load_force_density .and. size(load%formula) == 0) body%density = body%density + load%value
+      call note_resultant(body, body%load - before, option_name(load_names, load%kind))
       call note_difference(body, 'the force density', difference_in_volume(body%mesh, load%formula))
     else
       call add_surface_load(body%mesh, body%analysis, surface, load, body%load, error, body%applied)

@@ -8,6 +8,7 @@ module dotyk_model_initial_states
   use dotyk_elasticity_initial_state, only: initial_state_t
   use dotyk_elasticity_initial_stress, only: add_initial_forces
   use dotyk_elasticity_load_report, only: difference_in_volume
+  use dotyk_elasticity_part_sums, only: greatest_of_parts
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_input_case, only: field_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -29,15 +30,20 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(initial_state_t) :: state
     real(dp), allocatable :: value(:, :)
+    real(dp) :: extremes(2)
     call check_expansion(body, error)
     if (allocated(error)) return
     call evaluate(body%mesh, given, 1, value, error)
     if (.not. allocated(error)) then
       state%temperature = value(1, :)
       body%initial%temperature = state%temperature
+      extremes = [-minval(value), maxval(value)]
       call add_initial_forces(body%mesh, body%analysis, body%material, state, body%load, error)
     end if
     call finish(body, 'the temperature', given%formula, error)
+    if (allocated(error)) return
+    call greatest_of_parts(body%mesh, extremes)
+    body%initial%range = [-extremes(1), extremes(2)]
   end subroutine add_temperature
 
   !> Add an initial stress.

@@ -35,6 +35,7 @@ contains
     if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
     if (allocated(error)) return
     if (locking /= locking_ignore) call material%project_dilatation()
+    material%density = given%density
     material%expansion(1:3) = given%expansion
     ! Equal ones are the same in all axes, to the bit.
     if (all(abs(given%expansion - given%expansion(1)) <= 0)) return

@@ -353,6 +353,9 @@ class Thermal(Case):
     def test_messages(self):
         self.refuse("&temperature: the material 'steel' of body 'block' has no expansion",
                     "&temperature body='block', value=20 /", given="&material name='steel', young=1, poisson=0 /")
+        self.solve("hex8", self.scene("3d", "&support body='block', surface='bottom', fix='xyz' /",
+                                      "&temperature body='block', formula='20 + 60*x' /"))
+        self.assertRegex(self.log, "\n  block +20 to 80\n")
         self.refuse("&temperature: 'value' or 'formula' is missing", "&temperature body='block' /")
         self.refuse("&temperature: value and formula are both given", "&temperature body='block', value=1, formula='x' /")
         self.refuse("&temperature: a second &temperature of body 'block' (the first is in line 5)",
