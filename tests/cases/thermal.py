@@ -250,6 +250,23 @@ class Thermal(Case):
                 np.testing.assert_allclose(stress[:, d - 1], -pressure, rtol=1e-8)
                 self.assertLess(file["dotyk/summary"].attrs["error_discretization"], 1e-8)
 
+    def test_nothing_moves(self):
+        """Two blocks between walls, equally hot: the stress of the expansion, where displacements are rounding."""
+        for kind in "hex8", "tet10":
+            self.write("lower.geo", blocks.block_geo(kind, 2))
+            self.write("upper.geo", blocks.block_geo(kind, 3, (0, 0, 1)))
+            text = blocks.column_nml(3, solver="theta=0").replace("-%r" % blocks.SHORTENING, "0")
+            for young, poisson in blocks.LOWER, blocks.UPPER:
+                text = text.replace("young=%r, poisson=%r" % (young, poisson),
+                                    "young=%r, poisson=%r, expansion=%r" % (YOUNG, POISSON, EXPANSION))
+            self.write("column.nml", text + "&temperature body='*', value=%r /\n" % HEAT)
+            self.dotyk("column.nml")
+            with self.results("column.vtkhdf") as file:
+                np.testing.assert_allclose(file["dotyk/contact/joint/pressure_projected"][:],
+                                           YOUNG * STRAIN / (1 - 2 * POISSON), rtol=1e-9)
+                np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:, :3], -YOUNG * STRAIN / (1 - 2 * POISSON),
+                                           rtol=1e-9)
+
     def test_shrink_fit(self):
         """A hot inner tube presses as one that is larger by its free expansion."""
         overlap = 1.5 * STRAIN
