@@ -178,13 +178,13 @@ class Split(RankCase):
         self.assertLessEqual(int(re.search(r"displacements +(\d+) active sets", printed)[1]), 10)
 
     def test_heated_bodies(self):
-        """A warm block with an initial stress under a floating one that heats up: each rank has temperatures and stresses of its part."""
-        hot = [line.replace("name='", "expansion=1e-3, name='") if line.startswith("&material") else line for line in MATERIALS]
+        """A warm block with an initial stress, which rotates, under a floating one that heats up: each rank has temperatures and stresses of its part."""
+        hot = [line.replace("name='", "expansion=1e-3, density=0.1, name='") if line.startswith("&material") else line for line in MATERIALS]
         lines = [*hot, self.body("lower", block_geo("tet10", (5, 5, 3), (0, 0, 0), (2, 2, 1)), "soft"),
                  self.body("upper", block_geo("hex8", (6, 6, 4), (0.3, 0.3, 1), (1.4, 1.4, 0.5)), "steel"),
                  "&support body='lower', surface='bottom', fix='xyz' /", "&temperature body='upper', formula='3 + 4*x*y - z' /",
                  "&temperature body='lower', value=2 /", "&initial_stress body='lower', formula='0.01*z','0','0.02*x','0','0','0.01' /",
-                 "&load body='upper', surface='top', traction_formula='0','0','-0.1*(1+x)' /",
+                 "&load body='upper', surface='top', traction_formula='0','0','-0.1*(1+x)' /", "&load body='lower', angular_velocity=0,0.2,0.5 /",
                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
         self.compare(self.write("case.nml", "\n".join(lines)))
         stress, error = [], []
