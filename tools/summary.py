@@ -2,8 +2,10 @@
 """Prints what a results file says of the run: how it was made, how it converged, the contacts, the time.
 
 usage: tools/summary.py FILE.vtkhdf ...      --input: the input text too
+       tools/summary.py --csv contacts|supports|loads|bodies FILE.vtkhdf ...      one table, comma-separated
 """
 import argparse
+import csv
 import os
 import sys
 
@@ -59,12 +61,55 @@ def print_file(path, with_input):
             print("input\n" + text_of(results.run["input"]))
 
 
+def csv_rows(path, table):
+    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads or bodies."""
+    with h5py.File(path, "r") as file:
+        own = file["dotyk"]
+        columns, rows = ["file"], []
+        if table == "contacts":
+            names, sources = list(own["contact"]), [dict(group.attrs) for group in own["contact"].values()]
+        else:
+            names = text_of(own[table].attrs["names"]).split("\n") if "names" in own[table].attrs else []
+            names = names if names != [""] else []
+            arrays = {name: array[()] for name, array in own[table].items()}
+            sources = [{name: array[i] for name, array in arrays.items()} for i in range(len(names))]
+        columns.append("name")
+        for name, source in zip(names, sources):
+            row = [path, name]
+            for key in sorted(source, key=lambda key: (key != "body", not key.endswith("force"), key)):
+                values = np.atleast_1d(source[key])
+                if len(columns) < len(row) + len(values):
+                    columns += [key] if len(values) == 1 else [key + "_" + axis for axis in "xyz"]
+                row += ["%.12g" % (value + 0.0) for value in values]  # no -0
+            rows.append(row)
+    return columns, rows
+
+
+def print_csv(paths, table):
+    """The table of all files, with one line of titles."""
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    titles = None
+    for path in paths:
+        columns, rows = csv_rows(path, table)
+        if rows and titles is None:
+            titles = columns
+            writer.writerow(titles)
+        writer.writerows(rows)
+
+
 def main():
     """Parse and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--input", action="store_true", help="print the input text too")
+    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "bodies"),
+                        help="print one table, comma-separated: forces, moments, areas, extremes")
     options = parser.parse_args()
+    if options.csv:
+        try:
+            return print_csv(options.files, options.csv)
+        except (OSError, KeyError) as reason:
+            sys.exit("summary: not a results file: %s" % reason)
     for path in options.files:
         try:
             print_file(path, options.input)

@@ -19,6 +19,8 @@ module dotyk_control_body_solution
     !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked, and
     !> on ranks that do not compute the body.
     real(dp), allocatable :: stress(:, :)
+    !> Strain energy of the own elements, where the stress is allocated [energy].
+    real(dp) :: strain_energy = 0
   end type body_solution_t
 
   public :: recover_bodies, share_solution
@@ -125,7 +127,7 @@ contains
       end do
       if (.not. want_stress) return
       allocate (solution%stress(6, body%mesh%n_elements()))
-      call element_stress(body, solution%displacement, solution%stress)
+      call element_stress(body, solution%displacement, solution%stress, solution%strain_energy)
     end associate
   end subroutine recover_body
 end module dotyk_control_body_solution

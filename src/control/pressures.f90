@@ -3,8 +3,10 @@ module dotyk_control_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
-  use dotyk_contact_pair, only: pair_force
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
   use dotyk_contact_pressure_projection, only: pressure_projection_t
+  use dotyk_control_contact_fields, only: add_contact_fields, contact_fields_t
   use dotyk_control_contact_problem, only: contact_problem_t
   implicit none
   private
@@ -24,6 +26,20 @@ module dotyk_control_pressures
     !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of the
     !> Neumann scheme decay on rows that have opened, but do not vanish.
     integer :: n_active = 0
+    !> Moment on body a about the origin; 0 in axisymmetric analyses (3) [force length].
+    real(dp) :: moment(3) = 0
+    !> Centre of pressure, see `pair_resultant_t`; NaN where there is none (3) [length].
+    real(dp) :: centre(3) = 0
+    !> Sum of the weights of active rows [as the weights].
+    real(dp) :: area = 0
+    !> Greatest projected pressure [pressure].
+    real(dp) :: peak = 0
+    !> Position of its row (3) [length].
+    real(dp) :: peak_position(3) = 0
+    !> Least gap [length].
+    real(dp) :: least_gap = 0
+    !> Position of its row (3) [length].
+    real(dp) :: gap_position(3) = 0
   end type pair_solution_t
 
   !> One number per node of a body.
@@ -37,7 +53,7 @@ module dotyk_control_pressures
 contains
 
   !> Pressures of all pairs. A node on several pairs gets the sum.
-  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error)
+  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields)
     !> Bodies, pairs and their surfaces.
     type(contact_problem_t), intent(in) :: problem
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
@@ -52,24 +68,37 @@ contains
     type(nodal_field_t), allocatable, intent(out) :: nodal(:)
     !> Allocated where the mass matrix of a surface cannot be factorized; names the pair.
     type(error_t), allocatable, intent(out) :: error
+    !> Tractions, gaps and contact status at the nodes (n_bodies).
+    type(contact_fields_t), allocatable, intent(out), optional :: fields(:)
     type(pressure_projection_t) :: projection
+    type(pair_resultant_t) :: resultant
     real(dp), allocatable :: on_a(:), on_b(:)
+    logical, allocatable :: active(:)
     integer :: k, b, first, last
     allocate (solution(size(problem%pair)), nodal(size(problem%body)))
     do b = 1, size(problem%body)
       allocate (nodal(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
     end do
+    if (present(fields)) then
+      allocate (fields(size(problem%body)))
+      do b = 1, size(problem%body)
+        call fields(b)%init(problem%body(b)%dimension, problem%body(b)%mesh%n_nodes())
+      end do
+    end if
     do k = 1, size(problem%pair)
       first = first_row(k)
       last = first_row(k + 1) - 1
       solution(k)%pressure = m(first:last)
       solution(k)%gap = -y(first:last)
-      solution(k)%force = pair_force(problem%pair(k), solution(k)%pressure)
-      if (problem%body(problem%pair(k)%body_a)%analysis == analysis_axisymmetric) then
-        solution(k)%radial_force = solution(k)%force(1)
-        solution(k)%force(1) = 0
-      end if
-      solution(k)%n_active = count(merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0)
+      resultant = pair_resultant(problem%pair(k), problem%body(problem%pair(k)%body_a)%analysis == &
+                                 analysis_axisymmetric, solution(k)%pressure)
+      solution(k)%force = resultant%force
+      solution(k)%radial_force = resultant%radial
+      solution(k)%moment = resultant%moment
+      solution(k)%centre = resultant%centre
+      active = merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0
+      solution(k)%n_active = count(active)
+      solution(k)%area = sum(problem%pair(k)%row_weight, mask=active)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), &
@@ -77,10 +106,30 @@ contains
       call projection%project(problem%pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
       call add_at(nodal(problem%pair(k)%body_a)%value, projection%side_a%node, on_a)
       call add_at(nodal(problem%pair(k)%body_b)%value, projection%side_b%node, on_b)
+      call find_extremes(problem%pair(k), solution(k))
+      if (present(fields)) &
+        call add_contact_fields(problem%pair(k), problem%surface_a(k), projection, on_a, on_b, solution(k)%gap, &
+                                active, fields(problem%pair(k)%body_a), fields(problem%pair(k)%body_b))
       call projection%destroy()
       deallocate (on_a, on_b)
     end do
   end subroutine project_pressures
+
+  !> Greatest pressure and least gap of a pair, and where they are.
+  pure subroutine find_extremes(pair, solution)
+    !> Contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Its projected pressures and gaps in, the extremes out.
+    type(pair_solution_t), intent(inout) :: solution
+    integer :: i
+    if (pair%n_rows == 0) return
+    i = maxloc(solution%projected, 1)
+    solution%peak = solution%projected(i)
+    solution%peak_position(:pair%dimension) = pair%row_position(:, i)
+    i = minloc(solution%gap, 1)
+    solution%least_gap = solution%gap(i)
+    solution%gap_position(:pair%dimension) = pair%row_position(:, i)
+  end subroutine find_extremes
 
   !> total(node) += value.
   pure subroutine add_at(total, node, value)

@@ -81,7 +81,8 @@ contains
         do k = 1, problem%modes(b)%n
           solution(b)%displacement = solution(b)%displacement + alpha(first(b) + k - 1)*problem%modes(b)%shape(:, :, k)
         end do
-        if (allocated(solution(b)%stress)) call element_stress(body, solution(b)%displacement, solution(b)%stress)
+        if (allocated(solution(b)%stress)) &
+          call element_stress(body, solution(b)%displacement, solution(b)%stress, solution(b)%strain_energy)
       end associate
     end do
     call share_errors(problem%ranks%owner, failed)

@@ -5,16 +5,18 @@ module dotyk_driver_results
   use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: counted
+  use dotyk_control_balance, only: balance_t, find_balance
+  use dotyk_control_contact_fields, only: contact_fields_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_results_fields, only: write_fields
-  use dotyk_driver_results_groups, only: write_pairs, write_provenance, write_timing
+  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_timing
   use dotyk_driver_results_summary, only: write_summary
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
+  use dotyk_log_force_tables, only: show_balance, show_pair_results
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_summary, only: show_pair_results
   use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results_file, only: results_file_t
   use dotyk_ranks_communication, only: this_rank
@@ -58,22 +60,32 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(nodal_field_t), allocatable :: contact_pressure(:)
+    type(contact_fields_t), allocatable :: contact(:)
+    type(balance_t) :: balance
     type(results_file_t) :: file
+    integer :: b
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
       call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
-                             contact_pressure, error)
+                             contact_pressure, error, contact)
       if (allocated(error)) return
       call refuse_overflow(case, problem, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
-      if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
+      if (all([(allocated(displacements(b)%displacement), b=1, size(displacements))])) &
+        call find_balance(problem, solution%qp, solution%state%m, displacements, case%output%reaction, balance, error)
+      if (allocated(error)) return
+      if (solution%state%ended /= ended_time) then
+        call show_pair_results(monitor%log, problem%pair, pair_solution)
+        call show_balance(monitor%log, problem%body, balance)
+      end if
       call monitor%watch%lap(monitor%timing%recover)
       monitor%timing%total = monitor%watch%since_start()
       call set_stage('writing results')
-      call write_fields(file, case, problem%body, problem%ranks, displacements, contact_pressure, solution%budget, &
-                        solution%penetration, error)
+      call write_fields(file, case, problem%body, problem%ranks, displacements, contact_pressure, contact, balance, &
+                        solution%budget, solution%penetration, error)
       if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
+      call write_forces(file, problem%body, balance)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)
       call write_provenance(file, case, threads, monitor%watch%date)

@@ -3,8 +3,10 @@
 module dotyk_driver_results_fields
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_control_balance, only: balance_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_fields, only: contact_fields_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_mesh_error, only: element_field_t
   use dotyk_control_penetration_check, only: penetration_check_t
@@ -23,7 +25,8 @@ module dotyk_driver_results_fields
 contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, case, body, ranks, solution, contact_pressure, budget, penetration, error)
+  subroutine write_fields(file, case, body, ranks, solution, contact_pressure, contact, balance, budget, &
+                          penetration, error)
     !> Results file; open on return, on the first rank.
     type(results_file_t), intent(inout) :: file
     !> The case, with the fields to write.
@@ -36,6 +39,10 @@ contains
     type(body_solution_t), intent(in) :: solution(:)
     !> Contact pressures at the nodes of the bodies (n_bodies).
     type(nodal_field_t), intent(in) :: contact_pressure(:)
+    !> Contact tractions, gaps and status there (n_bodies).
+    type(contact_fields_t), intent(in) :: contact(:)
+    !> Reactions of the supports, if they are known.
+    type(balance_t), intent(in) :: balance
     !> Error budget, with the discretization errors of the elements.
     type(error_budget_t), intent(in) :: budget
     !> Outcome of the check of the deformed bodies against each other.
@@ -45,8 +52,8 @@ contains
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     type(whole_body_fields_t) :: fields
     type(body_mesh_t) :: mesh
-    real(dp), allocatable :: values(:, :), nodal(:), mises(:)
-    integer :: b, e
+    real(dp), allocatable :: values(:, :), vectors(:, :), nodal(:), mises(:)
+    integer :: b, e, k
     do b = 1, size(body)
       n_points(b) = body(b)%mesh%n_whole_nodes()
       n_cells(b) = body(b)%mesh%n_whole_elements()
@@ -54,7 +61,8 @@ contains
     end do
     if (this_rank() == 0) &
       call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
-                       case%output%stress, case%output%contact, case%output%error, error)
+                       case%output%stress, case%output%contact, case%output%error, &
+                       case%output%reaction, error)
     ! All ranks take part to the end, even where the first one cannot write.
     do b = 1, size(body)
       call fields%init(body(b), ranks, b)
@@ -69,6 +77,21 @@ contains
         if (may_write()) call file%write_nodal_field(b, 'contact_pressure', nodal, error)
         if (penetration%is_done) call fields%of_surface(penetration%depth(b)%value, nodal)
         if (penetration%is_done .and. may_write()) call file%write_nodal_field(b, 'penetration', nodal, error)
+        allocate (vectors(size(contact(b)%traction, 1), size(nodal)))
+        do k = 1, size(vectors, 1)
+          call fields%of_surface(contact(b)%traction(k, :), nodal)
+          vectors(k, :) = nodal
+        end do
+        if (may_write()) call file%write_nodal_field(b, 'contact_traction', vectors, error)
+        deallocate (vectors)
+        call fields%of_surface(contact(b)%gap, nodal)
+        if (may_write()) call file%write_nodal_field(b, 'contact_gap', nodal, error)
+        call fields%of_surface(real(contact(b)%status, dp), nodal)
+        if (may_write()) call file%write_nodal_field(b, 'contact_status', nint(nodal), error)
+      end if
+      if (case%output%reaction) then
+        call fields%of_nodes(reactions_of(b), values)
+        if (may_write()) call file%write_nodal_field(b, 'reaction_force', values, error)
       end if
       if (case%output%stress) then
         call fields%of_elements(stress_of(solution(b)), values)
@@ -88,6 +111,16 @@ contains
     logical function may_write()
       may_write = this_rank() == 0 .and. .not. allocated(error)
     end function may_write
+
+    !> Reactions at the nodes that this rank holds; 0 where other ranks compute the body (dim, n_nodes) [force].
+    function reactions_of(b) result(reaction)
+      !> Index of the body.
+      integer, intent(in) :: b
+      real(dp), allocatable :: reaction(:, :)
+      allocate (reaction(body(b)%dimension, body(b)%mesh%n_nodes()), source=0.0_dp)
+      if (.not. allocated(balance%body)) return
+      if (allocated(balance%body(b)%nodal)) reaction = balance%body(b)%nodal
+    end function reactions_of
   end subroutine write_fields
 
   !> Stresses that this rank has (6, n_elements) [pressure].

@@ -1,11 +1,15 @@
 !> Groups of the results file: contact pairs, provenance and timing (docs/results.md). Fields are in
 !> `dotyk_driver_results_fields`, summary and history in `dotyk_driver_results_summary`.
 module dotyk_driver_results_groups
+  use dotyk_base_kinds, only: dp
   use dotyk_base_version, only: version, compiler, build_type
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_balance, only: balance_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_driver_arguments, only: command_line_text
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
   use dotyk_log_timing, only: timing_t
@@ -13,7 +17,7 @@ module dotyk_driver_results_groups
   use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
-  public :: write_pairs, write_provenance, write_timing
+  public :: write_forces, write_pairs, write_provenance, write_timing
 
 contains
 
@@ -44,11 +48,125 @@ contains
       call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
       call file%put_attribute(group, 'force', pair_solution(k)%force)
       call file%put_attribute(group, 'radial_force', pair_solution(k)%radial_force)
+      call file%put_attribute(group, 'moment', pair_solution(k)%moment)
+      call file%put_attribute(group, 'centre_of_pressure', pair_solution(k)%centre)
+      call file%put_attribute(group, 'active', pair_solution(k)%n_active)
+      call file%put_attribute(group, 'contact_area', pair_solution(k)%area)
+      call file%put_attribute(group, 'peak_pressure', pair_solution(k)%peak)
+      call file%put_attribute(group, 'peak_position', pair_solution(k)%peak_position)
+      call file%put_attribute(group, 'least_gap', pair_solution(k)%least_gap)
+      call file%put_attribute(group, 'gap_position', pair_solution(k)%gap_position)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
       call file%put_attribute(group, 'layer', pair(k)%is_layer)
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
+
+  !> Forces on the bodies: loads and supports one by one, and sums by bodies with strain energies.
+  subroutine write_forces(file, body, balance)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> Bodies, with the resultants of their loads (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Forces on them, if they are known.
+    type(balance_t), intent(in) :: balance
+    type(load_resultant_t), allocatable :: all(:)
+    integer, allocatable :: of(:)
+    character(:), allocatable :: names
+    integer :: b
+    names = ''
+    do b = 1, size(body)
+      if (b > 1) names = names//new_line('a')
+      names = names//body(b)%name
+    end do
+    call file%put_attribute('bodies', 'names', names)
+    call begin(sum([(n_loads(body(b)), b=1, size(body))]))
+    do b = 1, size(body)
+      if (n_loads(body(b)) > 0) call take(b, body(b)%resultant)
+    end do
+    call write_resultants('loads')
+    if (.not. allocated(balance%body)) return
+    call begin(sum([(size(balance%body(b)%support), b=1, size(body))]))
+    do b = 1, size(body)
+      call take(b, balance%body(b)%support)
+    end do
+    call write_resultants('supports')
+    call file%put_array('bodies', 'strain_energy', balance%body%energy)
+    call write_sums('load', balance%body%load)
+    call write_sums('contact', balance%body%contact)
+    call write_sums('reaction', balance%body%reaction)
+    call file%put_attribute('bodies', 'force_error', balance%force_error)
+    call file%put_attribute('bodies', 'moment_error', balance%moment_error)
+
+  contains
+
+    !> Make room.
+    subroutine begin(n)
+      !> Number of resultants.
+      integer, intent(in) :: n
+      if (allocated(all)) deallocate (all, of)
+      allocate (all(n))
+      allocate (of(n), source=0)
+    end subroutine begin
+
+    !> Take the resultants of a body.
+    subroutine take(b, resultant)
+      !> Index of the body.
+      integer, intent(in) :: b
+      !> Its resultants (n).
+      type(load_resultant_t), intent(in) :: resultant(:)
+      integer :: i, first
+      first = count(of > 0)
+      do i = 1, size(resultant)
+        all(first + i) = resultant(i)
+        of(first + i) = b
+      end do
+    end subroutine take
+
+    !> Write the resultants `all` of the bodies `of`.
+    subroutine write_resultants(group)
+      !> Name of their group.
+      character(*), intent(in) :: group
+      integer :: i
+      names = ''
+      do i = 1, size(all)
+        if (i > 1) names = names//new_line('a')
+        names = names//body(of(i))%name//':'//all(i)%place
+      end do
+      call file%put_attribute(group, 'names', names)
+      call file%put_array(group, 'body', of)
+      call file%put_array(group, 'force', columns([(all(i)%force, i=1, size(all))]))
+      call file%put_array(group, 'moment', columns([(all(i)%moment, i=1, size(all))]))
+      call file%put_array(group, 'radial_force', [(all(i)%radial, i=1, size(all))])
+    end subroutine write_resultants
+
+    !> Write one resultant of each body.
+    subroutine write_sums(kind, resultant)
+      !> What it sums up.
+      character(*), intent(in) :: kind
+      !> The resultants (n_bodies).
+      type(load_resultant_t), intent(in) :: resultant(:)
+      integer :: i
+      call file%put_array('bodies', kind//'_force', columns([(resultant(i)%force, i=1, size(resultant))]))
+      call file%put_array('bodies', kind//'_moment', columns([(resultant(i)%moment, i=1, size(resultant))]))
+    end subroutine write_sums
+
+    !> Vectors one after the other as columns (3, n).
+    pure function columns(value)
+      !> Their components (3*n) [any].
+      real(dp), intent(in) :: value(:)
+      real(dp) :: columns(3, size(value)/3)
+      columns = reshape(value, shape(columns))
+    end function columns
+  end subroutine write_forces
+
+  !> Number of loads of a body.
+  pure integer function n_loads(body) result(n)
+    !> The body.
+    type(body_t), intent(in) :: body
+    n = 0
+    if (allocated(body%resultant)) n = size(body%resultant)
+  end function n_loads
 
   !> Version, command line, compiler, BLAS, threads and input.
   subroutine write_provenance(file, case, threads, started)

@@ -15,6 +15,7 @@ module dotyk_elasticity_body
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
+  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -39,6 +40,8 @@ module dotyk_elasticity_body
     type(material_t) :: material
     !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
+    !> Directions of its supports, for their reactions.
+    type(support_directions_t) :: directions
     !> Temperature and initial stress.
     type(initial_state_t) :: initial
     !> Nodal forces of the loads, and of the initial state, in global axes; zero where not allocated (dim, n_nodes)
@@ -189,6 +192,7 @@ contains
       constraint%prescribed = constraint%prescribed(:, node)
       constraint%frame_of = constraint%frame_of(node)
     end associate
+    call self%directions%hold_nodes(node)
     if (allocated(self%load)) self%load = self%load(:, node)
     call self%initial%hold_nodes(node)
     self%shared_node = [(i, i=1, size(node))]
@@ -286,6 +290,7 @@ contains
     call self%material%carry(parcel)
     call self%constraint%carry(parcel)
     call self%initial%carry(parcel)
+    call self%directions%carry(parcel)
     call parcel%carry(self%load)
     call self%applied%carry(parcel)
     call parcel%carry_fixed(3, self%density)

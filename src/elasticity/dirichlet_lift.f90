@@ -15,7 +15,7 @@ module dotyk_elasticity_dirichlet_lift
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: subtract_dirichlet_lift
+  public :: extract_elements, subtract_dirichlet_lift
 
 contains
 

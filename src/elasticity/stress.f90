@@ -13,20 +13,23 @@ contains
 
   !> Mean stress of each element; nearly incompressible linear elements get a smoothed pressure, which does not
   !> alternate.
-  subroutine element_stress(body, u, stress)
+  subroutine element_stress(body, u, stress, energy)
     !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
+    !> Strain energy; of the own elements where the rank holds a part of the body [energy].
+    real(dp), intent(out), optional :: energy
     type(error_t), allocatable :: error
     real(dp), allocatable :: factor(:), thermal(:)
-    real(dp) :: energy, shear(3)
+    real(dp) :: of_body, shear(3)
     integer :: e
     allocate (factor(size(stress, 2)))
-    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error, factor, &
+    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, of_body, error, factor, &
                              initial=body%initial)
+    if (present(energy)) energy = of_body
     if (allocated(body%initial%temperature)) &
       thermal = body%initial%thermal_dilatation(body%material%expansion)
     if (.not. allocated(error)) &

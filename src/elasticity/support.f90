@@ -14,6 +14,7 @@ module dotyk_elasticity_support
   use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
   use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
   use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: frame_of_normal
@@ -47,7 +48,7 @@ contains
   !> At a node on several surfaces, or on several faces of one, the conditions of all directions count. Normals of a
   !> surface, or of surfaces with the same `fix`, that are within 20 degrees are averaged; others count separately. In
   !> axisymmetric analyses nodes on the axis have no radial displacement.
-  subroutine collect_supports(mesh, analysis, supports, constraint, error)
+  subroutine collect_supports(mesh, analysis, supports, constraint, error, directions)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -58,8 +59,11 @@ contains
     type(constraint_t), intent(out) :: constraint
     !> Allocated where a formula does not parse or has no value at a node, or where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
+    !> Directions of the prescribed displacements, for reactions.
+    type(support_directions_t), intent(out), optional :: directions
     type(nodal_vector_list_t) :: conditions, faces
     type(vector_field_t) :: fields(size(supports))
+    type(text_t) :: place(size(supports))
     integer :: s
     call constraint%init(mesh%dimension, mesh%n_nodes())
     call conditions%init(mesh%dimension)
@@ -88,6 +92,11 @@ contains
     call apply_conditions(mesh, supports, conditions, constraint, error)
     if (allocated(error)) return
     call constraint%number_equations()
+    if (.not. present(directions)) return
+    do s = 1, size(supports)
+      place(s)%s = supports(s)%surface%name
+    end do
+    call directions%init(place, conditions, mesh%n_nodes())
   end subroutine collect_supports
 
   !> Add the Dirichlet conditions of a support in global axes at the nodes of its surface.

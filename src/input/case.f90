@@ -250,8 +250,10 @@ module dotyk_input_case
     logical :: displacement = .false.
     !> Whether the stress is written.
     logical :: stress = .false.
-    !> Whether the contact pressure is written.
+    !> Whether contact pressure, traction, gap and status are written.
     logical :: contact = .false.
+    !> Whether reactions of supports are written.
+    logical :: reaction = .false.
     !> Whether the discretization error of the elements is written.
     logical :: error = .false.
     !> Whether the penalty error is estimated.

@@ -12,10 +12,12 @@ module dotyk_log_load_tables
   use dotyk_log_initial_states, only: show_initial_states
   implicit none
   private
-  public :: show_loads
+  public :: show_loads, resultant_line, vector_text
 
   !> Greatest number of loads with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
+  !> Below this fraction of the size components are rounding [].
+  real(dp), parameter :: rounding = 1.0e-12_dp
 
 contains
 
@@ -37,7 +39,7 @@ contains
           call log%line('')
           call log%line('  load                 resultant')
         end if
-        if (n <= most_shown) call log%line(load_line(problem%body(b), problem%body(b)%resultant(k)))
+        if (n <= most_shown) call log%line(resultant_line(problem%body(b), problem%body(b)%resultant(k)))
       end do
     end do
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more load'))
@@ -45,36 +47,46 @@ contains
     call warn_of_formulas(log, case, problem)
   end subroutine show_loads
 
-  !> Line of one load.
-  function load_line(body, resultant) result(line)
+  !> Line of one load, or of the reaction of one support.
+  function resultant_line(body, resultant, scale) result(line)
     !> The body.
     type(body_t), intent(in) :: body
-    !> Resultant of the load.
+    !> The resultant.
     type(load_resultant_t), intent(in) :: resultant
+    !> Size of all forces and moments on the body, for what is rounding; the components themselves if absent (2)
+    !> [force, force length].
+    real(dp), intent(in), optional :: scale(2)
+    real(dp) :: largest(2)
     character(:), allocatable :: line
     character(20) :: label
+    largest = 0
+    if (present(scale)) largest = scale
     label = body%name//':'//resultant%place
-    line = '  '//label//' force '//vector(resultant%force, resultant%force)
+    line = '  '//label//' force '//vector_text(resultant%force, largest(1))
     if (body%analysis == analysis_axisymmetric) then
-      if (abs(resultant%radial) > 0) line = line//', radial '//to_text(resultant%radial, 5)//' around the circumference'
+      if (abs(resultant%radial) > rounding*largest(1)) &
+        line = line//', radial '//to_text(resultant%radial, 5)//' around the circumference'
     else if (body%dimension == 2) then
-      line = line//', moment about the origin '//to_text(resultant%moment(3), 5)
+      line = line//', moment about the origin '//&
+             to_text(merge(resultant%moment(3), 0.0_dp, abs(resultant%moment(3)) > rounding*largest(2)), 5)
     else
-      line = line//', moment about the origin '//vector(resultant%moment, resultant%moment)
+      line = line//', moment about the origin '//vector_text(resultant%moment, largest(2))
     end if
-  end function load_line
+  end function resultant_line
 
   !> A vector; components that are rounding beside the others are written as zero.
-  function vector(v, scale) result(text)
+  function vector_text(v, scale) result(text)
     !> The vector (3) [any].
     real(dp), intent(in) :: v(3)
-    !> What tells the size (3) [any].
-    real(dp), intent(in) :: scale(3)
+    !> What else tells the size; nothing if absent [as v].
+    real(dp), intent(in), optional :: scale
     character(:), allocatable :: text
-    real(dp) :: clean(3)
-    clean = merge(v, 0.0_dp, abs(v) > 1.0e-12_dp*maxval(abs(scale)))
+    real(dp) :: clean(3), largest
+    largest = maxval(abs(v))
+    if (present(scale)) largest = max(largest, scale)
+    clean = merge(v, 0.0_dp, abs(v) > rounding*largest)
     text = '('//to_text(clean(1), 5)//', '//to_text(clean(2), 5)//', '//to_text(clean(3), 5)//')'
-  end function vector
+  end function vector_text
 
   !> Warn of formulas for which two quadrature rules differ.
   subroutine warn_of_formulas(log, case, problem)

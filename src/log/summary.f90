@@ -1,17 +1,15 @@
-!> The end of the log: how the scheme ended, the error budget, contact forces, conditioning, times.
+!> The end of the log: how the scheme ended, the error budget, conditioning, times.
 module dotyk_log_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
-  use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
   use dotyk_log_doubtful_forces, only: show_doubtful_forces
@@ -23,10 +21,8 @@ module dotyk_log_summary
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
-  public :: show_solution, show_pair_results
+  public :: show_solution
 
-  !> Greatest number of contact pairs with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
   !> Digits of the potential energy.
   integer, parameter :: most_digits = 10, least_digits = 3
 
@@ -225,39 +221,6 @@ contains
       line = line//text
     end subroutine add
   end subroutine show_not_computed
-
-  !> One line for the result of each contact pair; many pairs are summed up.
-  subroutine show_pair_results(log, pair, solution)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Their pressures and forces (n_pairs).
-    type(pair_solution_t), intent(in) :: solution(:)
-    character(:), allocatable :: around
-    real(dp) :: peak
-    integer :: k, active, worst
-    active = 0
-    worst = 1
-    do k = 1, size(pair)
-      active = active + solution(k)%n_active
-      if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
-      if (size(pair) > most_shown) cycle
-      around = ''
-      if (abs(solution(k)%radial_force) > 0) &
-        around = ', radial '//to_text(solution(k)%radial_force, 5)//' around the circumference'
-      associate (force => solution(k)%force)
-        call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
-                      counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
-                      to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
-                      ') on the slave body'//around//', peak pressure '//to_text(maxval(solution(k)%projected), 5))
-      end associate
-    end do
-    if (size(pair) <= most_shown) return
-    peak = maxval(solution(worst)%projected)
-    call log%line('  '//to_text(size(pair))//' contact pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
-                  ' constraints active, peak pressure '//to_text(peak, 5)//' in '//quoted(pair(worst)%name))
-  end subroutine show_pair_results
 
   !> One line for each congruence class that loses digits.
   subroutine show_conditioning(log, body, classes, conditioning)

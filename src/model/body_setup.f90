@@ -186,7 +186,7 @@ contains
     end do
     call build_supports(support)
     if (problems%count == before) then
-      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed)
+      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed, body%directions)
       if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
     end if
     allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)

@@ -33,7 +33,10 @@ module dotyk_output_results_file
     procedure :: create => results_create
     procedure :: write_part => results_write_part
     procedure :: write_displacement => results_write_displacement
-    procedure :: write_nodal_field => results_write_nodal_field
+    procedure, private :: write_nodal_reals, write_nodal_integers, write_nodal_vectors
+    !> write_nodal_field(part, name, values, error): a field of the nodes of one body, but for the displacement: reals
+    !> or integers (n_nodes), or vectors (2 or 3, n_nodes); it is 0 where it is not written.
+    generic :: write_nodal_field => write_nodal_reals, write_nodal_integers, write_nodal_vectors
     procedure :: write_stress => results_write_stress
     procedure :: write_discretization_error => results_write_discretization_error
     procedure :: add_contact => results_add_contact
@@ -55,7 +58,7 @@ contains
 
   !> Create the file with the layout of all parts, under a temporary name.
   subroutine results_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-                            want_contact, want_error, error)
+                            want_contact, want_error, want_reaction, error)
     class(results_file_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: path
@@ -69,10 +72,12 @@ contains
     logical, intent(in) :: want_displacement
     !> Whether stresses will be written.
     logical, intent(in) :: want_stress
-    !> Whether contact pressures will be written.
+    !> Whether the fields of contact will be written.
     logical, intent(in) :: want_contact
     !> Whether discretization errors of the elements will be written.
     logical, intent(in) :: want_error
+    !> Whether reactions at nodes will be written.
+    logical, intent(in) :: want_reaction
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (allocated(self%failure)) deallocate (self%failure)
@@ -86,7 +91,7 @@ contains
     if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
     if (.not. allocated(error)) &
       call create_fields(self%file, sum(n_points), sum(n_cells), want_displacement, want_stress, want_contact, &
-                         want_error, error)
+                         want_error, want_reaction, error)
     if (allocated(error)) call self%discard()
   end subroutine results_create
 
@@ -144,8 +149,8 @@ contains
                             with_three_components(displacement), error)
   end subroutine results_write_displacement
 
-  !> Write a field of the nodes of one body, 'contact_pressure' or 'penetration'; it is 0 where it is not written.
-  subroutine results_write_nodal_field(self, part, name, values, error)
+  !> Write numbers at the nodes of one body.
+  subroutine write_nodal_reals(self, part, name, values, error)
     class(results_file_t), intent(in) :: self
     !> Index of the body.
     integer, intent(in) :: part
@@ -156,7 +161,35 @@ contains
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
-  end subroutine results_write_nodal_field
+  end subroutine write_nodal_reals
+
+  !> Write integers at the nodes of one body.
+  subroutine write_nodal_integers(self, part, name, values, error)
+    class(results_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (n_nodes).
+    integer(int32), intent(in), contiguous :: values(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+  end subroutine write_nodal_integers
+
+  !> Write vectors at the nodes of one body.
+  subroutine write_nodal_vectors(self, part, name, values, error)
+    class(results_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (dimension, n_nodes) [any].
+    real(dp), intent(in), contiguous :: values(:, :)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), with_three_components(values), error)
+  end subroutine write_nodal_vectors
 
   !> Write the stresses of one body.
   subroutine results_write_stress(self, part, stress, von_mises, error)

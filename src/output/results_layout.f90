@@ -17,7 +17,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
                                            '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', &
-                                           '/dotyk/timing']
+                                           '/dotyk/timing', '/dotyk/bodies', '/dotyk/supports', '/dotyk/loads']
     integer :: i
     do i = 1, size(names)
       call file%add_group(trim(names(i)), error)
@@ -59,7 +59,8 @@ contains
   end subroutine create_geometry
 
   !> Create the datasets of the fields; parts that are not written are zero.
-  subroutine create_fields(file, points, cells, want_displacement, want_stress, want_contact, want_error, error)
+  subroutine create_fields(file, points, cells, want_displacement, want_stress, want_contact, want_error, &
+                           want_reaction, error)
     !> The results file.
     type(hdf5_file_t), intent(in) :: file
     !> Number of nodes of all bodies.
@@ -70,10 +71,12 @@ contains
     logical, intent(in) :: want_displacement
     !> Whether stresses will be written.
     logical, intent(in) :: want_stress
-    !> Whether contact pressures and penetrations will be written.
+    !> Whether the fields of contact will be written.
     logical, intent(in) :: want_contact
     !> Whether discretization errors will be written.
     logical, intent(in) :: want_error
+    !> Whether reactions at nodes will be written.
+    logical, intent(in) :: want_reaction
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (want_displacement) then
@@ -84,6 +87,16 @@ contains
       call file%new_dataset('/VTKHDF/PointData/contact_pressure', hdf5_real, [points], error, zero=.true.)
       if (allocated(error)) return
       call file%new_dataset('/VTKHDF/PointData/penetration', hdf5_real, [points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/contact_traction', hdf5_real, [3_int64, points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/contact_gap', hdf5_real, [points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/contact_status', hdf5_int32, [points], error, zero=.true.)
+      if (allocated(error)) return
+    end if
+    if (want_reaction) then
+      call file%new_dataset('/VTKHDF/PointData/reaction_force', hdf5_real, [3_int64, points], error, zero=.true.)
       if (allocated(error)) return
     end if
     if (want_stress) then

@@ -59,6 +59,8 @@ class Results(dotyk_case.Case):
         self.assertEqual(root["Types"].dtype, np.uint8)
         self.check_shapes(root["PointData"], {
             "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "penetration": ((points,), "f"),
+            "contact_traction": ((points, 3), "f"), "contact_gap": ((points,), "f"), "contact_status": ((points,), "i"),
+            "reaction_force": ((points, 3), "f"),
             "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
             "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
@@ -71,7 +73,7 @@ class Results(dotyk_case.Case):
         np.testing.assert_allclose(root["CellData/von_mises"][:], mises, rtol=1e-9)
 
         own = file["dotyk"]
-        self.assertEqual(set(own), {"summary", "history", "contact", "timing"})
+        self.assertEqual(set(own), {"summary", "history", "contact", "timing", "bodies", "supports", "loads"})
         for name in ("version", "command_line", "compiler", "started", "input"):
             self.assertIsInstance(own.attrs[name], (str, bytes), name)
         self.assertEqual(own.attrs["threads"], 1)
@@ -217,7 +219,7 @@ class Results(dotyk_case.Case):
         self.assertEqual(described.pop("/VTKHDF"), set(file["VTKHDF"]) - {"PointData", "CellData"} | {
             "%s/%s" % (group, name) for group in ("PointData", "CellData") for name in file["VTKHDF"][group]})
         found = {"/dotyk": set(file["dotyk"].attrs)}
-        for name in ("summary", "history", "timing"):
+        for name in ("summary", "history", "timing", "bodies", "supports", "loads"):
             found["/dotyk/" + name] = {*file["dotyk"][name], *file["dotyk"][name].attrs}
         found["/dotyk/contact/NAME"] = {*file["dotyk/contact/joint"], *file["dotyk/contact/joint"].attrs}
         self.maxDiff = None

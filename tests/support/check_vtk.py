@@ -116,7 +116,7 @@ def main():
         for name, data in (("PointData", grid.GetPointData()), ("CellData", grid.GetCellData())):
             for field, values in root[name].items():
                 array = data.GetArray(field)
-                if array is None or not np.array_equal(vtk_to_numpy(array), values[:]):
+                if array is None or not np.array_equal(vtk_to_numpy(array), values[:], equal_nan=values.dtype.kind == "f"):
                     problems.append("%s/%s does not reach VTK" % (name, field))
         if not np.array_equal(vtk_to_numpy(grid.GetPoints().GetData()), root["Points"][:]):
             problems.append("the points do not reach VTK")

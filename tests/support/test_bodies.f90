@@ -324,7 +324,7 @@ contains
     body%mesh = box%mesh
     body%material = material
     allocate (body%load(body%dimension, box%mesh%n_nodes()), source=0.0_dp)
-    call collect_supports(body%mesh, analysis, supports, body%constraint, error)
+    call collect_supports(body%mesh, analysis, supports, body%constraint, error, body%directions)
   end subroutine make_body
 
   !> Assemble, factorize and solve.

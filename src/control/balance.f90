@@ -1,0 +1,228 @@
+!> Forces on the bodies of a solution: loads, contact forces, reactions of supports, and their equilibrium; strain
+!> energies.
+!>
+!> Moments are those about the origin. In axisymmetric analyses forces are those on the full circumference along the
+!> axis; radial components balance each other around it.
+module dotyk_control_balance
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_elasticity_body, only: body_t, strain_energy
+  use dotyk_elasticity_load_report, only: load_resultant_t
+  use dotyk_elasticity_support_directions, only: wrench
+  use dotyk_elasticity_support_reaction, only: find_reactions
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_ranks_exchange, only: add_up, agree_on_error, item_t, share
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+
+  !> Forces on one body.
+  type, public :: body_balance_t
+    !> Resultants of its supports (n_supports).
+    type(load_resultant_t), allocatable :: support(:)
+    !> Resultants of all its loads, contact forces and reactions; those of the axis of symmetry are no forces.
+    type(load_resultant_t) :: load, contact, reaction
+    !> Strain energy A(u,u)/2, whatever the initial state [energy].
+    real(dp) :: energy = 0
+    !> Sum of the magnitudes of all nodal forces [force].
+    real(dp) :: force_scale = 0
+    !> Sum of their products with the distance to the origin [force length].
+    real(dp) :: moment_scale = 0
+    !> Reactions at the nodes of this rank (dim, n_nodes) [force]; not allocated unless wanted.
+    real(dp), allocatable :: nodal(:, :)
+  end type body_balance_t
+
+  !> Forces on all bodies.
+  type, public :: balance_t
+    !> Not allocated where displacements are not known (n_bodies).
+    type(body_balance_t), allocatable :: body(:)
+    !> Largest sum of all forces on a body, which would vanish in equilibrium, as a fraction of the largest
+    !> `force_scale` [].
+    real(dp) :: force_error = 0
+    !> The same of the moments and `moment_scale`; 0 in axisymmetric analyses [].
+    real(dp) :: moment_error = 0
+    !> The body with the largest sum of forces.
+    integer :: worst = 0
+  end type balance_t
+
+  public :: find_balance
+
+  !> Places in the list of numbers of a body, before its supports: energy, scales, and the three resultants.
+  integer, parameter :: at_energy = 1, at_scales = 2, at_load = 4, at_contact = 10, at_reaction = 16, at_supports = 22
+
+contains
+
+  !> Forces on all bodies. All ranks take part.
+  subroutine find_balance(problem, qp, m, solution, want_nodal, balance, error)
+    !> Bodies and their ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Displacements of the bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Whether reactions at nodes are wanted.
+    logical, intent(in) :: want_nodal
+    !> The forces.
+    type(balance_t), intent(out) :: balance
+    !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
+    type(error_t), allocatable, intent(out) :: error
+    type(item_t), allocatable :: item(:)
+    real(dp), allocatable :: all(:)
+    integer :: b, n, first
+    allocate (balance%body(size(problem%body)), item(size(problem%body)))
+    do b = 1, size(problem%body)
+      if (.not. problem%ranks%is_own(b)) cycle
+      call body_numbers(problem%body(b), qp, b, m, solution(b), want_nodal, balance%body(b)%nodal, item(b)%value, error)
+      if (allocated(error)) exit
+    end do
+    call agree_on_error(error)
+    if (allocated(error)) return
+    if (problem%ranks%are_split()) then
+      all = [(item(b)%value, b=1, size(item))]
+      call add_up(all)
+      first = 0
+      do b = 1, size(item)
+        n = size(item(b)%value)
+        item(b)%value = all(first + 1:first + n)
+        first = first + n
+      end do
+    else
+      call share(problem%ranks%owner, item)
+    end if
+    do b = 1, size(item)
+      call take_numbers(problem%body(b), item(b)%value, balance%body(b))
+    end do
+    call judge(balance)
+  end subroutine find_balance
+
+  !> Numbers of one body, of which each rank that computes it has a part.
+  subroutine body_numbers(body, qp, b, m, solution, want_nodal, nodal, numbers, error)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Its displacements.
+    type(body_solution_t), intent(in) :: solution
+    !> Whether reactions at nodes are wanted.
+    logical, intent(in) :: want_nodal
+    !> Reactions at nodes, where wanted (dim, n_nodes) [force].
+    real(dp), allocatable, intent(out) :: nodal(:, :)
+    !> In the places `at_...` (21 + 6 n_supports).
+    real(dp), allocatable, intent(out) :: numbers(:)
+    !> As in `find_balance`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: contact(:, :), reaction(:, :), of_support(:, :)
+    real(dp) :: scale(2)
+    integer :: n
+    n = body%directions%n_supports()
+    allocate (numbers(at_supports - 1 + 6*n), of_support(6, n))
+    call qp%body_force(b, m, contact)
+    associate (node => qp%block(b)%contact_node, mesh => body%mesh)
+      call find_reactions(body, solution%displacement, node, contact, reaction, error)
+      if (allocated(error)) return
+      numbers(at_energy) = solution%strain_energy
+      if (.not. allocated(solution%stress)) numbers(at_energy) = strain_energy(body, solution%displacement)
+      scale = 0
+      call add_forces(mesh, body%load, numbers(at_load:at_contact - 1), scale)
+      call add_forces(mesh, contact, numbers(at_contact:at_reaction - 1), scale, node)
+      call add_forces(mesh, reaction, numbers(at_reaction:at_supports - 1), scale)
+      numbers(at_scales:at_load - 1) = scale
+      call body%directions%add_up_reactions(mesh, reaction, of_support)
+      numbers(at_supports:) = reshape(of_support, [6*n])
+    end associate
+    if (want_nodal) call move_alloc(reaction, nodal)
+  end subroutine body_numbers
+
+  !> Resultant of the forces on own nodes, and their size.
+  subroutine add_forces(mesh, force, resultant, scale, node)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Forces (dim, n) [force].
+    real(dp), intent(in) :: force(:, :)
+    !> Force and moment about the origin (6) [force, force length].
+    real(dp), intent(out) :: resultant(6)
+    !> Sums of magnitudes, added to (2) [force, force length].
+    real(dp), intent(inout) :: scale(2)
+    !> Nodes of the forces; all nodes if absent (n).
+    integer, intent(in), optional :: node(:)
+    integer :: i, k
+    resultant = 0
+    do i = 1, size(force, 2)
+      k = i
+      if (present(node)) k = node(i)
+      if (.not. any(abs(force(:, i)) > 0)) cycle
+      if (.not. mesh%is_own_node(k)) cycle
+      resultant = resultant + wrench(mesh%x(:, k), force(:, i))
+      scale = scale + norm2(force(:, i))*[1.0_dp, norm2(mesh%x(:, k))]
+    end do
+  end subroutine add_forces
+
+  !> Name the numbers of a body.
+  subroutine take_numbers(body, numbers, balance)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> In the places `at_...` (21 + 6 n_supports).
+    real(dp), intent(in) :: numbers(:)
+    !> Forces on the body.
+    type(body_balance_t), intent(inout) :: balance
+    logical :: around
+    integer :: s
+    around = body%analysis == analysis_axisymmetric
+    balance%energy = numbers(at_energy)
+    balance%force_scale = numbers(at_scales)
+    balance%moment_scale = numbers(at_scales + 1)
+    balance%load = named('loads', numbers(at_load:at_contact - 1), around)
+    balance%contact = named('contact', numbers(at_contact:at_reaction - 1), around)
+    balance%reaction = named('reactions', numbers(at_reaction:at_supports - 1), around)
+    allocate (balance%support(body%directions%n_supports()))
+    do s = 1, size(balance%support)
+      balance%support(s) = named(body%directions%place(s)%s, &
+                                 numbers(at_supports + 6*(s - 1):at_supports + 6*s - 1), around)
+    end do
+  end subroutine take_numbers
+
+  !> A resultant from sums over nodes.
+  pure function named(place, sums, axisymmetric) result(resultant)
+    !> Where it acts.
+    character(*), intent(in) :: place
+    !> Force and moment about the origin (6) [force, force length].
+    real(dp), intent(in) :: sums(6)
+    !> Whether the first component of the force is radial.
+    logical, intent(in) :: axisymmetric
+    type(load_resultant_t) :: resultant
+    resultant%place = place
+    resultant%force = sums(1:3)
+    if (axisymmetric) then
+      resultant%radial = sums(1)
+      resultant%force(1) = 0
+    else
+      resultant%moment = sums(4:6)
+    end if
+  end function named
+
+  !> What is left of the equilibrium.
+  pure subroutine judge(balance)
+    !> With the forces on all bodies; gets the errors.
+    type(balance_t), intent(inout) :: balance
+    real(dp), dimension(size(balance%body)) :: force, moment
+    integer :: b
+    do b = 1, size(balance%body)
+      associate (of => balance%body(b))
+        force(b) = norm2(of%load%force + of%contact%force + of%reaction%force)
+        moment(b) = norm2(of%load%moment + of%contact%moment + of%reaction%moment)
+      end associate
+    end do
+    balance%worst = maxloc(force, 1)
+    balance%force_error = maxval(force)/max(tiny(1.0_dp), maxval(balance%body%force_scale))
+    balance%moment_error = maxval(moment)/max(tiny(1.0_dp), maxval(balance%body%moment_scale))
+  end subroutine judge
+end module dotyk_control_balance

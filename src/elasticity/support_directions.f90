@@ -1,0 +1,166 @@
+!> Directions in which supports prescribe displacements, node by node: how the reaction at a node is divided among the
+!> supports that share it.
+!>
+!> The reaction r at a node is a sum of forces c_i d_i along the directions d_i of its conditions, with the least sum of
+!> c_i^2. Where directions are independent, as those of a floor and a wall, each support gets what it alone can bear;
+!> supports that prescribe the same displacement get equal shares. The shares add up to r: nothing counts twice.
+module dotyk_elasticity_support_directions
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_text, only: text_t
+  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
+  use dotyk_linalg_dense, only: right_singular_vectors
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+
+  !> Conditions of all supports of a body, by nodes.
+  type, public :: support_directions_t
+    !> Surface of each support; of size 0 or not allocated without supports (n_supports).
+    type(text_t), allocatable :: place(:)
+    !> Node of each condition, ascending (n).
+    integer, allocatable :: node(:)
+    !> Support of each condition, 0 for the axis of symmetry (n).
+    integer, allocatable :: source(:)
+    !> Directions of the prescribed displacements (dim, n) [].
+    real(dp), allocatable :: direction(:, :)
+  contains
+    procedure :: init => directions_init
+    procedure :: n_supports => directions_n_supports
+    procedure :: hold_nodes => directions_hold_nodes
+    procedure :: add_up_reactions => directions_add_up_reactions
+    procedure :: carry => directions_carry
+  end type support_directions_t
+
+  public :: divide_force, wrench
+
+  !> Singular values of directions below this fraction of the largest one count as zero, as in
+  !> `dotyk_elasticity_node_axes` [].
+  real(dp), parameter :: least_sine = 1.0e-3_dp
+
+contains
+
+  !> Take the conditions of all supports.
+  subroutine directions_init(self, place, conditions, n_nodes)
+    class(support_directions_t), intent(out) :: self
+    !> Surface of each support (n_supports).
+    type(text_t), intent(in) :: place(:)
+    !> Dirichlet conditions; source 0 is the axis of symmetry.
+    type(nodal_vector_list_t), intent(in) :: conditions
+    !> Number of nodes.
+    integer, intent(in) :: n_nodes
+    integer, allocatable :: first(:), order(:)
+    call conditions%by_node(n_nodes, first, order)
+    self%place = place
+    self%node = conditions%node(order)
+    self%source = conditions%source(order)
+    self%direction = conditions%direction(:, order)
+  end subroutine directions_init
+
+  !> Number of supports.
+  pure integer function directions_n_supports(self) result(n)
+    class(support_directions_t), intent(in) :: self
+    n = 0
+    if (allocated(self%place)) n = size(self%place)
+  end function directions_n_supports
+
+  !> Keep the conditions at some nodes.
+  pure subroutine directions_hold_nodes(self, node)
+    class(support_directions_t), intent(inout) :: self
+    !> Numbers of the nodes in the whole body, ascending; positions are their new numbers (n_held_nodes).
+    integer, intent(in) :: node(:)
+    integer, allocatable :: number(:), kept(:)
+    integer :: i
+    if (.not. allocated(self%node)) return
+    if (size(self%node) == 0) return
+    allocate (number(max(maxval(node), maxval(self%node))), source=0)
+    number(node) = [(i, i=1, size(node))]
+    kept = pack([(i, i=1, size(self%node))], number(self%node) > 0)
+    self%node = number(self%node(kept))
+    self%source = self%source(kept)
+    self%direction = self%direction(:, kept)
+  end subroutine directions_hold_nodes
+
+  !> Forces and moments of the supports on the body, over the nodes that this rank computes.
+  subroutine directions_add_up_reactions(self, mesh, reaction, sums)
+    class(support_directions_t), intent(in) :: self
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Reactions at the nodes (dim, n_nodes) [force].
+    real(dp), intent(in) :: reaction(:, :)
+    !> Force and moment about the origin of each support (6, n_supports) [force, force length].
+    real(dp), intent(out) :: sums(:, :)
+    real(dp), allocatable :: part(:)
+    integer :: first, last, i
+    sums = 0
+    if (.not. allocated(self%node)) return
+    last = 0
+    do while (last < size(self%node))
+      first = last + 1
+      last = first
+      do while (last < size(self%node))
+        if (self%node(last + 1) /= self%node(first)) exit
+        last = last + 1
+      end do
+      associate (node => self%node(first), source => self%source(first:last))
+        if (.not. mesh%is_own_node(node)) cycle
+        if (all(source == source(1))) then
+          if (source(1) > 0) sums(:, source(1)) = sums(:, source(1)) + wrench(mesh%x(:, node), reaction(:, node))
+          cycle
+        end if
+        part = divide_force(self%direction(:, first:last), reaction(:, node))
+        do i = 1, size(source)
+          if (source(i) == 0) cycle
+          sums(:, source(i)) = sums(:, source(i)) + wrench(mesh%x(:, node), part(i)*self%direction(:, first + i - 1))
+        end do
+        ! Of directions that are dependent but for rounding.
+        i = findloc(source > 0, .true., dim=1)
+        sums(:, source(i)) = sums(:, source(i)) + &
+                             wrench(mesh%x(:, node), reaction(:, node) - matmul(self%direction(:, first:last), part))
+      end associate
+    end do
+  end subroutine directions_add_up_reactions
+
+  !> Forces along directions with the sum r and the least sum of squares (n) [force].
+  function divide_force(direction, r) result(part)
+    !> Unit vectors (dim, n) [].
+    real(dp), intent(in) :: direction(:, :)
+    !> Force in their span (dim) [force].
+    real(dp), intent(in) :: r(:)
+    real(dp), allocatable :: part(:)
+    type(error_t), allocatable :: failed
+    real(dp) :: values(size(r)), vectors(size(r), size(r)), inverse(size(r))
+    ! Unit vectors have singular values: there is no error.
+    call right_singular_vectors(transpose(direction), values, vectors, failed)
+    inverse = 0
+    where (values > least_sine*values(1)) inverse = 1/values**2
+    part = matmul(matmul(vectors, inverse*matmul(r, vectors)), direction)
+  end function divide_force
+
+  !> A force and its moment about the origin (6) [force, force length].
+  pure function wrench(x, force)
+    !> Where it acts (dim) [length].
+    real(dp), intent(in) :: x(:)
+    !> The force (dim) [force].
+    real(dp), intent(in) :: force(:)
+    real(dp) :: wrench(6)
+    real(dp) :: p(3), f(3)
+    p = 0
+    f = 0
+    p(:size(x)) = x
+    f(:size(force)) = force
+    wrench = [f, p(2)*f(3) - p(3)*f(2), p(3)*f(1) - p(1)*f(3), p(1)*f(2) - p(2)*f(1)]
+  end function wrench
+
+  !> Put the conditions into a parcel, or take them out.
+  subroutine directions_carry(self, parcel)
+    class(support_directions_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%place)
+    call parcel%carry(self%node)
+    call parcel%carry(self%source)
+    call parcel%carry(self%direction)
+  end subroutine directions_carry
+end module dotyk_elasticity_support_directions

@@ -1,0 +1,136 @@
+!> Forces in the log: contact pairs, reactions of supports, strain energies, and what is left of the equilibrium.
+module dotyk_log_force_tables
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_balance, only: balance_t
+  use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_log_load_tables, only: resultant_line, vector_text
+  implicit none
+  private
+  public :: show_balance, show_pair_results
+
+  !> Greatest number of contact pairs, supports or bodies with a line each; more are summed up.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> Two lines for the result of each contact pair; many pairs are summed up.
+  subroutine show_pair_results(log, pair, solution)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Their pressures and forces (n_pairs).
+    type(pair_solution_t), intent(in) :: solution(:)
+    character(:), allocatable :: around
+    integer :: k, active, worst, nearest
+    active = 0
+    worst = 1
+    nearest = 1
+    do k = 1, size(pair)
+      active = active + solution(k)%n_active
+      if (solution(k)%peak > solution(worst)%peak) worst = k
+      if (solution(k)%least_gap < solution(nearest)%least_gap) nearest = k
+      if (size(pair) > most_shown) cycle
+      around = ''
+      if (abs(solution(k)%radial_force) > 0) &
+        around = ', radial '//to_text(solution(k)%radial_force, 5)//' around the circumference'
+      associate (force => solution(k)%force)
+        call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
+                      counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
+                      to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
+                      ') on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5))
+      end associate
+      call log%line('    '//details(solution(k)))
+    end do
+    if (size(pair) <= most_shown) return
+    call log%line('  '//to_text(size(pair))//' contact pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
+                  ' constraints active, contact area '//to_text(sum(solution%area), 5)//', peak pressure '// &
+                  to_text(solution(worst)%peak, 5)//' in '//quoted(pair(worst)%name)//', least gap '// &
+                  to_text(solution(nearest)%least_gap, 4)//' in '//quoted(pair(nearest)%name))
+  end subroutine show_pair_results
+
+  !> Moment, centre of pressure, area and extremes of a pair.
+  function details(solution) result(line)
+    !> Pressures and forces of the pair.
+    type(pair_solution_t), intent(in) :: solution
+    character(:), allocatable :: line
+    line = ''
+    if (any(abs(solution%moment) > 0)) line = 'moment '//vector_text(solution%moment)//' about the origin, '
+    if (solution%n_active > 0) then
+      if (.not. any(ieee_is_nan(solution%centre))) &
+        line = line//'centre of pressure '//vector_text(solution%centre)//', '
+      line = line//'contact area '//to_text(solution%area, 5)//', peak pressure at '// &
+             vector_text(solution%peak_position)//', '
+    end if
+    line = line//'least gap '//to_text(solution%least_gap, 4)//' at '//vector_text(solution%gap_position)
+  end function details
+
+  !> Reactions of the supports, strain energies of the bodies, and the error of the equilibrium.
+  subroutine show_balance(log, body, balance)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Forces on them; nothing is shown where they are not known.
+    type(balance_t), intent(in) :: balance
+    character(:), allocatable :: moments
+    character(20) :: label
+    real(dp) :: total(3), size_of, largest
+    integer :: b, s, n, at(2)
+    if (.not. allocated(balance%body)) return
+    n = sum([(size(balance%body(b)%support), b=1, size(body))])
+    if (n > 0) call log%line('  support              reaction')
+    total = 0
+    largest = -1
+    at = 0
+    do b = 1, size(body)
+      do s = 1, size(balance%body(b)%support)
+        if (n <= most_shown) call log%line(support_line(b, s))
+        total = total + balance%body(b)%support(s)%force
+        size_of = norm2(balance%body(b)%support(s)%force)
+        if (size_of <= largest) cycle
+        largest = size_of
+        at = [b, s]
+      end do
+    end do
+    if (n > most_shown) then
+      call log%line('  '//counted(n, 'support')//': force '//vector_text(total)//' together; the largest:')
+      call log%line(support_line(at(1), at(2)))
+    end if
+    if (size(body) > 1 .and. size(body) <= most_shown) then
+      call log%line('  body                 strain energy')
+      do b = 1, size(body)
+        label = body(b)%name
+        call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6))
+      end do
+    else if (size(body) > 1) then
+      b = maxloc(balance%body%energy, 1)
+      call log%line('  '//counted(size(body), 'body', 'bodies')//': strain energy '// &
+                    to_text(sum(balance%body%energy), 6)//' together, the largest '// &
+                    to_text(balance%body(b)%energy, 6)//' in '//quoted(body(b)%name))
+    end if
+    if (.not. maxval(balance%body%force_scale) > 0) return
+    moments = ''
+    if (balance%moment_error > 0) moments = ', moments '//to_text(balance%moment_error, 2)
+    call log%line('  equilibrium          sum of loads, contact forces and reactions of a body, relative to their '// &
+                  'size: forces '//to_text(balance%force_error, 2)//moments//' at most')
+
+  contains
+
+    !> Line of one support.
+    function support_line(b, s) result(line)
+      !> Its body.
+      integer, intent(in) :: b
+      !> Its index there.
+      integer, intent(in) :: s
+      character(:), allocatable :: line
+      line = resultant_line(body(b), balance%body(b)%support(s), [balance%body(b)%force_scale, &
+                                                                  balance%body(b)%moment_scale])
+    end function support_line
+  end subroutine show_balance
+end module dotyk_log_force_tables
