@@ -29,6 +29,7 @@ module dotyk_base_options
   integer, parameter, public :: load_local_traction = 3  !< force per area along xi, eta, n of the surface
   integer, parameter, public :: load_force_density = 4   !< force per volume, global axes
   integer, parameter, public :: load_angular_velocity = 5  !< centrifugal force of a rotation
+  integer, parameter, public :: load_total = 6           !< force and moment, spread over a surface; no name of its own
 
   !> Initial gap of a contact pair; follows from the keys of `&contact`.
   character(*), parameter, public :: gap_names = 'geometry constant formula'

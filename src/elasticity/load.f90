@@ -8,13 +8,14 @@ module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_local_traction, load_pressure, &
-    load_traction
+    load_total, load_traction
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
   use dotyk_elasticity_face_table, only: local_face, point_of_element
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
   use dotyk_elasticity_shape_table, only: shape_table_t, load_degree, map_element, shape_table_pair_t
+  use dotyk_elasticity_total_load, only: spread_total_load
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
@@ -28,7 +29,8 @@ module dotyk_elasticity_load
   type, public :: load_t
     !> Kind of the load: one of the `load_*` constants.
     integer :: kind = load_traction
-    !> Value: a pressure in the first component, else a vector (3) [pressure], [force/volume] or [1/time].
+    !> Value: a pressure in the first component, else a vector (3) [pressure], [force/volume], [1/time], or
+    !> [force] of a total load.
     real(dp) :: value(3) = 0
     !> A point on the axis of an angular velocity (3) [length].
     real(dp) :: centre(3) = 0
@@ -36,6 +38,11 @@ module dotyk_elasticity_load
     real(dp) :: density = 0
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
+    !> Moment of a total load (3) [force length].
+    real(dp) :: moment(3) = 0
+    !> Point that force and moment of a total load refer to; the centroid of the surface where not allocated (3)
+    !> [length].
+    real(dp), allocatable :: point(:)
   end type load_t
 
   !> Shape functions of a facet kind at the points of its quadrature rule.
@@ -60,11 +67,12 @@ contains
     integer, intent(in) :: analysis
     !> The surface.
     type(surface_t), intent(in) :: surface
-    !> Traction, pressure or local traction.
+    !> Traction, pressure, local traction, or a total load.
     type(load_t), intent(in) :: load
     !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
-    !> Allocated where a formula does not parse, or has no value at a quadrature point; names the surface.
+    !> Allocated where a formula does not parse, or has no value at a quadrature point, or where the surface cannot take
+    !> the total load; names the surface.
     type(error_t), allocatable, intent(out) :: error
     !> The load at the quadrature points, added to.
     type(point_forces_t), intent(inout), optional :: points
@@ -72,6 +80,8 @@ contains
     type(vector_field_t) :: field
     integer :: f
     call field%init(load%value, error, load%formula)
+    if (load%kind == load_total) &
+      call spread_total_load(mesh, analysis, surface, load%value, load%moment, load%point, field, error)
     if (.not. allocated(error)) then
       do f = 1, surface%n_facets
         associate (kind => surface%kind(f))

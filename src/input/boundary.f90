@@ -2,7 +2,7 @@
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_force_density, load_local_traction, &
-    load_names, load_pressure
+    load_names, load_pressure, load_total
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
   use dotyk_input_case, only: body_input_t, load_input_t, material_input_t, scene_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
@@ -108,13 +108,21 @@ contains
       given = given//', '//kinds(k)%s
       load%kind = k
     end do
+    if (is_given(group, 'force') .or. is_given(group, 'moment')) then
+      n = n + 1
+      given = given//', force and moment'
+      load%kind = load_total
+    else if (is_given(group, 'point')) then
+      call report(problems, group, 'point', 'point goes together with force and moment only')
+    end if
     if (n /= 1) then
       if (n == 0) given = ', none of them'
-      call problems%add(group%line, '&load: exactly one of '//join(kinds, ', ')//' (or its formula) is needed, got '// &
-                        given(3:))
+      call problems%add(group%line, '&load: exactly one of '//join(kinds, ', ')// &
+                        ' (or its formula), or force and moment, is needed, got '//given(3:))
       return
     end if
-    key = kinds(load%kind)%s
+    key = 'force'
+    if (load%kind <= size(kinds)) key = kinds(load%kind)%s
     if (load%kind == load_force_density .or. load%kind == load_angular_velocity) then
       if (is_given(group, 'surface')) &
         call report(problems, group, 'surface', 'surface does not go together with '//key)
@@ -125,6 +133,8 @@ contains
       call report(problems, group, 'centre', 'centre means nothing without angular_velocity')
     if (load%kind == load_angular_velocity) then
       call read_rotation(group, scene, problems, load)
+    else if (load%kind == load_total) then
+      call read_total(group, scene%dimension, problems, load)
     else if (load%kind == load_pressure) then
       load%value(1) = real_of(group, key)
       call texts_of(group, key//'_formula', load%formula)
@@ -190,6 +200,33 @@ contains
       end associate
     end do
   end subroutine check_densities
+
+  !> Read force, moment and point of a total load.
+  subroutine read_total(group, dimension, problems, load)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
+    integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> Gets them.
+    type(load_input_t), intent(inout) :: load
+    real(dp), allocatable :: moment(:)
+    call read_vector(group, 'force', .false., dimension, problems, load%value)
+    call read_vector(group, 'point', .false., dimension, problems, load%point)
+    load%has_point = is_given(group, 'point')
+    call reals_of(group, 'moment', moment)
+    if (size(moment) == 3) then
+      load%moment = moment
+      if (dimension == 2 .and. any(abs(moment(1:2)) > 0)) &
+        call report(problems, group, 'moment', 'moment: the x and y components must be 0 in two dimensions')
+    else if (size(moment) == 1 .and. dimension /= 3) then
+      load%moment(3) = moment(1)
+    else if (size(moment) > 0) then
+      call report(problems, group, 'moment', 'moment needs 3 values'//trim(merge('             ', &
+                  ' or that of z', dimension == 3))//', got '//to_text(count_of(group, 'moment')))
+    end if
+  end subroutine read_total
 
   !> Read a vector with three components from two or three numbers.
   subroutine read_vector(group, key, local, dimension, problems, vector)

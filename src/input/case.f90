@@ -120,8 +120,15 @@ module dotyk_input_case
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction
-    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume or 1/time].
+    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, or force of
+    !> `load_total`].
     real(dp) :: value(3) = 0
+    !> Moment of `load_total` (3) [force length].
+    real(dp) :: moment(3) = 0
+    !> Whether the point that force and moment refer to is given; else the centroid of the surface.
+    logical :: has_point = .false.
+    !> This point (3) [length].
+    real(dp) :: point(3) = 0
     !> A point on the axis of an angular velocity (3) [length].
     real(dp) :: centre(3) = 0
     !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).

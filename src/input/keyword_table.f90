@@ -36,8 +36,9 @@ contains
                       "&support body='block', surface='bottom', fix='xyz' /"//lf// &
                       "&support body='ball', surface='cut', fix='n', value=0,0,-3e-5 /")
     groups(5) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
-                      'force_density or their formulas, or angular_velocity', &
+                      'force_density or their formulas, angular_velocity, or force and moment', &
                       "&load body='block', surface='side', pressure=1e6 /"//lf// &
+                      "&load body='shaft', surface='end', force=0,0,-2e3, moment=0,0,150 /"//lf// &
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
                       "&load body='disc', angular_velocity=0,0,314, centre=0.2,0,0 /")
     groups(6) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
@@ -239,6 +240,15 @@ contains
                   'dimensions: about z, in axisymmetry about the axis y')
     call list%add('centre', kind_real, least=2, most=3, unit='length', &
                   meaning='a point on the axis of angular_velocity; the origin if absent; not in axisymmetry')
+    call list%add('force', kind_real, least=2, most=3, unit='force', &
+                  meaning='total force in global axes, spread over the surface with moment as a traction that is '// &
+                  'linear in the position, a + b x (x - c): its resultants are exact on any mesh; in the plane per '// &
+                  'unit thickness, in axisymmetric analyses on the full circumference along the axis. Of several '// &
+                  'bodies each gets it')
+    call list%add('moment', kind_real, least=1, most=3, unit='force*length', &
+                  meaning='total moment, likewise; in two dimensions that about z; not in axisymmetric analyses')
+    call list%add('point', kind_real, least=2, most=3, unit='length', &
+                  meaning='point that force and moment refer to, the centroid of the surface if not given')
   end subroutine add_load
 
   !> Keys of `&temperature`.

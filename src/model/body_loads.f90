@@ -40,6 +40,8 @@ contains
     load%kind = given%kind
     load%value = given%value
     load%formula = given%formula
+    load%moment = given%moment
+    if (given%has_point) load%point = given%point
     load%centre = given%centre
     load%density = body%material%density
     before = body%load
