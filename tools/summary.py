@@ -63,17 +63,15 @@ def print_file(path, with_input):
 
 def csv_rows(path, table):
     """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads or bodies."""
-    with h5py.File(path, "r") as file:
-        own = file["dotyk"]
-        columns, rows = ["file"], []
+    columns, rows = ["file", "name"], []
+    with dotyk.Results(path) as results:
         if table == "contacts":
-            names, sources = list(own["contact"]), [dict(group.attrs) for group in own["contact"].values()]
+            names, sources = list(results.pairs), [pair.attributes for pair in results.pairs.values()]
         else:
-            names = text_of(own[table].attrs["names"]).split("\n") if "names" in own[table].attrs else []
-            names = names if names != [""] else []
-            arrays = {name: array[()] for name, array in own[table].items()}
+            record = results.record(table)
+            names = record.attributes.get("names", "").splitlines()
+            arrays = {name: record[name] for name in record if name not in record.attributes}
             sources = [{name: array[i] for name, array in arrays.items()} for i in range(len(names))]
-        columns.append("name")
         for name, source in zip(names, sources):
             row = [path, name]
             for key in sorted(source, key=lambda key: (key != "body", not key.endswith("force"), key)):

@@ -228,6 +228,86 @@ Physical Surface("end") = {Surface In BoundingBox{1 - e, -e, -e, 1 + e, 1 + e, 1
         self.assertEqual(set(own["bodies"]) | set(own["supports"]), set())
         self.assertNotIn("reaction", printed)
 
+    def column_of(self, analysis, load, size=(1.0, 1.5, 2.0), origin=(1.0, 2.0, 3.0), kind=None, poisson=0.0):
+        """A block, clamped at the bottom and loaded at the top; without Poisson's ratio the clamp hinders nothing."""
+        d = 3 if analysis == "3d" else 2
+        body = self.body("block", block_geo(kind or ("hex20" if d == 3 else "quad8"), 2, origin[:d], (*size[:d - 1], size[2])))
+        self.write("case.nml", "\n".join([
+            "&scene analysis='%s' /" % analysis, "&material name='steel', young=200, poisson=%r /" % poisson, body,
+            "&support body='block', surface='bottom', fix='%s' /" % "xyz"[:d], "&load body='block', surface='top', %s /" % load,
+            SOLVER]) + "\n")
+        return "case.nml"
+
+    def total(self, analysis, load, **options):
+        """Results of this block."""
+        self.dotyk(self.column_of(analysis, load, **options))
+        return self.results("case.vtkhdf")
+
+    def test_total_force_and_moment(self):
+        """Stresses of beam theory, exact for quadratic elements: tension and bending about both axes."""
+        file = self.total("3d", "force=0,0,6, moment=0.7,-0.4,0")
+        points, cells = file["VTKHDF/Points"][:], file["VTKHDF/Connectivity"][:].reshape(8, -1)
+        middle = points[cells[:, :8]].mean(axis=1) - (1.5, 2.75, 4)
+        # The moments of inertia of 1 x 1.5: about x, and about y.
+        exact = 6 / 1.5 + 0.7 / (1.5**3 / 12) * middle[:, 1] + 0.4 / (1.5 / 12) * middle[:, 0]
+        stress = file["VTKHDF/CellData/stress"][:]
+        np.testing.assert_allclose(stress[:, 2], exact, rtol=1e-9)
+        np.testing.assert_allclose(np.delete(stress, 2, axis=1), 0, atol=1e-9)
+        file = self.total("plane_strain", "force=0,6, moment=0.4")
+        points, cells = file["VTKHDF/Points"][:], file["VTKHDF/Connectivity"][:].reshape(4, -1)
+        middle = points[cells[:, :4]].mean(axis=1) - (1.5, 3, 0)
+        np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:, 1], 6 + 0.4 * 12 * middle[:, 0], rtol=1e-9)
+
+    def test_total_load_on_any_surface(self):
+        """Force and moment, about the centroid or a point, are the given ones: on both sides of a block, and on a curved
+        surface; the reactions are opposite."""
+        force, moment, point = np.array((0.3, -0.5, 0.7)), np.array((0.2, 0.4, -0.6)), np.array((3.0, 1.0, -2.0))
+        given = "force=0.3,-0.5,0.7, moment=0.2,0.4,-0.6"
+        rod = """SetFactory("OpenCASCADE");  Mesh.ElementOrder = 2;  Mesh.MeshSizeMax = 0.5;  Mesh.MeshSizeMin = 0.5;
+Cylinder(1) = {2, 1, 0, 0, 0, 2, 0.7};  Physical Volume("block") = {1};  e = 1e-3;
+Physical Surface("bottom") = {Surface In BoundingBox{-9, -9, -e, 9, 9, e}};  Physical Surface("sides x") = {1};
+"""
+        for kind, geo, centre in (("tet10", block_geo("tet10", 2, (1, 2, 3), (1.0, 1.5, 2.0)), (1.5, 2.75, 4)),
+                                  ("rod", rod, (2, 1, 1))):
+            for more, about in (("", centre), (", point=3,1,-2", point)):
+                with self.subTest(kind + more):
+                    own, _ = self.run_scene([self.body("block", geo), "&support body='block', surface='bottom', fix='xyz' /",
+                                             "&load body='block', surface='sides x', %s%s /" % (given, more), SOLVER])
+                    self.check_equilibrium(own)
+                    load, support = Table(own["loads"]), Table(own["supports"])
+                    # The mesh of the rod has a polygon's centroid only to the accuracy of its facets.
+                    exact, close = moment + np.cross(about, force), 1e-12 if more or kind != "rod" else 1e-3
+                    np.testing.assert_allclose(load.array["force"][0], force, rtol=1e-12)
+                    np.testing.assert_allclose(load.array["moment"][0], exact, atol=close * np.abs(exact).max())
+                    np.testing.assert_allclose(support.array["moment"][0], -load.array["moment"][0], atol=1e-11)
+
+    def test_total_force_of_axisymmetric_and_of_several_bodies(self):
+        """On the full circumference along the axis; each of several bodies gets the whole force."""
+        own, _ = self.run_scene([self.body("ring", block_geo("quad8", 2, (0.5, 0.0), (1.0, 1.0))),
+                                 "&support body='ring', surface='bottom', fix='xy' /",
+                                 "&load body='ring', surface='top', force=0,-5 /", SOLVER], "axisymmetric")
+        np.testing.assert_allclose(Table(own["supports"])("force", "ring:bottom"), (0, 5, 0), atol=1e-12)
+        lines = [self.body("block %d" % k, block_geo("hex8", 1, (3.0 * k, 0.0, 0.0), (1.0, 1.0, 1.0))) for k in range(2)]
+        own, _ = self.run_scene([*lines, "&support body='*', surface='bottom', fix='xyz' /",
+                                 "&load body='block *', surface='top', force=0,0,-2 /", SOLVER])
+        np.testing.assert_allclose(Table(own["supports"]).array["force"], [(0, 0, 2)] * 2, atol=1e-12)
+
+    def test_total_loads_without_meaning(self):
+        """Refused with file, line and surface."""
+        for analysis, load, code, text in (
+                ("axisymmetric", "force=1,2", 2, "in axisymmetric analyses only a force along the axis y"),
+                ("axisymmetric", "force=0,2, moment=1", 2, "in axisymmetric analyses only a force along the axis y"),
+                ("plane_strain", "moment=1,0,0", 2, "moment: the x and y components must be 0 in two dimensions"),
+                ("3d", "moment=1", 2, "moment needs 3 values, got 1"),
+                ("3d", "force=1,2", 2, "force needs 3 values in three dimensions, got 2"),
+                ("3d", "force=1,2,3, pressure=1", 2, "got pressure, force and moment"),
+                ("3d", "pressure=1, point=0,0,0", 2, "point goes together with force and moment only")):
+            with self.subTest(load):
+                printed = self.dotyk(self.column_of(analysis, load), code=code)
+                self.assertRegex(printed, r"case.nml:5: .*" + text.replace("(", r"\("))
+                if analysis == "axisymmetric":
+                    self.assertIn("load on surface 'top': ", printed)
+
     def test_tables(self):
         """tools/summary.py prints them as CSV."""
         for name, z in (("lower", 0.0), ("upper", 1.0)):
