@@ -7,6 +7,7 @@ module dotyk_contact_pair_resultant
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t, pair_force
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
 
@@ -71,14 +72,4 @@ contains
       end if
     end associate
   end function pair_resultant
-
-  !> Vector product.
-  pure function cross(a, b)
-    !> A vector (3) [any].
-    real(dp), intent(in) :: a(3)
-    !> Another one (3) [any].
-    real(dp), intent(in) :: b(3)
-    real(dp) :: cross(3)
-    cross = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dotyk_contact_pair_resultant

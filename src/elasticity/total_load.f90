@@ -17,7 +17,7 @@ module dotyk_elasticity_total_load
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, quadrature_rule
-  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_facet, only: cross, facet_geometry
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -133,14 +133,4 @@ contains
       if (pass == 1) centre = centre/area
     end do
   end subroutine area_moments
-
-  !> Vector product.
-  pure function cross(a, b)
-    !> A vector (3) [any].
-    real(dp), intent(in) :: a(3)
-    !> Another one (3) [any].
-    real(dp), intent(in) :: b(3)
-    real(dp) :: cross(3)
-    cross = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dotyk_elasticity_total_load

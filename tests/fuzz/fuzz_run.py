@@ -26,7 +26,8 @@ SOURCE = re.compile(r"\b(?:in|at) \S*?(\w+) *(?:at )?\S*/(\w+\.(?:f90|c)):(\d+)"
 MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma\w*|lambda_max|q_\w+|error_bound_paper"
                             r"|coercivity|penalty_constant|smoothness|error_(penalty|discretization\w*|contact)"
                             r"|penetration_(depth|unresolved))$"
-                            r"|dotyk/history/error_(bound_paper|penalty|discretization)$|VTKHDF/CellData/discretization_error$")
+                            r"|dotyk/history/error_(bound_paper|penalty|discretization)$|VTKHDF/CellData/discretization_error$"
+                            r"|dotyk/contact/[^@]*@centre_of_pressure$|VTKHDF/PointData/contact_gap$")
 
 # A run that waits for something has no processor time: so many times its limit are its limit of time.
 WAITING = 6
