@@ -41,7 +41,8 @@ contains
       if (.not. is_cad_file(case%body(first)%mesh) .or. seen(first, .false.)) cycle
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
-      call log%line('  faces of '//case%body(first)%mesh//': about their area, centre, and normal where plane')
+      call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
+                    'centre, and normal where plane')
       do b = first, size(case%body)
         if (case%body(b)%mesh /= case%body(first)%mesh .or. seen(b, .true.)) cycle
         call extract_body(mesh, case%body(b)%volume, case%scene%dimension, body_mesh, error)

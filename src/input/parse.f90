@@ -1,6 +1,7 @@
 !> Reads a namelist file into a case. All that needs no mesh is checked, and all problems are reported together.
 module dotyk_input_parse
   use dotyk_base_error, only: error_t
+  use dotyk_base_files, only: is_cad_file
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_bodies, only: read_body, read_material
@@ -17,7 +18,7 @@ module dotyk_input_parse
   use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
-  use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
+  use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups, report
   use dotyk_input_wildcards, only: append_places
   implicit none
   private
@@ -134,6 +135,7 @@ contains
     end do
     case%body = case%body(:n)
     if (n > size(picked)) call name_copies(case%body, problems, bodies)
+    call check_mesh_keys(groups, case%body, problems)
     call pick_groups(groups, 'support', picked)
     allocate (support(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
@@ -187,6 +189,26 @@ contains
       place = 0
     end function place
   end subroutine convert
+
+  !> Keys of `&scene` for CAD files mean nothing where no body has one.
+  subroutine check_mesh_keys(groups, body, problems)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> Bodies (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    character(10), parameter :: keys(2) = ['mesh_size ', 'mesh_order']
+    integer, allocatable :: picked(:)
+    integer :: b, k
+    call pick_groups(groups, 'scene', picked)
+    if (size(picked) == 0 .or. any([(is_cad_file(body(b)%mesh), b=1, size(body))])) return
+    do k = 1, size(keys)
+      if (is_given(groups(picked(1)), trim(keys(k)))) &
+        call report(problems, groups(picked(1)), trim(keys(k)), trim(keys(k))//' is for CAD files, and no body has '// &
+                    'one: sizes and orders of .geo files are in them')
+    end do
+  end subroutine check_mesh_keys
 
   !> The first group of a name; where the file has none, one with the defaults of the table, in line 0.
   subroutine single_group(groups, name, table, problems, group)

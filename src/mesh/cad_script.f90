@@ -9,6 +9,8 @@ module dotyk_mesh_cad_script
 
   !> Elements along the largest extent of a solid, where no size is given, and around a circle.
   integer, parameter :: along_solid = 12, around_circle = 16
+  !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
+  integer, parameter :: most_along_solid = 1000
 
 contains
 
@@ -25,17 +27,27 @@ contains
       'Mesh.HighOrderOptimize = '//to_text(merge(2, 0, order > 1))//';'//lf// &
       'Mesh.MeshSizeFromCurvature = '//to_text(around_circle)//';'//lf// &
       'solid() = Volume{:};'//lf// &
+      'If (#solid() == 0)'//lf// &
+      '  Error("the file has no solids");'//lf// &
+      '  Exit;'//lf// &
+      'EndIf'//lf// &
       'For i In {0:#solid()-1}'//lf// &
-      '  Physical Volume(Sprintf("solid %g", solid(i))) = {solid(i)};'//lf
+      '  Physical Volume(Sprintf("solid %g", solid(i))) = {solid(i)};'//lf// &
+      '  box() = BoundingBox Volume{solid(i)};'//lf// &
+      '  extent = box(3) - box(0);'//lf// &
+      '  For k In {1:2}'//lf// &
+      '    extent = (box(3+k) - box(k) > extent) ? box(3+k) - box(k) : extent;'//lf// &
+      '  EndFor'//lf
     if (size > 0) then
-      text = text//'EndFor'//lf//'Mesh.MeshSizeMax = '//to_text(size, 17)//';'//lf
+      text = text//'  If (extent > '//to_text(most_along_solid)//'*'//to_text(size, 17)//')'//lf// &
+        '    Error("mesh_size is less than 1/'//to_text(most_along_solid)// &
+        ' of the extent of solid %g, %g mm: lengths are in mm", solid(i), extent);'//lf// &
+        '    Exit;'//lf// &
+        '  EndIf'//lf// &
+        'EndFor'//lf// &
+        'Mesh.MeshSizeMax = '//to_text(size, 17)//';'//lf
     else
-      text = text//'  box() = BoundingBox Volume{solid(i)};'//lf// &
-        '  size = box(3) - box(0);'//lf// &
-        '  For k In {1:2}'//lf// &
-        '    size = (box(3+k) - box(k) > size) ? box(3+k) - box(k) : size;'//lf// &
-        '  EndFor'//lf// &
-        '  MeshSize{ PointsOf{ Volume{solid(i)}; } } = size/'//to_text(along_solid)//';'//lf// &
+      text = text//'  MeshSize{ PointsOf{ Volume{solid(i)}; } } = extent/'//to_text(along_solid)//';'//lf// &
         'EndFor'//lf
     end if
     text = text//'face() = Surface{:};'//lf// &
