@@ -153,7 +153,8 @@ contains
     call pairs%init(problem%pair, n)
     allocate (parts(n), found(size(couple, 2)))
     do k = 1, size(found)
-      last_use(couple(:, k)) = k
+      last_use(couple(1, k)) = k
+      last_use(couple(2, k)) = k
     end do
     ! Couples are listed along an axis: of many bodies, few are held at once.
     do first = 1, size(found), most_at_once
@@ -256,7 +257,9 @@ contains
     integer :: b, k
     needed = .false.
     do k = 1, size(owner)
-      if (is_own(owner(k))) needed(couple(:, k)) = .true.
+      if (.not. is_own(owner(k))) cycle
+      needed(couple(1, k)) = .true.
+      needed(couple(2, k)) = .true.
     end do
     !$omp parallel do default(none) shared(problem, solution, needed, parts) schedule(dynamic, 1)
     do b = 1, size(parts)
