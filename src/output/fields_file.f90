@@ -1,0 +1,220 @@
+!> The fields of a results file (docs/results.md): `/VTKHDF` for VTK and ParaView, one partition per body. It is written
+!> under a temporary name until the results file is complete. One thread writes body after body. All errors have the
+!> exit code `exit_not_written`.
+module dotyk_output_fields_file
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int32, int64
+  use dotyk_base_operating_system, only: remove_file
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_output_cells, only: cells_of_body, cells_t, connectivity_length
+  use dotyk_output_file_system, only: temporary_name
+  use dotyk_output_hdf5, only: hdf5_file_t
+  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, with_three_components
+  implicit none
+  private
+
+  !> Meshes and fields being written.
+  type, public :: fields_file_t
+    !> Path of the finished file.
+    character(:), allocatable :: path
+    !> Its path until it is finished.
+    character(:), allocatable :: temporary
+    !> The open file.
+    type(hdf5_file_t) :: file
+    !> Points before each part (n_parts + 1).
+    integer(int64), allocatable :: first_point(:)
+    !> Cells before each part (n_parts + 1).
+    integer(int64), allocatable :: first_cell(:)
+    !> Connectivity entries before each part (n_parts + 1).
+    integer(int64), allocatable :: first_id(:)
+    !> The first failure of a `put_...` of the results file, kept for its `commit`.
+    type(error_t), allocatable :: failure
+  contains
+    procedure :: create => fields_create
+    procedure :: write_part => fields_write_part
+    procedure :: write_displacement => fields_write_displacement
+    procedure, private :: write_nodal_reals, write_nodal_integers, write_nodal_vectors
+    !> write_nodal_field(part, name, values, error): a field of the nodes of one body, but for the displacement: reals
+    !> or integers (n_nodes), or vectors (2 or 3, n_nodes); it is 0 where it is not written.
+    generic :: write_nodal_field => write_nodal_reals, write_nodal_integers, write_nodal_vectors
+    procedure :: write_stress => fields_write_stress
+    procedure :: write_discretization_error => fields_write_discretization_error
+    procedure :: discard => fields_discard
+  end type fields_file_t
+
+  public :: connectivity_length
+
+contains
+
+  !> Create the file with the layout of all parts, under a temporary name.
+  subroutine fields_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
+                           want_contact, want_error, want_reaction, error)
+    class(fields_file_t), intent(inout) :: self
+    !> Path of the file.
+    character(*), intent(in) :: path
+    !> Nodes of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_points(:)
+    !> Elements of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_cells(:)
+    !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
+    integer(int64), intent(in), contiguous :: n_connectivity(:)
+    !> Whether displacements will be written.
+    logical, intent(in) :: want_displacement
+    !> Whether stresses will be written.
+    logical, intent(in) :: want_stress
+    !> Whether the fields of contact will be written.
+    logical, intent(in) :: want_contact
+    !> Whether discretization errors of the elements will be written.
+    logical, intent(in) :: want_error
+    !> Whether reactions at nodes will be written.
+    logical, intent(in) :: want_reaction
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    if (allocated(self%failure)) deallocate (self%failure)
+    self%path = path
+    self%temporary = temporary_name(path)
+    self%first_point = running_sum(n_points)
+    self%first_cell = running_sum(n_cells)
+    self%first_id = running_sum(n_connectivity)
+    call self%file%create(self%temporary, error, label=path)
+    if (.not. allocated(error)) call create_groups(self%file, error)
+    if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
+    if (.not. allocated(error)) &
+      call create_fields(self%file, sum(n_points), sum(n_cells), want_displacement, want_stress, want_contact, &
+                         want_error, want_reaction, error)
+    if (allocated(error)) call self%discard()
+  end subroutine fields_create
+
+  !> Offsets of parts: 0, n(1), n(1) + n(2), ...
+  pure function running_sum(n) result(total)
+    !> Numbers (n_parts).
+    integer(int64), intent(in) :: n(:)
+    integer(int64) :: total(size(n) + 1)
+    integer :: i
+    total(1) = 0
+    do i = 1, size(n)
+      total(i + 1) = total(i) + n(i)
+    end do
+  end function running_sum
+
+  !> Write the geometry of one body.
+  subroutine fields_write_part(self, part, mesh, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    type(cells_t) :: cells
+    integer(int32), allocatable :: body(:)
+    integer(int64) :: point, cell, id
+    call cells_of_body(mesh, cells)
+    allocate (body(size(cells%tag)))
+    body = part
+    point = self%first_point(part)
+    cell = self%first_cell(part)
+    id = self%first_id(part)
+    associate (file => self%file)
+      call file%put_part('/VTKHDF/Points', point, with_three_components(mesh%x), error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/PointData/node_tag', point, mesh%node_tag, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/Connectivity', id, cells%connectivity, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/Offsets', cell + part - 1, cells%offset, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/Types', cell, cells%vtk_type, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/body', cell, body, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/element_tag', cell, cells%tag, error)
+    end associate
+  end subroutine fields_write_part
+
+  !> Write the displacements of one body.
+  subroutine fields_write_displacement(self, part, displacement, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Displacements of the nodes (dimension, n_nodes) [length].
+    real(dp), intent(in), contiguous :: displacement(:, :)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/displacement', self%first_point(part), &
+                            with_three_components(displacement), error)
+  end subroutine fields_write_displacement
+
+  !> Write numbers at the nodes of one body.
+  subroutine write_nodal_reals(self, part, name, values, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (n_nodes) [any].
+    real(dp), intent(in), contiguous :: values(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+  end subroutine write_nodal_reals
+
+  !> Write integers at the nodes of one body.
+  subroutine write_nodal_integers(self, part, name, values, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (n_nodes).
+    integer(int32), intent(in), contiguous :: values(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+  end subroutine write_nodal_integers
+
+  !> Write vectors at the nodes of one body.
+  subroutine write_nodal_vectors(self, part, name, values, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (dimension, n_nodes) [any].
+    real(dp), intent(in), contiguous :: values(:, :)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), with_three_components(values), error)
+  end subroutine write_nodal_vectors
+
+  !> Write the stresses of one body.
+  subroutine fields_write_stress(self, part, stress, von_mises, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Mean stresses xx yy zz xy yz xz of the elements, in the order of the blocks (6, n_elements) [pressure].
+    real(dp), intent(in), contiguous :: stress(:, :)
+    !> Von Mises stresses of the means (n_elements) [pressure].
+    real(dp), intent(in), contiguous :: von_mises(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer(int64) :: cell
+    cell = self%first_cell(part)
+    call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
+    if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
+  end subroutine fields_write_stress
+
+  !> Write the discretization errors of the elements of one body.
+  subroutine fields_write_discretization_error(self, part, value, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Relative errors in the energy norm, elements in the order of the blocks (n_elements) [].
+    real(dp), intent(in), contiguous :: value(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/CellData/discretization_error', self%first_cell(part), value, error)
+  end subroutine fields_write_discretization_error
+
+  !> Delete an unfinished file; nothing happens where there is none.
+  subroutine fields_discard(self)
+    class(fields_file_t), intent(inout) :: self
+    type(error_t), allocatable :: ignored
+    call self%file%close(ignored)
+    if (allocated(self%temporary)) call remove_file(self%temporary)
+  end subroutine fields_discard
+end module dotyk_output_fields_file
