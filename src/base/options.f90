@@ -118,12 +118,13 @@ module dotyk_base_options
   integer, parameter, public :: default_locking = locking_auto
 
   !> `&output fields`.
-  character(*), parameter, public :: field_names = 'displacement stress contact error reaction'
+  character(*), parameter, public :: field_names = 'displacement stress contact error reaction nodal_stress'
   integer, parameter, public :: field_displacement = 1  !< displacement of the nodes
   integer, parameter, public :: field_stress = 2        !< stress of the elements
   integer, parameter, public :: field_contact = 3       !< contact pressure
   integer, parameter, public :: field_error = 4         !< discretization error of the elements
   integer, parameter, public :: field_reaction = 5      !< reactions of supports at their nodes
+  integer, parameter, public :: field_nodal_stress = 6  !< stresses at the nodes
 
   !> `&output error_parts`.
   character(*), parameter, public :: error_part_names = 'penalty discretization'

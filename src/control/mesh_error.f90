@@ -17,11 +17,11 @@ module dotyk_control_mesh_error
     real(dp), allocatable :: value(:)
   end type element_field_t
 
-  public :: estimate_mesh_errors
+  public :: estimate_mesh_errors, to_representative
 
   !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and
   !> the memory is small beside a factor.
-  integer, parameter :: most_bodies = 16
+  integer, parameter, public :: most_bodies = 16
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
   real(dp), parameter :: least_share = 0.01_dp
 

@@ -8,6 +8,7 @@ module dotyk_driver_results
   use dotyk_control_balance, only: balance_t, find_balance
   use dotyk_control_contact_fields, only: contact_fields_t
   use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_nodal_stresses, only: nodal_stress_t, recover_nodal_stresses
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_results_fields, only: write_fields
@@ -62,8 +63,10 @@ contains
     type(nodal_field_t), allocatable :: contact_pressure(:)
     type(contact_fields_t), allocatable :: contact(:)
     type(balance_t) :: balance
+    type(nodal_stress_t), allocatable :: nodal_stress(:)
     type(results_file_t) :: file
     integer :: b
+    logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
       call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
@@ -71,18 +74,25 @@ contains
       if (allocated(error)) return
       call refuse_overflow(case, problem, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
-      if (all([(allocated(displacements(b)%displacement), b=1, size(displacements))])) &
+      is_known = all([(allocated(displacements(b)%displacement), b=1, size(displacements))])
+      if (is_known) &
         call find_balance(problem, solution%qp, solution%state%m, displacements, case%output%reaction, balance, error)
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) then
         call show_pair_results(monitor%log, problem%pair, pair_solution)
         call show_balance(monitor%log, problem%body, balance)
       end if
+      allocate (nodal_stress(size(problem%body)))
+      if (case%output%nodal_stress .and. is_known) then
+        call set_stage('recovering stresses at nodes')
+        call recover_nodal_stresses(problem, displacements, nodal_stress, error)
+        if (allocated(error)) return
+      end if
       call monitor%watch%lap(monitor%timing%recover)
       monitor%timing%total = monitor%watch%since_start()
       call set_stage('writing results')
-      call write_fields(file, case, problem%body, problem%ranks, displacements, contact_pressure, contact, balance, &
-                        solution%budget, solution%penetration, error)
+      call write_fields(file, case, problem%body, problem%ranks, displacements, nodal_stress, contact_pressure, &
+                        contact, balance, solution%budget, solution%penetration, error)
       if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
       call write_forces(file, problem%body, balance)

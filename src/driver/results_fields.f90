@@ -9,10 +9,12 @@ module dotyk_driver_results_fields
   use dotyk_control_contact_fields, only: contact_fields_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_mesh_error, only: element_field_t
+  use dotyk_control_nodal_stresses, only: nodal_stress_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_driver_whole_bodies, only: whole_body_fields_t
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_nodal_stress, only: principal_stresses
   use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -25,8 +27,8 @@ module dotyk_driver_results_fields
 contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, case, body, ranks, solution, contact_pressure, contact, balance, budget, &
-                          penetration, error)
+  subroutine write_fields(file, case, body, ranks, solution, nodal_stress, contact_pressure, contact, balance, &
+                          budget, penetration, error)
     !> Results file; open on return, on the first rank.
     type(results_file_t), intent(inout) :: file
     !> The case, with the fields to write.
@@ -37,6 +39,8 @@ contains
     type(body_ranks_t), intent(in) :: ranks
     !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Stresses at the nodes of the bodies, if they are wanted (n_bodies).
+    type(nodal_stress_t), intent(in) :: nodal_stress(:)
     !> Contact pressures at the nodes of the bodies (n_bodies).
     type(nodal_field_t), intent(in) :: contact_pressure(:)
     !> Contact tractions, gaps and status there (n_bodies).
@@ -62,7 +66,7 @@ contains
     if (this_rank() == 0) &
       call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
                        case%output%stress, case%output%contact, case%output%error, &
-                       case%output%reaction, error)
+                       case%output%reaction, case%output%nodal_stress, error)
     ! All ranks take part to the end, even where the first one cannot write.
     do b = 1, size(body)
       call fields%init(body(b), ranks, b)
@@ -93,6 +97,13 @@ contains
         call fields%of_nodes(reactions_of(b), values)
         if (may_write()) call file%write_nodal_field(b, 'reaction_force', values, error)
       end if
+      if (case%output%nodal_stress) then
+        call fields%of_nodes(nodal_stress_of(b), values)
+        mises = [(von_mises(values(:, k)), k=1, size(values, 2))]
+        vectors = reshape([(principal_stresses(values(:, k)), k=1, size(values, 2))], [3, size(values, 2)])
+        if (may_write()) call file%write_nodal_stress(b, values, mises, vectors, error)
+        deallocate (vectors)
+      end if
       if (case%output%stress) then
         call fields%of_elements(stress_of(solution(b)), values)
         mises = [(von_mises(values(:, e)), e=1, size(values, 2))]
@@ -121,6 +132,15 @@ contains
       if (.not. allocated(balance%body)) return
       if (allocated(balance%body(b)%nodal)) reaction = balance%body(b)%nodal
     end function reactions_of
+
+    !> Stresses at the nodes that this rank holds; 0 where other ranks compute the body (6, n_nodes) [pressure].
+    function nodal_stress_of(b) result(stress)
+      !> Index of the body.
+      integer, intent(in) :: b
+      real(dp), allocatable :: stress(:, :)
+      allocate (stress(6, body(b)%mesh%n_nodes()), source=0.0_dp)
+      if (allocated(nodal_stress(b)%value)) stress = nodal_stress(b)%value
+    end function nodal_stress_of
   end subroutine write_fields
 
   !> Stresses that this rank has (6, n_elements) [pressure].

@@ -56,7 +56,7 @@ contains
     allocate (goal%theta_given(size(case%contact)))
     ! A gamma that was given belongs to the theta of the run: it may diverge with a smaller one.
     goal%theta_given(:) = case%contact%theta_given .or. case%solver%gamma_rule == gamma_fixed
-    goal%displacement = case%output%displacement .or. case%output%reaction
+    goal%displacement = case%output%displacement .or. case%output%reaction .or. case%output%nodal_stress
     goal%stress = case%output%stress
     goal%mesh_error = case%output%error_discretization
     goal%penalty_error = case%output%error_penalty

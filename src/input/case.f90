@@ -261,6 +261,8 @@ module dotyk_input_case
     logical :: contact = .false.
     !> Whether reactions of supports are written.
     logical :: reaction = .false.
+    !> Whether stresses at the nodes are written.
+    logical :: nodal_stress = .false.
     !> Whether the discretization error of the elements is written.
     logical :: error = .false.
     !> Whether the penalty error is estimated.

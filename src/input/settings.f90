@@ -4,9 +4,9 @@ module dotyk_input_settings
   use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
-    field_displacement, field_error, field_reaction, field_stress, gamma_fixed, gamma_theory, option_name, &
-    scheme_auto, scheme_dual, &
-    scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, theta_names
+    field_displacement, field_error, field_nodal_stress, field_reaction, field_stress, gamma_fixed, gamma_theory, &
+    option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, &
+    theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
@@ -164,6 +164,7 @@ contains
     output%contact = has_option(group, 'fields', field_contact)
     output%error = has_option(group, 'fields', field_error)
     output%reaction = has_option(group, 'fields', field_reaction)
+    output%nodal_stress = has_option(group, 'fields', field_nodal_stress)
     output%error_penalty = has_option(group, 'error_parts', error_part_penalty)
     ! Who asks for the field asks for the estimate.
     output%error_discretization = has_option(group, 'error_parts', error_part_discretization) .or. &

@@ -82,7 +82,8 @@ contains
     call list%begin_group('output')
     call list%add('fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
                   meaning='fields to compute and write: displacement; stress; contact: pressure, traction, gap, '// &
-                  'status; error: discretization error; reaction: forces of the supports at their nodes')
+                  'status; error: discretization error; reaction: forces of the supports at their nodes; '// &
+                  'nodal_stress: stresses at the nodes, recovered, with von Mises and principal stresses')
     call list%add('error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
                   meaning='errors to compute besides the iteration error: penalty, the distance to the solution '// &
                   'with theta = 0; discretization, the estimated error of the mesh')

@@ -38,6 +38,7 @@ module dotyk_output_fields_file
     !> or integers (n_nodes), or vectors (2 or 3, n_nodes); it is 0 where it is not written.
     generic :: write_nodal_field => write_nodal_reals, write_nodal_integers, write_nodal_vectors
     procedure :: write_stress => fields_write_stress
+    procedure :: write_nodal_stress => fields_write_nodal_stress
     procedure :: write_discretization_error => fields_write_discretization_error
     procedure :: discard => fields_discard
   end type fields_file_t
@@ -48,7 +49,7 @@ contains
 
   !> Create the file with the layout of all parts, under a temporary name.
   subroutine fields_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-                           want_contact, want_error, want_reaction, error)
+                           want_contact, want_error, want_reaction, want_nodal_stress, error)
     class(fields_file_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: path
@@ -68,6 +69,8 @@ contains
     logical, intent(in) :: want_error
     !> Whether reactions at nodes will be written.
     logical, intent(in) :: want_reaction
+    !> Whether stresses at nodes will be written.
+    logical, intent(in) :: want_nodal_stress
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (allocated(self%failure)) deallocate (self%failure)
@@ -81,7 +84,7 @@ contains
     if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
     if (.not. allocated(error)) &
       call create_fields(self%file, sum(n_points), sum(n_cells), want_displacement, want_stress, want_contact, &
-                         want_error, want_reaction, error)
+                         want_error, want_reaction, want_nodal_stress, error)
     if (allocated(error)) call self%discard()
   end subroutine fields_create
 
@@ -197,6 +200,24 @@ contains
     call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
     if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
   end subroutine fields_write_stress
+
+  !> Write the stresses at the nodes of one body.
+  subroutine fields_write_nodal_stress(self, part, stress, von_mises, principal, error)
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    !> Stresses xx yy zz xy yz xz (6, n_nodes) [pressure].
+    real(dp), intent(in), contiguous :: stress(:, :)
+    !> Von Mises stresses (n_nodes) [pressure].
+    real(dp), intent(in), contiguous :: von_mises(:)
+    !> Principal stresses, the greatest first (3, n_nodes) [pressure].
+    real(dp), intent(in), contiguous :: principal(:, :)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/PointData/nodal_stress', self%first_point(part), stress, error)
+    if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_von_mises', von_mises, error)
+    if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_principal_stress', principal, error)
+  end subroutine fields_write_nodal_stress
 
   !> Write the discretization errors of the elements of one body.
   subroutine fields_write_discretization_error(self, part, value, error)

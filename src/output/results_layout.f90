@@ -60,7 +60,7 @@ contains
 
   !> Create the datasets of the fields; parts that are not written are zero.
   subroutine create_fields(file, points, cells, want_displacement, want_stress, want_contact, want_error, &
-                           want_reaction, error)
+                           want_reaction, want_nodal_stress, error)
     !> The results file.
     type(hdf5_file_t), intent(in) :: file
     !> Number of nodes of all bodies.
@@ -77,6 +77,8 @@ contains
     logical, intent(in) :: want_error
     !> Whether reactions at nodes will be written.
     logical, intent(in) :: want_reaction
+    !> Whether stresses at nodes will be written.
+    logical, intent(in) :: want_nodal_stress
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (want_displacement) then
@@ -97,6 +99,15 @@ contains
     end if
     if (want_reaction) then
       call file%new_dataset('/VTKHDF/PointData/reaction_force', hdf5_real, [3_int64, points], error, zero=.true.)
+      if (allocated(error)) return
+    end if
+    if (want_nodal_stress) then
+      call file%new_dataset('/VTKHDF/PointData/nodal_stress', hdf5_real, [6_int64, points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/nodal_von_mises', hdf5_real, [points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/nodal_principal_stress', hdf5_real, [3_int64, points], error, &
+                            zero=.true.)
       if (allocated(error)) return
     end if
     if (want_stress) then

@@ -60,8 +60,8 @@ class Results(dotyk_case.Case):
         self.check_shapes(root["PointData"], {
             "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "penetration": ((points,), "f"),
             "contact_traction": ((points, 3), "f"), "contact_gap": ((points,), "f"), "contact_status": ((points,), "i"),
-            "reaction_force": ((points, 3), "f"),
-            "node_tag": ((points,), "i")})
+            "reaction_force": ((points, 3), "f"), "nodal_stress": ((points, 6), "f"), "nodal_von_mises": ((points,), "f"),
+            "nodal_principal_stress": ((points, 3), "f"), "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
             "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
             "von_mises": ((cells,), "f"),

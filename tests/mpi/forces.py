@@ -24,7 +24,7 @@ class Forces(RankCase):
                   "&load body='upper', surface='top', pressure_formula='0.1*(1+0.5*(x-2))' /",
                   "&load body='*', force_density=0,0,-0.01 /", "&load body='lower', surface='sides y', traction=0.01,0.02,0 /",
                   "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
-                  "&solver theta=0, tolerance=1e-8, response='%s' /" % response, "&output fields='displacement contact reaction', error_parts='' /"]
+                  "&solver theta=0, tolerance=1e-8, response='%s' /" % response, "&output fields='displacement contact reaction nodal_stress', error_parts='' /"]
         return self.write("%s.nml" % response, "\n".join(lines) + "\n")
 
     def numbers(self, ranks, namelist):
@@ -37,7 +37,7 @@ class Forces(RankCase):
                 found.update(("%s/%s" % (group, name), array[()]) for name, array in file["dotyk"][group].items())
             for name in ("force", "moment", "centre_of_pressure", "contact_area", "peak_pressure", "peak_position", "least_gap"):
                 found[name] = file["dotyk/contact/joint"].attrs[name]
-            for name in ("reaction_force", "contact_traction", "contact_gap", "contact_status"):
+            for name in ("reaction_force", "contact_traction", "contact_gap", "contact_status", "nodal_stress"):
                 found[name] = file["VTKHDF/PointData"][name][()]
             errors = [file["dotyk/bodies"].attrs[name] for name in ("force_error", "moment_error")]
         return found, errors, printed

@@ -102,6 +102,8 @@ class Body:
     displacement = _field('displacement', 'Displacement (n_nodes, 3) [length].')
     contact_pressure = _field('contact_pressure', 'Contact pressure on the nodes (n_nodes) [pressure]; 0 off the contact surfaces.')
     penetration = _field('penetration', 'Depth of nodes that are too deep in another body (n_nodes) [length]; else 0.')
+    nodal_stress = _field('nodal_stress', 'Recovered stresses at the nodes (n_nodes, 6) [pressure]: xx yy zz xy yz xz.')
+    nodal_von_mises = _field('nodal_von_mises', 'Their von Mises stresses (n_nodes) [pressure].')
     node_tag = _field('node_tag', 'Node tags of the mesh file (n_nodes).')
     stress = _field('stress', 'Mean stresses of the cells (n_cells, 6) [pressure]: xx yy zz xy yz xz.')
     von_mises = _field('von_mises', 'Von Mises stresses (n_cells) [pressure].')

@@ -1,0 +1,93 @@
+!> Stresses at the nodes of all bodies: congruent ones together, in the axes of the representative.
+module dotyk_control_nodal_stresses
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_mesh_error, only: most_bodies, to_representative
+  use dotyk_elasticity_nodal_stress, only: nodal_stresses
+  use dotyk_elasticity_stiffness_tensor, only: rotate_strain, rotate_stress
+  implicit none
+  private
+
+  !> Stresses at the nodes of a body.
+  type, public :: nodal_stress_t
+    !> In global axes, order xx yy zz xy yz xz; not allocated for bodies of other ranks (6, n_nodes) [pressure].
+    real(dp), allocatable :: value(:, :)
+  end type nodal_stress_t
+
+  public :: recover_nodal_stresses
+
+contains
+
+  !> Recover the stresses of all bodies whose displacements are known.
+  subroutine recover_nodal_stresses(problem, solution, stress, error)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> Displacements of the bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Their stresses (n_bodies).
+    type(nodal_stress_t), allocatable, intent(out) :: stress(:)
+    !> Allocated where a formula of a material cannot be parsed.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: alike(:)
+    integer :: c, i
+    allocate (stress(size(problem%body)))
+    do i = 1, size(problem%body)
+      if (.not. problem%classes%is_representative(i)) cycle
+      alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
+      do c = 1, size(alike), most_bodies
+        ! Bodies of other ranks keep their places, so that the digits of the others do not depend on them.
+        associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
+          if (.not. any(problem%ranks%is_own(some))) cycle
+          call recover_some(problem, some, solution, stress, error)
+        end associate
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine recover_nodal_stresses
+
+  !> Some congruent bodies.
+  subroutine recover_some(problem, alike, solution, stress, error)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indices of the bodies (n).
+    integer, intent(in) :: alike(:)
+    !> Displacements of all bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Stresses; those of these bodies are set (n_bodies).
+    type(nodal_stress_t), intent(inout) :: stress(:)
+    !> Allocated where a formula of the material cannot be parsed.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: u(:, :, :), of_alike(:, :, :), temperature(:, :)
+    real(dp) :: expansion(6, size(alike))
+    integer :: i, k
+    call to_representative(problem, alike, solution, u)
+    expansion = 0
+    do i = 1, size(alike)
+      associate (body => problem%body(alike(i)))
+        if (.not. (problem%ranks%is_own(alike(i)) .and. allocated(body%initial%temperature))) cycle
+        if (.not. allocated(temperature)) allocate (temperature(size(u, 1), size(u, 3)), source=0.0_dp)
+        temperature(i, :) = body%initial%temperature
+        expansion(:, i) = rotate_strain(body%material%expansion, &
+                                        transpose(problem%classes%motion(alike(i))%rotation))
+      end associate
+    end do
+    associate (first => problem%body(problem%classes%first(alike(1))))
+      call nodal_stresses(first%mesh, first%analysis, first%material, u, of_alike, error, temperature, expansion)
+    end associate
+    if (allocated(error)) return
+    do i = 1, size(alike)
+      if (.not. problem%ranks%is_own(alike(i))) cycle
+      associate (body => problem%body(alike(i)), motion => problem%classes%motion(alike(i)), &
+                 of_body => of_alike(:, :, i))
+        allocate (stress(alike(i))%value(6, size(of_body, 2)))
+        do k = 1, size(of_body, 2)
+          if (motion%rotated) of_body(:, k) = rotate_stress(of_body(:, k), motion%rotation)
+          if (allocated(body%initial%stress)) of_body(:, k) = of_body(:, k) + body%initial%stress(:, k)
+        end do
+        stress(alike(i))%value(:, :) = of_body([1, 2, 3, 6, 4, 5], :)
+      end associate
+    end do
+  end subroutine recover_some
+end module dotyk_control_nodal_stresses

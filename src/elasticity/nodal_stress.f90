@@ -1,0 +1,285 @@
+!> Stresses at the nodes: those of the recovered strains (`dotyk_elasticity_gradient_recovery`), which are exact where
+!> the displacement is a polynomial of one degree more than that of the elements, up to the boundary.
+!>
+!> The strain of a vertex is that of its polynomial; between the vertices of an element the polynomials are weighted
+!> with the linear shape functions, as in the error estimate. Each body has its own values: at interfaces they are
+!> one-sided. Where a part of the dilatation is projected, the pressure is that of the recovered dilatation
+!> (`dotyk_elasticity_dilatation_fit`).
+module dotyk_elasticity_nodal_stress
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: gradient_slots
+  use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
+  use dotyk_elasticity_energy_form, only: energy_form_t
+  use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_modulus_field, only: read_modulus_field
+  use dotyk_elasticity_point_stress, only: modulus_at
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
+  use dotyk_elasticity_recovery_patch, only: diagonalize
+  use dotyk_elasticity_vector_field, only: vector_field_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
+  implicit none
+  private
+  public :: nodal_stresses, principal_stresses
+
+  !> Radii below this fraction of the largest one are on the axis of an axisymmetric body.
+  real(dp), parameter :: on_axis = 1.0e-9_dp
+  !> Where the modulus field has no value at a node, it is taken this fraction of the way to the centre of an element.
+  real(dp), parameter :: inward = 1.0e-6_dp
+
+  !> Linear shape functions of the corners at the nodes of an element kind.
+  type :: corner_weights_t
+    !> Number of corners.
+    integer :: n_corners = 0
+    !> Values (n_corners, n_nodes) [].
+    real(dp), allocatable :: at_node(:, :)
+    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
+    real(dp) :: matrix(6, 6) = 0
+    !> Projected part of the bulk modulus [pressure].
+    real(dp) :: bulk = 0
+  end type corner_weights_t
+
+contains
+
+  !> Stresses at the nodes of several bodies of one mesh and material, without initial stresses.
+  subroutine nodal_stresses(mesh, analysis, material, u, stress, error, temperature, expansion)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Stresses in the axes of the mesh, order xx yy zz yz xz xy; NaN at nodes where the modulus field has no value
+    !> (6, n_nodes, n_bodies) [pressure].
+    real(dp), allocatable, intent(out) :: stress(:, :, :)
+    !> Allocated where the modulus field is no formula; assembly finds this first.
+    type(error_t), allocatable, intent(out) :: error
+    !> Temperatures at the nodes above those of the stress-free bodies; none where absent or not allocated
+    !> (n_bodies, n_nodes) [temperature].
+    real(dp), allocatable, intent(in), optional :: temperature(:, :)
+    !> Their thermal expansions in the axes of the mesh, strains in the order of the stresses; given with the
+    !> temperatures (6, n_bodies) [1/temperature].
+    real(dp), intent(in), optional :: expansion(:, :)
+    type(gradient_recovery_t) :: fit
+    type(dilatation_fit_t), allocatable :: dilatation(:)
+    type(corner_weights_t), allocatable :: of_block(:)
+    type(energy_form_t) :: form
+    real(dp), allocatable :: thermal(:, :), factor(:)
+    integer, allocatable :: home(:, :)
+    real(dp) :: strain(6), axis_radius
+    integer :: b, i
+    logical :: is_heated
+    call find_homes(mesh, home)
+    call find_factors(mesh, material, home, factor, error)
+    if (allocated(error)) return
+    is_heated = .false.
+    if (present(temperature)) is_heated = allocated(temperature)
+    if (is_heated) thermal = temperature*spread(sum(expansion(:3, :), dim=1), 2, size(temperature, 2))
+    call fit%init(mesh, u)
+    call fit_dilatations(mesh, analysis, material, u, thermal, dilatation)
+    call weigh_corners(mesh, analysis, material, of_block)
+    call form%init(analysis, material%stiffness)
+    axis_radius = 0
+    if (gradient_slots(analysis) > mesh%dimension) axis_radius = on_axis*maxval(abs(mesh%x(1, :)))
+    allocate (stress(6, mesh%n_nodes(), size(u, 1)), source=0.0_dp)
+    !$omp parallel do default(none) schedule(static) private(b, strain) &
+    !$omp& shared(mesh, u, stress, temperature, expansion, fit, dilatation, of_block, form, factor, home, axis_radius) &
+    !$omp& shared(is_heated)
+    do i = 1, size(stress, 2)
+      if (home(1, i) == 0) cycle
+      associate (weights => of_block(home(1, i)), &
+                 node => mesh%block(home(1, i))%node(:of_block(home(1, i))%n_corners, home(2, i)))
+        do b = 1, size(u, 1)
+          call recovered_strain(fit, form, b, weights%at_node(:, home(3, i)), node, mesh%x(:, i), strain)
+          if (size(form%component) == 4) &
+            strain(3) = hoop_strain(mesh%x(1, i), u(b, 1, i), axis_radius, strain(1))
+          if (is_heated) strain = strain - temperature(b, i)*expansion(:, b)
+          stress(:, i, b) = matmul(weights%matrix, strain)
+          if (weights%bulk > 0) &
+            stress(:3, i, b) = stress(:3, i, b) + weights%bulk*fitted(dilatation(b), mesh%x, node, &
+                                                                      weights%at_node(:, home(3, i)), mesh%x(:, i))
+          stress(:, i, b) = factor(i)*stress(:, i, b)
+        end do
+      end associate
+    end do
+    !$omp end parallel do
+  end subroutine nodal_stresses
+
+  !> An element of each node: of the own ones, where the rank has some.
+  subroutine find_homes(mesh, home)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Block, element in it, and number in it of each node; 0 for nodes without (3, n_nodes).
+    integer, allocatable, intent(out) :: home(:, :)
+    integer :: b, e, i, number, round
+    allocate (home(3, mesh%n_nodes()), source=0)
+    ! Recovered strains are those of the whole body in own elements: these come first.
+    do round = 1, 2
+      number = 0
+      do b = 1, size(mesh%block)
+        do e = 1, size(mesh%block(b)%node, 2)
+          number = number + 1
+          if (mesh%is_own_element(number) .neqv. round == 1) cycle
+          do i = 1, size(mesh%block(b)%node, 1)
+            associate (node => mesh%block(b)%node(i, e))
+              if (home(1, node) == 0) home(:, node) = [b, e, i]
+            end associate
+          end do
+        end do
+      end do
+    end do
+  end subroutine find_homes
+
+  !> The modulus field at the nodes.
+  subroutine find_factors(mesh, material, home, value, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Block, element and number of each node (3, n_nodes).
+    integer, intent(in) :: home(:, :)
+    !> The factor; NaN where it has no value (n_nodes) [].
+    real(dp), allocatable, intent(out) :: value(:)
+    !> Allocated where the formula does not parse.
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: no_value
+    type(vector_field_t) :: field
+    integer :: i
+    allocate (value(size(home, 2)), source=1.0_dp)
+    call read_modulus_field(material, field, error)
+    if (allocated(error)) return
+    if (.not. field%constant) then
+      do i = 1, size(value)
+        if (home(1, i) == 0) cycle
+        call modulus_at(field, mesh%x(:, i), value(i), no_value)
+        if (.not. allocated(no_value) .and. value(i) > tiny(value) .and. ieee_is_finite(value(i))) cycle
+        associate (node => mesh%block(home(1, i))%node(:, home(2, i)))
+          call modulus_at(field, (1 - inward)*mesh%x(:, i) + inward*sum(mesh%x(:, node), dim=2)/size(node), value(i), &
+                          no_value)
+        end associate
+        if (allocated(no_value)) value(i) = ieee_value(value(i), ieee_quiet_nan)
+      end do
+    end if
+    call field%destroy()
+  end subroutine find_factors
+
+  !> Weights and materials of the element kinds of all blocks.
+  subroutine weigh_corners(mesh, analysis, material, of_block)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> One for each block (n_blocks).
+    type(corner_weights_t), allocatable, intent(out) :: of_block(:)
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: xi(:, :)
+    real(dp) :: lambda
+    integer :: b, i
+    allocate (of_block(size(mesh%block)))
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      if (allocated(xi)) deallocate (xi)
+      allocate (xi(kind%dimension, kind%n_nodes))
+      call reference_nodes(mesh%block(b)%kind, xi)
+      associate (weights => of_block(b))
+        weights%n_corners = kind%n_corners
+        allocate (weights%at_node(kind%n_corners, kind%n_nodes))
+        do i = 1, kind%n_nodes
+          call shape_functions(kind%corner_kind, xi(:, i), weights%at_node(:, i))
+        end do
+        call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), &
+                            weights%matrix, lambda, weights%bulk)
+      end associate
+    end do
+  end subroutine weigh_corners
+
+  !> Recovered strain at a node of an element, without the hoop strain.
+  pure subroutine recovered_strain(fit, form, body, weight, node, x, strain)
+    !> Polynomials of the vertices.
+    type(gradient_recovery_t), intent(in) :: fit
+    !> Strains of the analysis.
+    type(energy_form_t), intent(in) :: form
+    !> Index of the body.
+    integer, intent(in) :: body
+    !> Weights of the corners of the element (n_corners) [].
+    real(dp), intent(in) :: weight(:)
+    !> Nodes of the corners (n_corners).
+    integer, intent(in) :: node(:)
+    !> Position of the node (dim) [length].
+    real(dp), intent(in) :: x(:)
+    !> The strain, order xx yy zz yz xz xy, engineering shear (6) [].
+    real(dp), intent(out) :: strain(6)
+    real(dp) :: t(size(x)), power(fit%monomials%n_lower)
+    integer :: c, k, s
+    strain = 0
+    do c = 1, size(node)
+      if (.not. abs(weight(c)) > 0) cycle
+      associate (v => fit%vertex(node(c)))
+        t = matmul(fit%axes(:, :, v), x - fit%centre(:, v))
+        power(1) = weight(c)
+        do k = 2, fit%monomials%n_lower
+          power(k) = power(fit%monomials%parent(k))*t(fit%monomials%axis(k))
+        end do
+        do s = 1, fit%n_strains
+          strain(form%component(s)) = strain(form%component(s)) + dot_product(fit%strain(body, s, :, v), power)
+        end do
+      end associate
+    end do
+  end subroutine recovered_strain
+
+  !> Hoop strain at a node of an axisymmetric body [].
+  pure real(dp) function hoop_strain(radius, u, axis_radius, radial_strain) result(strain)
+    !> Radius of the node [length].
+    real(dp), intent(in) :: radius
+    !> Radial displacement [length].
+    real(dp), intent(in) :: u
+    !> Radii up to this one are on the axis [length].
+    real(dp), intent(in) :: axis_radius
+    !> Radial strain, the limit of the hoop strain on the axis [].
+    real(dp), intent(in) :: radial_strain
+    strain = radial_strain
+    if (abs(radius) > axis_radius) strain = u/radius
+  end function hoop_strain
+
+  !> Recovered dilatation at a node of an element [].
+  pure real(dp) function fitted(fit, x, node, weight, position)
+    !> Linear functions around the vertices.
+    type(dilatation_fit_t), intent(in) :: fit
+    !> All nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Nodes of the corners of the element (n_corners).
+    integer, intent(in) :: node(:)
+    !> Weights of the corners (n_corners) [].
+    real(dp), intent(in) :: weight(:)
+    !> Position of the node (dim) [length].
+    real(dp), intent(in) :: position(:)
+    real(dp) :: value(1)
+    call fit%values(x(:, node), node, reshape(weight, [1, size(weight)]), reshape(position, [1, size(position)]), value)
+    fitted = value(1)
+  end function fitted
+
+  !> Principal stresses, the greatest first (3) [pressure].
+  pure function principal_stresses(stress) result(principal)
+    !> Stress, order xx yy zz xy yz xz (6) [pressure].
+    real(dp), intent(in) :: stress(6)
+    real(dp) :: principal(3), tensor(3, 3), vectors(3, 3), greatest, least
+    integer :: i
+    principal = sum(stress)
+    if (.not. ieee_is_finite(sum(abs(stress)))) return
+    tensor = reshape([stress(1), stress(4), stress(6), stress(4), stress(2), stress(5), stress(6), stress(5), &
+                      stress(3)], [3, 3])
+    call diagonalize(3, tensor, vectors)
+    principal = [(tensor(i, i), i=1, 3)]
+    greatest = maxval(principal)
+    least = minval(principal)
+    principal = [greatest, max(min(principal(1), principal(2)), min(max(principal(1), principal(2)), principal(3))), &
+                 least]
+  end function principal_stresses
+end module dotyk_elasticity_nodal_stress
