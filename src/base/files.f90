@@ -6,7 +6,7 @@ module dotyk_base_files
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file
+    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192
@@ -184,6 +184,13 @@ contains
     character(5), parameter :: endings(*) = [character(5) :: '.step', '.stp', '.iges', '.igs', '.brep', '.brp']
     is_cad_file = any(endings == lower(path(max(1, index(path, '.', back=.true.)):)))
   end function is_cad_file
+
+  !> Whether a file is a deck of Abaqus or CalculiX, by its name.
+  pure logical function is_inp_file(path)
+    !> Path.
+    character(*), intent(in) :: path
+    is_inp_file = lower(path(max(1, len(path) - 3):)) == '.inp'
+  end function is_inp_file
 
   !> Write a text to a new file; nothing happens where the name is taken.
   subroutine write_new(path, text)

@@ -1,16 +1,18 @@
-!> What `--check` says of the faces of CAD files: names are numbers, and a user has to tell them apart.
+!> What `--check` says of the faces of CAD files, whose names are numbers that a user has to tell apart, and of the sets
+!> and surfaces of .inp files, which other programs made.
 module dotyk_driver_cad_faces
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: counted, quoted, text_t, to_text
   use dotyk_input_case, only: case_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_physical_group, only: group_names, groups_named
   use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
   use dotyk_model_mesh_file, only: meshing_of, read_mesh
   implicit none
@@ -38,11 +40,18 @@ contains
     integer :: b, first
     meshing = meshing_of(case)
     do first = 1, size(case%body)
-      if (.not. is_cad_file(case%body(first)%mesh) .or. seen(first, .false.)) cycle
+      if (.not. (is_cad_file(case%body(first)%mesh) .or. is_inp_file(case%body(first)%mesh)) .or. &
+          seen(first, .false.)) cycle
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
-      call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
-                    'centre, and normal where plane')
+      if (is_cad_file(case%body(first)%mesh)) then
+        call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
+                      'centre, and normal where plane')
+      else
+        call show_volumes(mesh, case%scene%dimension, log)
+        call log%line('  surfaces of '//case%body(first)%mesh//' in its own coordinates: about their '// &
+                      trim(merge('area  ', 'length', case%scene%dimension == 3))//', centre, and normal where plane')
+      end if
       do b = first, size(case%body)
         if (case%body(b)%mesh /= case%body(first)%mesh .or. seen(b, .true.)) cycle
         call extract_body(mesh, case%body(b)%volume, case%scene%dimension, body_mesh, error)
@@ -68,6 +77,29 @@ contains
       seen = .false.
     end function seen
   end subroutine show_cad_faces
+
+  !> List the volumes of a mesh.
+  subroutine show_volumes(mesh, dimension, log)
+    !> The mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Gets the lines.
+    type(log_t), intent(inout) :: log
+    type(text_t), allocatable :: names(:)
+    logical :: wanted(size(mesh%group))
+    integer :: i, b, n
+    call group_names(mesh, dimension, names)
+    call log%line('  element sets of '//mesh%file)
+    do i = 1, size(names)
+      wanted = groups_named(mesh, names(i)%s, dimension)
+      n = 0
+      do b = 1, size(mesh%block)
+        if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)
+      end do
+      call log%line('    '//names(i)%s//repeat(' ', max(1, 14 - len(names(i)%s)))//counted(n, 'element'))
+    end do
+  end subroutine show_volumes
 
   !> List the faces of one body.
   subroutine show_faces(mesh, body_mesh, title, log)
@@ -99,11 +131,11 @@ contains
 
   !> Area, centre and mean normal of a surface whose facets are taken for polygons of their corners.
   subroutine measure(x, surface, area, centre, normal)
-    !> Nodes of the body (3, n_nodes) [length].
+    !> Nodes of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.
     type(surface_t), intent(in) :: surface
-    !> Area [area].
+    !> Area; length in two dimensions [area; length].
     real(dp), intent(out) :: area
     !> Centre (3) [length].
     real(dp), intent(out) :: centre(3)
@@ -117,6 +149,15 @@ contains
     normal = 0
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
+      if (size(x, 1) == 2) then
+        p = 0
+        p(:2, :2) = x(:, surface%node(:2, f))
+        vector = [p(2, 2) - p(2, 1), p(1, 1) - p(1, 2), 0.0_dp]
+        area = area + norm2(vector)
+        centre = centre + norm2(vector)*(p(:, 1) + p(:, 2))/2
+        normal = normal + vector
+        cycle
+      end if
       do k = 2, kind%n_corners - 1
         p = x(:, surface%node([1, k, k + 1], f))
         vector = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))/2

@@ -104,7 +104,8 @@ contains
     call list%add('title', kind_text, may_be_empty=.true., &
                   meaning='title')
     call list%add('mesh', kind_text, &
-                  'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1), .geo (meshed by gmsh), or a '// &
+                  'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1), .geo (meshed by gmsh), .inp '// &
+                  '(Abaqus, CalculiX: sets of elements are volumes, surfaces and sets of nodes surfaces), or a '// &
                   'CAD file (.step, .stp, .iges, .igs, .brep, .brp; meshed by gmsh, lengths in mm), whose volumes '// &
                   'are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers them; '// &
                   'relative to the namelist file')

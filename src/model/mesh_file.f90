@@ -1,11 +1,12 @@
 !> Mesh files of bodies.
 module dotyk_model_mesh_file
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file
   use dotyk_base_operating_system, only: remove_file
   use dotyk_input_case, only: case_t
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
+  use dotyk_mesh_inp, only: read_inp
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_ranks_communication, only: this_rank
@@ -25,7 +26,8 @@ contains
     meshing%order = case%scene%mesh_order
   end function meshing_of
 
-  !> Read a .msh file, or a geometry that gmsh meshes: the first rank lets it do so, and the others read what is made.
+  !> Read a .msh or .inp file, or a geometry that gmsh meshes: the first rank lets it do so, and the
+  !> others read what is made.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
@@ -55,7 +57,7 @@ contains
     if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
   end function is_geometry
 
-  !> Read a .msh file, or a geometry that gmsh meshes.
+  !> Read a .msh or .inp file, or a geometry that gmsh meshes.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
@@ -73,6 +75,10 @@ contains
     msh = path
     meshing%for_once = .false.
     meshing%remark = ''
+    if (is_inp_file(path)) then
+      call read_inp(path, dimension, mesh, meshing%remark, error, selection)
+      return
+    end if
     if (is_geometry(path)) call mesh_geometry(path, dimension, msh, error, meshing)
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
     if (meshing%for_once) call remove_file(msh)
