@@ -246,6 +246,16 @@ class Examples(dotyk_case.Case):
         for name, limit in check.LIMITS.items():
             self.assertLessEqual(errors[name], limit, name)
 
+    def test_assembly(self):
+        """A STEP file of eleven solids, coarser."""
+        self.copy("assembly")
+        self.edit("assembly/assembly.nml", ("mesh_size=8", "mesh_size=14"), (r"^&solver", "&output error_parts='' /\n&solver"))
+        self.assertIn("16 pairs of faces that face each other", self.dotyk("assembly/assembly.nml"))
+        check = check_of("assembly")
+        errors = check.errors(self.folder / "assembly/assembly.vtkhdf")[0]
+        for name, limit in check.LIMITS.items():
+            self.assertLessEqual(errors[name], limit, name)
+
     def test_ball_bearing(self):
         """Coarser: half of the unknowns. Spinning and rolling of the balls are indeterminate, not noise."""
         self.copy("ball_bearing")
