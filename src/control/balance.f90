@@ -21,12 +21,12 @@ module dotyk_control_balance
 
   !> Forces on one body.
   type, public :: body_balance_t
-    !> Resultants of its supports (n_supports).
+    !> Resultants of its supports, then of its springs (n_supports).
     type(load_resultant_t), allocatable :: support(:)
     !> Resultants of all its loads, contact forces and reactions; those of the axis of symmetry are no forces.
     type(load_resultant_t) :: load, contact, reaction
-    !> Strain energy A(u,u)/2, whatever the initial state [energy].
-    real(dp) :: energy = 0
+    !> Strain energy A(u,u)/2, whatever the initial state, without its springs; energy of its springs [energy].
+    real(dp) :: energy = 0, spring_energy = 0
     !> Sum of the magnitudes of all nodal forces [force].
     real(dp) :: force_scale = 0
     !> Sum of their products with the distance to the origin [force length].
@@ -50,8 +50,9 @@ module dotyk_control_balance
 
   public :: find_balance
 
-  !> Places in the list of numbers of a body, before its supports: energy, scales, and the three resultants.
-  integer, parameter :: at_energy = 1, at_scales = 2, at_load = 4, at_contact = 10, at_reaction = 16, at_supports = 22
+  !> Places in the list of numbers of a body, before its supports: energies, scales, and the three resultants.
+  integer, parameter :: at_energy = 1, at_springs = 2, at_scales = 3, at_load = 5, at_contact = 11, at_reaction = 17, &
+                        at_supports = 23
 
 contains
 
@@ -116,14 +117,15 @@ contains
     logical, intent(in) :: want_nodal
     !> Reactions at nodes, where wanted (dim, n_nodes) [force].
     real(dp), allocatable, intent(out) :: nodal(:, :)
-    !> In the places `at_...` (21 + 6 n_supports).
+    !> In the places `at_...` (22 + 6 n_supports).
     real(dp), allocatable, intent(out) :: numbers(:)
     !> As in `find_balance`.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: contact(:, :), reaction(:, :), of_support(:, :)
-    real(dp) :: scale(2)
-    integer :: n
-    n = body%directions%n_supports()
+    real(dp), allocatable :: contact(:, :), reaction(:, :), of_support(:, :), load(:, :), pull(:, :)
+    real(dp) :: scale(2), twice
+    integer :: n, n_fixed
+    n_fixed = body%directions%n_supports()
+    n = n_fixed + body%constraint%foundation%n_springs()
     allocate (numbers(at_supports - 1 + 6*n), of_support(6, n))
     call qp%body_force(b, m, contact)
     associate (node => qp%block(b)%contact_node, mesh => body%mesh)
@@ -131,12 +133,28 @@ contains
       if (allocated(error)) return
       numbers(at_energy) = solution%strain_energy
       if (.not. allocated(solution%stress)) numbers(at_energy) = strain_energy(body, solution%displacement)
+      call body%directions%add_up_reactions(mesh, reaction, of_support(:, :n_fixed))
+      numbers(at_springs) = 0
+      load = body%load
+      associate (springs => body%constraint%foundation)
+        if (springs%n_springs() > 0) then
+          ! Their far ends pull as reactions, not as loads.
+          allocate (pull, source=0*load)
+          call springs%add_loads(mesh%x, body%analysis, pull)
+          load = load - pull
+          twice = 0
+          call springs%add_forces(mesh%x, body%analysis, -solution%displacement, pull, twice)
+          if (.not. allocated(solution%stress)) numbers(at_energy) = numbers(at_energy) - twice/2
+          reaction = reaction + pull
+          call springs%add_up_reactions(mesh%x, body%analysis, solution%displacement, of_support(:, n_fixed + 1:), &
+                                        numbers(at_springs))
+        end if
+      end associate
       scale = 0
-      call add_forces(mesh, body%load, numbers(at_load:at_contact - 1), scale)
+      call add_forces(mesh, load, numbers(at_load:at_contact - 1), scale)
       call add_forces(mesh, contact, numbers(at_contact:at_reaction - 1), scale, node)
       call add_forces(mesh, reaction, numbers(at_reaction:at_supports - 1), scale)
       numbers(at_scales:at_load - 1) = scale
-      call body%directions%add_up_reactions(mesh, reaction, of_support)
       numbers(at_supports:) = reshape(of_support, [6*n])
     end associate
     if (want_nodal) call move_alloc(reaction, nodal)
@@ -170,23 +188,30 @@ contains
   subroutine take_numbers(body, numbers, balance)
     !> The body.
     type(body_t), intent(in) :: body
-    !> In the places `at_...` (21 + 6 n_supports).
+    !> In the places `at_...` (22 + 6 n_supports).
     real(dp), intent(in) :: numbers(:)
     !> Forces on the body.
     type(body_balance_t), intent(inout) :: balance
     logical :: around
-    integer :: s
+    integer :: s, n_fixed
     around = body%analysis == analysis_axisymmetric
     balance%energy = numbers(at_energy)
+    balance%spring_energy = numbers(at_springs)
     balance%force_scale = numbers(at_scales)
     balance%moment_scale = numbers(at_scales + 1)
     balance%load = named('loads', numbers(at_load:at_contact - 1), around)
     balance%contact = named('contact', numbers(at_contact:at_reaction - 1), around)
     balance%reaction = named('reactions', numbers(at_reaction:at_supports - 1), around)
-    allocate (balance%support(body%directions%n_supports()))
+    n_fixed = body%directions%n_supports()
+    allocate (balance%support(n_fixed + body%constraint%foundation%n_springs()))
     do s = 1, size(balance%support)
-      balance%support(s) = named(body%directions%place(s)%s, &
-                                 numbers(at_supports + 6*(s - 1):at_supports + 6*s - 1), around)
+      associate (sums => numbers(at_supports + 6*(s - 1):at_supports + 6*s - 1))
+        if (s > n_fixed) then
+          balance%support(s) = named(body%constraint%foundation%place(s - n_fixed)%s//' (spring)', sums, around)
+        else
+          balance%support(s) = named(body%directions%place(s)%s, sums, around)
+        end if
+      end associate
     end do
   end subroutine take_numbers
 

@@ -107,7 +107,7 @@ contains
     end do
     if (all(square <= least)) return
     associate (first => problem%body(problem%classes%first(alike(1))))
-      call collect_actions(problem, alike, first_row, m, data)
+      call collect_actions(problem, alike, first_row, m, solution, data)
       call to_representative(problem, alike, solution, u)
       call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, square, error)
     end associate

@@ -3,13 +3,16 @@
 module dotyk_control_residual_actions
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_energy_form, only: energy_form_t
-  use dotyk_elasticity_face_table, only: face_table_t, local_face
+  use dotyk_elasticity_face_table, only: face_table_t, local_face, point_of_element
+  use dotyk_elasticity_foundation_points, only: foundation_points_t
   use dotyk_elasticity_initial_stress, only: initial_stress_of_nodes
+  use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -28,7 +31,7 @@ module dotyk_control_residual_actions
 contains
 
   !> Collect the actions on congruent bodies, in the axes of their representative; none on those of other ranks.
-  subroutine collect_actions(problem, alike, first_row, m, data)
+  subroutine collect_actions(problem, alike, first_row, m, solution, data)
     !> Bodies, classes and pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Indices of congruent bodies; their representative is that of the class (n).
@@ -37,7 +40,9 @@ contains
     integer, intent(in) :: first_row(:)
     !> Pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
-    !> Loads and held directions.
+    !> With displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Loads, forces of springs, and held directions.
     type(residual_data_t), intent(out) :: data
     integer, allocatable :: first(:), order(:)
     integer :: b, d, i, k, n
@@ -47,7 +52,6 @@ contains
       n = leader%mesh%n_elements()
       call data%faces%init(leader%mesh)
       allocate (data%density(d, size(alike)), data%applied(size(alike)), data%first(n + 1, size(alike)))
-      allocate (data%order(maxval([(problem%body(alike(i))%applied%n, i=1, size(alike))]), size(alike)), source=0)
       allocate (data%held(d, d, data%faces%n_boundary, size(alike)))
       call hold_supports(d, leader%mesh, leader%constraint, data%faces, data%held(:, :, :, 1))
     end associate
@@ -56,7 +60,14 @@ contains
       back = transpose(problem%classes%motion(b)%rotation)
       data%held(:, :, :, i) = data%held(:, :, :, 1)
       data%density(:, i) = matmul(back(:d, :d), problem%body(b)%density(:d))
-      if (problem%ranks%is_own(b)) data%applied(i) = problem%body(b)%applied
+      if (problem%ranks%is_own(b)) then
+        data%applied(i) = problem%body(b)%applied
+        call add_springs(problem%body(b), solution(b)%displacement, data%applied(i))
+      end if
+    end do
+    allocate (data%order(maxval(data%applied%n), size(alike)), source=0)
+    do i = 1, size(alike)
+      back = transpose(problem%classes%motion(alike(i))%rotation)
       associate (applied => data%applied(i))
         do k = 1, applied%n
           applied%force(:, k) = matmul(back(:d, :d), applied%force(:, k))
@@ -108,6 +119,38 @@ contains
       end associate
     end do
   end subroutine collect_initial_stresses
+
+  !> Add the tractions of springs at the displacements of their body.
+  subroutine add_springs(body, u, applied)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Its displacements (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Forces at points, added to.
+    type(point_forces_t), intent(inout) :: applied
+    type(foundation_points_t) :: points
+    type(element_kind_t) :: kind
+    integer :: element, f, face, i, q
+    do f = 1, body%constraint%foundation%n
+      associate (springs => body%constraint%foundation, mesh => body%mesh)
+        ! Not held by this rank.
+        if (springs%element(f) == 0) cycle
+        call springs%points_of(mesh%x, body%analysis, f, points)
+        kind = element_kind(points%kind)
+        associate (block => mesh%block(springs%block(f)), node => springs%node(:points%n_nodes, f))
+          face = local_face(mesh, springs%block(f), springs%element(f), springs%node(:, f))
+          element = springs%element(f) + sum([(size(mesh%block(i)%node, 2), i=1, springs%block(f) - 1)])
+          do q = 1, size(points%weight)
+            call applied%add(element, face, point_of_element(block%kind, block%node(:, springs%element(f)), &
+                                                             kind%corner_kind, node(:kind%n_corners), &
+                                                             points%xi(:, q)), &
+                             points%area(q)*(points%pull(:, q) - matmul(points%tensor(:, :, q), &
+                                                                        matmul(u(:, node), points%shape(:, q)))))
+          end do
+        end associate
+      end associate
+    end do
+  end subroutine add_springs
 
   !> Directions that all nodes of a face hold.
   subroutine hold_supports(dim, mesh, constraint, faces, projection)

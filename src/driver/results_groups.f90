@@ -92,6 +92,7 @@ contains
     end do
     call write_resultants('supports')
     call file%put_array('bodies', 'strain_energy', balance%body%energy)
+    call file%put_array('bodies', 'spring_energy', balance%body%spring_energy)
     call write_sums('load', balance%body%load)
     call write_sums('contact', balance%body%contact)
     call write_sums('reaction', balance%body%reaction)

@@ -62,6 +62,7 @@ contains
       call free_rigid_modes(body(b), n_free, motions)
       if (n_free > 0) n_floating = n_floating + 1
       if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
+      if (body(b)%constraint%foundation%n > 0) reason = quoted(body(b)%name)//' has springs'
       if (body(b)%is_hinged) reason = 'edges or corners alone join pieces of '//quoted(body(b)%name)
       if (len(reason) > 0) exit
     end do

@@ -14,12 +14,14 @@ module dotyk_elasticity_assembly
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_foundation_points, only: foundation_points_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
   use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: max_facet_nodes
   use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
@@ -27,7 +29,7 @@ module dotyk_elasticity_assembly
 
 contains
 
-  !> Add the stiffness of all elements to a matrix of zeros, and subtract the forces of prescribed displacements from
+  !> Add the stiffness of all elements, and of springs, to a matrix of zeros, and subtract the forces of prescribed displacements from
   !> the right-hand side.
   subroutine assemble_stiffness(mesh, analysis, material, constraint, positions, matrix, rhs, volume, &
                                 mean_modulus_factor, error)
@@ -66,7 +68,46 @@ contains
     end do
     volume = sum(element_volume)
     mean_modulus_factor = sum(element_integral)/volume
+    call add_springs(mesh, analysis, constraint, positions, matrix, rhs)
   end subroutine assemble_stiffness
+
+  !> Add the springs on surfaces: their nodes are neighbours in elements.
+  subroutine add_springs(mesh, analysis, constraint, positions, matrix, rhs)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Equations, prescribed displacements, nodal axes and springs of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> Positions of the nodal blocks in the matrix.
+    type(block_positions_t), intent(in) :: positions
+    !> Matrix K_ff, added to [force/length].
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
+    real(dp), intent(inout) :: rhs(:)
+    ! One part has all nodes.
+    integer, parameter :: part = 1
+    type(foundation_points_t) :: points
+    real(dp), allocatable :: k(:)
+    integer, allocatable :: owner(:)
+    integer :: f
+    associate (springs => constraint%foundation, dim => mesh%dimension)
+      if (springs%n == 0) return
+      allocate (owner(mesh%n_nodes()), source=part)
+      allocate (k((max_facet_nodes*dim)**2))
+      do f = 1, springs%n
+        call springs%points_of(mesh%x, analysis, f, points)
+        associate (n => points%n_nodes, node => springs%node(:points%n_nodes, f))
+          call points%matrix(n, dim, k)
+          call rotate_blocks(n, dim, size(constraint%frame, 3), constraint%frame_of(node), constraint%frame, k)
+          call subtract_prescribed_forces(n, dim, size(owner), node, k, part, owner, constraint%equation, &
+                                          constraint%prescribed, rhs)
+          call scatter(n, dim, size(owner), node, k, part, owner, constraint%equation, positions%n_free, &
+                       positions%first, positions%neighbour, positions%offset, matrix%column_start, matrix%value)
+        end associate
+      end do
+    end associate
+  end subroutine add_springs
 
   !> Assemble the elements of one block, distributed over the threads.
   subroutine assemble_block(mesh, i_block, analysis, material, constraint, positions, matrix, rhs, volume, &

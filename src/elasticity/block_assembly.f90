@@ -11,9 +11,11 @@ module dotyk_elasticity_block_assembly
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t, held
+  use dotyk_elasticity_corner_contraction, only: clear_held, contract
   use dotyk_elasticity_corner_space, only: corner_space_t, corner_weights
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_foundation_points, only: foundation_points_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
@@ -21,7 +23,7 @@ module dotyk_elasticity_block_assembly
   use dotyk_linalg_block_rows, only: add_blocks, block_rows_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, max_facet_nodes
   use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
@@ -110,6 +112,7 @@ contains
                           element_volume(first:last), element_integral(first:last), error, coarse)
       if (allocated(error)) return
     end do
+    call add_springs(mesh, analysis, constraint, axes, space, rows, coarse)
     call rows%hold(constraint%equation == held)
     call rows%pack()
     if (present(coarse)) then
@@ -121,6 +124,55 @@ contains
     volume = sum(element_volume)
     mean_modulus_factor = sum(element_integral)/volume
   end subroutine assemble_block_rows
+
+  !> Add the springs on surfaces: their nodes are neighbours in elements, and so are their corners.
+  subroutine add_springs(mesh, analysis, constraint, axes, space, rows, coarse)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Equations, nodal axes and springs of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> Inverses of the nodal axes (dim, dim, n_frames) [].
+    real(dp), intent(in) :: axes(:, :, :)
+    !> The corner space.
+    type(corner_space_t), intent(in) :: space
+    !> Stiffness by block rows [force/length].
+    type(block_rows_t), intent(inout) :: rows
+    !> Stiffness on the corner space; absent where it is not needed.
+    type(corner_matrix_t), intent(inout), optional :: coarse
+    ! One part has all nodes and corners.
+    integer, parameter :: part = 1
+    type(foundation_points_t) :: points
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: k(:), corner_k(:), weight(:)
+    integer, allocatable :: owner(:), place(:), corner(:), frame_of(:)
+    integer :: f, nc
+    associate (springs => constraint%foundation, dim => mesh%dimension)
+      if (springs%n == 0) return
+      allocate (owner(max(mesh%n_nodes(), space%n)), source=part)
+      allocate (k((max_facet_nodes*dim)**2), corner_k((max_facet_nodes*dim)**2))
+      do f = 1, springs%n
+        call springs%points_of(mesh%x, analysis, f, points)
+        kind = element_kind(points%kind)
+        nc = kind%n_corners
+        associate (n => points%n_nodes, node => springs%node(:points%n_nodes, f))
+          call points%matrix(n, dim, k)
+          frame_of = constraint%frame_of(node)
+          call rotate_blocks(n, dim, size(axes, 3), frame_of, constraint%frame, k)
+          call clear_held(n, dim, constraint%equation(:, node), k)
+          call add_blocks(n, dim, rows%n, node, k, part, owner(:rows%n), rows%start, rows%column, rows%scale, &
+                          rows%high, rows%low)
+          if (.not. present(coarse)) cycle
+          call corner_weights(points%kind, place, corner, weight)
+          call rotate_blocks(n, dim, size(axes, 3), frame_of, axes, k)
+          call contract(n, nc, dim, size(weight), place, corner, weight, k, corner_k)
+          call rotate_blocks(nc, dim, size(axes, 3), frame_of(:nc), constraint%frame, corner_k)
+          call add_corner_element(nc, dim, space%number(node(:nc)), part, owner(:space%n), corner_k, coarse)
+        end associate
+      end do
+    end associate
+  end subroutine add_springs
 
   !> Assemble the elements of one block, distributed over the threads.
   subroutine assemble_block(mesh, i_block, analysis, material, constraint, axes, special, space, rows, volume, &
@@ -305,63 +357,4 @@ contains
     if (points%bulk > 0) call add_projected_stiffness(points%n, points%dim, points%n_functions, points%bulk, &
       points%dilatation, k)
   end subroutine element_stiffness
-
-  !> Set the rows and columns of held components to zero.
-  pure subroutine clear_held(n, dim, equation, k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Equations of the nodes of the element (dim, n).
-    integer, intent(in) :: equation(dim, n)
-    !> Element stiffness in nodal axes (n, n, dim, dim) [force/length].
-    real(dp), intent(inout) :: k(n, n, dim, dim)
-    integer :: a, i
-    do i = 1, dim
-      do a = 1, n
-        if (equation(i, a) /= held) cycle
-        k(a, :, i, :) = 0
-        k(:, a, :, i) = 0
-      end do
-    end do
-  end subroutine clear_held
-
-  !> P_e^T K_e P_e for a symmetric element matrix K_e.
-  pure subroutine contract(n, nc, dim, m, node, corner, weight, k, corner_k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of its corners.
-    integer, intent(in) :: nc
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of weights of the interpolation.
-    integer, intent(in) :: m
-    !> Node of each weight (m).
-    integer, intent(in) :: node(m)
-    !> Corner of each weight (m).
-    integer, intent(in) :: corner(m)
-    !> Weights (m) [].
-    real(dp), intent(in) :: weight(m)
-    !> K_e in global axes (n, n, dim, dim) [force/length].
-    real(dp), intent(in) :: k(n, n, dim, dim)
-    !> P_e^T K_e P_e (nc, nc, dim, dim) [force/length].
-    real(dp), intent(out) :: corner_k(nc, nc, dim, dim)
-    real(dp) :: half(n, nc)
-    integer :: i, j, c, q
-    do j = 1, dim
-      do i = j, dim
-        half = 0
-        do q = 1, m
-          half(:, corner(q)) = half(:, corner(q)) + weight(q)*k(:, node(q), i, j)
-        end do
-        do c = 1, nc
-          corner_k(:, c, i, j) = 0
-          do q = 1, m
-            corner_k(corner(q), c, i, j) = corner_k(corner(q), c, i, j) + weight(q)*half(node(q), c)
-          end do
-        end do
-        if (i > j) corner_k(:, :, j, i) = transpose(corner_k(:, :, i, j))
-      end do
-    end do
-  end subroutine contract
 end module dotyk_elasticity_block_assembly

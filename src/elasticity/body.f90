@@ -185,12 +185,19 @@ contains
     class(body_t), intent(inout) :: self
     !> Numbers of the nodes in the whole body, ascending (n_held_nodes).
     integer, intent(in) :: node(:)
+    integer, allocatable :: number(:)
     integer :: i
     self%is_loaded_inside = .not. self%is_idle()
     associate (constraint => self%constraint)
       constraint%equation = constraint%equation(:, node)
       constraint%prescribed = constraint%prescribed(:, node)
       constraint%frame_of = constraint%frame_of(node)
+      if (constraint%foundation%n > 0) then
+        ! They are on the surface, whose nodes are held.
+        allocate (number(maxval(node)), source=0)
+        number(node) = [(i, i=1, size(node))]
+        call constraint%foundation%renumber(number)
+      end if
     end associate
     call self%directions%hold_nodes(node)
     if (allocated(self%load)) self%load = self%load(:, node)
@@ -328,16 +335,23 @@ contains
     call self%forget_graph()
   end subroutine stiffness_destroy
 
-  !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included [energy].
+  !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included, and that of springs with far ends at
+  !> rest [energy].
   real(dp) function strain_energy(body, u) result(energy)
     !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
     type(error_t), allocatable :: error
-    real(dp), allocatable :: stress(:, :)
+    real(dp), allocatable :: stress(:, :), force(:, :)
+    real(dp) :: of_springs
     allocate (stress(6, body%mesh%n_elements()))
     call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error)
+    if (body%constraint%foundation%n == 0) return
+    allocate (force(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    of_springs = 0
+    call body%constraint%foundation%add_forces(body%mesh%x, body%analysis, u, force, of_springs)
+    energy = energy + of_springs/2
   end function strain_energy
 
   !> Number and description of the rigid body modes that the supports of a body leave free.

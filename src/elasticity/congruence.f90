@@ -1,5 +1,5 @@
 !> Congruent bodies: bodies that a rigid motion maps onto each other, with the same elements, and with the same
-!> material and supports in axes that move with the body.
+!> material, supports and springs in axes that move with the body.
 !>
 !> Congruent bodies have one stiffness matrix over unknowns along axes that move with the body, so that one
 !> factorization serves all. `adopt_congruent_constraint` gives a body the equations and the moved axes of the
@@ -130,6 +130,7 @@ contains
     if (congruent) congruent = same_materials(first%material, other%material, motion)
     if (congruent) congruent = same_elements(first%mesh, other%mesh)
     if (congruent) congruent = same_supports(first%constraint, other%constraint, motion)
+    if (congruent) congruent = first%constraint%foundation%is_moved(other%constraint%foundation, d, motion)
   end function are_congruent
 
   !> Whether a rigid motion maps points onto others.

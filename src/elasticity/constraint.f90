@@ -7,6 +7,7 @@
 module dotyk_elasticity_constraint
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_elasticity_foundation, only: foundation_t
   implicit none
   private
 
@@ -22,6 +23,8 @@ module dotyk_elasticity_constraint
     integer, allocatable :: frame_of(:)
     !> Local axes as columns (dim, dim, n_frames) [].
     real(dp), allocatable :: frame(:, :, :)
+    !> Springs on surfaces: elastic supports.
+    type(foundation_t) :: foundation
   contains
     procedure :: init => constraint_init
     procedure :: number_equations => constraint_number_equations
@@ -139,5 +142,6 @@ contains
     call parcel%carry(self%prescribed)
     call parcel%carry(self%frame_of)
     call parcel%carry(self%frame)
+    call self%foundation%carry(parcel)
   end subroutine constraint_carry
 end module dotyk_elasticity_constraint

@@ -34,6 +34,7 @@ contains
     !> Allocated where an element next to a prescribed displacement is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: submesh
+    type(constraint_t) :: of_submesh
     type(block_positions_t) :: positions
     type(sparse_symmetric_t) :: stiffness
     integer, allocatable :: start(:), neighbour(:)
@@ -42,7 +43,9 @@ contains
     call extract_elements(mesh, any(abs(constraint%prescribed) > 0, dim=1), submesh)
     call node_graph(submesh, start, neighbour)
     call build_pattern(mesh%dimension, constraint%equation, start, neighbour, positions, stiffness)
-    call assemble_stiffness(submesh, analysis, material, constraint, positions, stiffness, rhs, volume, &
+    of_submesh = constraint
+    call of_submesh%foundation%choose(any(abs(constraint%prescribed) > 0, dim=1))
+    call assemble_stiffness(submesh, analysis, material, of_submesh, positions, stiffness, rhs, volume, &
                             mean_modulus_factor, error)
     call stiffness%destroy()
   end subroutine subtract_dirichlet_lift

@@ -9,6 +9,7 @@ module dotyk_elasticity_rigid_motion
   use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_foundation_points, only: foundation_points_t
   use dotyk_elasticity_part_sums, only: add_up_parts, gather_rows, greatest_of_parts
   use dotyk_elasticity_vector_field, only: point_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
@@ -214,6 +215,7 @@ contains
       end do
     end do
     held_displacement = held_displacement(:m, :)
+    call add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, held_displacement)
     call gather_rows(mesh, held_displacement)
     least = least_hold*sqrt(1 + sum(held_displacement**2))
     n = 0
@@ -226,6 +228,55 @@ contains
       free(exists, n) = vectors(:size(exists), j)
     end do
   end subroutine rigid_null_space
+
+  !> Add a row for each direction of a spring, at each of its points.
+  subroutine add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, row)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> With the springs of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Index of the component.
+    integer, intent(in) :: p
+    !> Centre of the component (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Radius of the component [length].
+    real(dp), intent(in) :: radius
+    !> Motions that exist in the analysis (n).
+    integer, intent(in) :: exists(:)
+    !> Displacements in each motion, added to (n_rows, n) [].
+    real(dp), allocatable, intent(inout) :: row(:, :)
+    type(foundation_points_t) :: points
+    real(dp), allocatable :: more(:, :)
+    real(dp) :: axis(3), arm(3), all(6)
+    integer :: f, i, m, pass, q
+    if (constraint%foundation%n == 0) return
+    do pass = 1, 2
+      m = size(row, 1)
+      do f = 1, constraint%foundation%n
+        if (component(constraint%foundation%node(1, f)) /= p) cycle
+        call constraint%foundation%points_of(mesh%x, analysis, f, points)
+        do q = 1, size(points%weight)
+          arm = 0
+          arm(:mesh%dimension) = (points%x(:, q) - centre(:mesh%dimension))/radius
+          do i = 1, points%n_directions
+            m = m + 1
+            if (pass == 1) cycle
+            axis = 0
+            axis(:mesh%dimension) = points%direction(:, i, q)
+            all = [axis, cross(arm, axis)]
+            more(m, :) = all(exists)
+          end do
+        end do
+      end do
+      if (pass == 1) allocate (more(m, size(row, 2)))
+      more(:size(row, 1), :) = row
+    end do
+    call move_alloc(more, row)
+  end subroutine add_springs
 
   !> Describe a space of rigid motions.
   subroutine describe_rigid_motions(analysis, free, centre, radius, text)

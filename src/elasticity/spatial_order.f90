@@ -46,5 +46,7 @@ contains
     ordered_constraint%prescribed = constraint%prescribed(:, order)
     ordered_constraint%frame_of = constraint%frame_of(order)
     ordered_constraint%frame = constraint%frame
+    ordered_constraint%foundation = constraint%foundation
+    call ordered_constraint%foundation%renumber(number)
   end subroutine order_nodes
 end module dotyk_elasticity_spatial_order

@@ -43,6 +43,7 @@ contains
     call extract_elements(body%mesh, selected, next_to)
     call internal_force(next_to, body%analysis, body%material, real(u, qp), reaction, energy, error)
     if (allocated(error)) return
+    call body%constraint%foundation%add_forces(body%mesh%x, body%analysis, u, reaction, energy)
     reaction = reaction - body%load
     reaction(:, contact_node) = reaction(:, contact_node) - contact_force
     do i = 1, size(selected)

@@ -11,7 +11,7 @@ module dotyk_input_boundary
   use dotyk_input_wildcards, only: names_several, refer_to_bodies
   implicit none
   private
-  public :: check_densities, read_support, read_load
+  public :: check_densities, read_support, read_load, read_vector
 
 contains
 

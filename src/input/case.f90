@@ -89,7 +89,7 @@ module dotyk_input_case
     logical :: crack = .false.
   end type body_input_t
 
-  !> `&support`.
+  !> `&support`, or `&spring`: an elastic one.
   type, public :: support_input_t
     !> Line of the group.
     integer :: line = 0
@@ -105,6 +105,10 @@ module dotyk_input_case
     real(dp) :: value(3) = 0
     !> Formulas of the given displacement (3), or none.
     type(text_t), allocatable :: value_formula(:)
+    !> Whether it is a spring; exactly one of its foundation modulus [pressure/length] and its total stiffness
+    !> [force/length] is not 0 then.
+    logical :: is_spring = .false.
+    real(dp) :: modulus = 0, stiffness = 0
   end type support_input_t
 
   !> `&load`.
@@ -289,7 +293,7 @@ module dotyk_input_case
     type(material_input_t), allocatable :: material(:)
     !> Bodies in the order of the file, at least one (n_bodies).
     type(body_input_t), allocatable :: body(:)
-    !> Supports in the order of the file (n_supports).
+    !> Supports in the order of the file, then springs (n_supports).
     type(support_input_t), allocatable :: support(:)
     !> Loads in the order of the file (n_loads).
     type(load_input_t), allocatable :: load(:)

@@ -18,6 +18,7 @@ module dotyk_input_parse
   use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
+  use dotyk_input_springs, only: read_springs
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups, report
   use dotyk_input_wildcards, only: append_places
   implicit none
@@ -148,6 +149,7 @@ contains
       case%support(i)%body = body_of(i)
     end do
     deallocate (group_of, body_of)
+    call read_springs(groups, bodies, case%scene%dimension, problems, case%support)
     call pick_groups(groups, 'load', picked)
     allocate (load(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)

@@ -106,7 +106,12 @@ contains
       call log%line('  body                 strain energy')
       do b = 1, size(body)
         label = body(b)%name
-        call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6))
+        if (.not. balance%body(b)%spring_energy > 0) then
+          call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6))
+        else
+          call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6)//', of its springs '// &
+                        to_text(balance%body(b)%spring_energy, 6))
+        end if
       end do
     else if (size(body) > 1) then
       b = maxloc(balance%body%energy, 1)

@@ -16,6 +16,8 @@ module dotyk_log_load_tables
 
   !> Greatest number of loads with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
+  !> Width of the first column.
+  integer, parameter :: label_width = 20
   !> Below this fraction of the size components are rounding [].
   real(dp), parameter :: rounding = 1.0e-12_dp
 
@@ -57,12 +59,11 @@ contains
     !> [force, force length].
     real(dp), intent(in), optional :: scale(2)
     real(dp) :: largest(2)
-    character(:), allocatable :: line
-    character(20) :: label
+    character(:), allocatable :: line, label
     largest = 0
     if (present(scale)) largest = scale
     label = body%name//':'//resultant%place
-    line = '  '//label//' force '//vector_text(resultant%force, largest(1))
+    line = '  '//label//repeat(' ', max(0, label_width - len(label)))//' force '//vector_text(resultant%force, largest(1))
     if (body%analysis == analysis_axisymmetric) then
       if (abs(resultant%radial) > rounding*largest(1)) &
         line = line//', radial '//to_text(resultant%radial, 5)//' around the circumference'

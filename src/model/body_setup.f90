@@ -5,13 +5,13 @@ module dotyk_model_body_setup
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t, load_input_t
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_body_loads, only: acts_on_surface, add_load, check_formula
+  use dotyk_model_body_loads, only: acts_on_surface, add_load
+  use dotyk_model_body_supports, only: build_supports, support_names
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_initial_states, only: add_initial_stress, add_temperature
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
@@ -72,8 +72,8 @@ contains
       call build_file(whole_mesh)
     end do
     if (problems%count == 0) then
-      call refuse_unused(case%file, case%support%line, support_used, '&support', problems)
-      call refuse_unused(case%file, case%load%line, load_used, '&load', problems)
+      call refuse_unused(case%file, case%support%line, support_used, support_names(case), problems)
+      call refuse_unused(case%file, case%load%line, load_used, spread('&load', 1, size(load_used)), problems)
     end if
     call problems%raise(error)
 
@@ -112,8 +112,8 @@ contains
     integer, intent(in) :: line(:)
     !> Whether the body has the surface (n).
     logical, intent(in) :: used(:)
-    !> Name of the groups, for messages.
-    character(*), intent(in) :: group
+    !> Name of the group of each, for messages (n).
+    character(*), intent(in) :: group(:)
     !> Problems so far; mistakes are added.
     type(problem_list_t), intent(inout) :: problems
     logical :: one_used
@@ -125,7 +125,7 @@ contains
         if (line(k + 1) == line(k)) cycle
       end if
       if (.not. one_used) &
-        call problems%add(file//':'//to_text(line(k))//': '//group//': none of the bodies has such a surface', &
+        call problems%add(file//':'//to_text(line(k))//': '//trim(group(k))//': none of the bodies has such a surface', &
                           exit_bad_input)
       one_used = .false.
     end do
@@ -152,7 +152,6 @@ contains
     !> Problems so far; those of the body are added.
     type(problem_list_t), intent(inout) :: problems
     type(error_t), allocatable :: failed
-    type(support_t), allocatable :: support(:)
     integer :: k, before
     before = problems%count
     body%name = case%body(b)%name
@@ -184,12 +183,9 @@ contains
         end if
       end associate
     end do
-    call build_supports(support)
-    if (problems%count == before) then
-      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed, body%directions)
-      if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
-    end if
+    call build_supports(case, mesh, b, volume, body, support_used, problems)
     allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    if (problems%count == before) call body%constraint%foundation%add_loads(body%mesh%x, body%analysis, body%load)
     do k = 1, size(case%load)
       if (case%load(k)%body /= b) cycle
       if (case%load(k)%any_body .and. acts_on_surface(case%load(k))) then
@@ -254,33 +250,6 @@ contains
       call volume%take_surface(mesh, name, surface, error)
       call add_context(error, 'body '//quoted(body%name)//': ')
     end subroutine take_surface
-
-    !> Collect the supports of the body.
-    subroutine build_supports(support)
-      !> Supports of the body (n_supports).
-      type(support_t), allocatable, intent(out) :: support(:)
-      type(support_t), allocatable :: gathered(:)
-      integer :: i, n
-      allocate (gathered(count(case%support%body == b)))
-      n = 0
-      do i = 1, size(case%support)
-        associate (given => case%support(i))
-          if (given%body /= b) cycle
-          if (given%any_body) then
-            if (.not. volume%has_surface(mesh, given%surface)) cycle
-            support_used(i) = .true.
-          end if
-          n = n + 1
-          call take_surface(given%surface, gathered(n)%surface, failed)
-          call note(given%line, failed)
-          gathered(n)%fix = given%fix
-          gathered(n)%value = given%value
-          gathered(n)%formula = given%value_formula
-          call check_formula(body, 'the support of '//quoted(given%surface), gathered(n)%surface, given%value_formula)
-        end associate
-      end do
-      support = gathered(:n)
-    end subroutine build_supports
 
     !> Add the nodal forces of one load.
     subroutine build_load(given, failed)

@@ -8,13 +8,13 @@
 !>     K^{-1} = K_s^{-1} + Z S^{-1} Z^T,    S = (E^T Z)^{-T} Z^T K Z,
 !>
 !> exactly. K_s is well conditioned, and S is stationary in Z, so that it is as accurate as the energy `Z^T K Z`, which
-!> is computed from the elements (`dotyk_elasticity_internal_force`). For the schemes Z are rigid body modes with
+!> is computed from the elements (`dotyk_elasticity_body_force`). For the schemes Z are rigid body modes with
 !> springs S.
 module dotyk_response_near_null_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_internal_force, only: internal_force
+  use dotyk_elasticity_body_force, only: body_force
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_dense, only: right_singular_vectors, solve_dense
   implicit none
@@ -78,7 +78,7 @@ contains
       call body%constraint%expand(mode(:, k), u(:, :, k), .false.)
       ! Self-equilibrated loads must not excite the modes through the rounding errors of Z.
       do step = 1, refinement_steps
-        call internal_force(body%mesh, body%analysis, body%material, real(u(:, :, k), qp), force, energy, error)
+        call body_force(body, real(u(:, :, k), qp), force, energy, error)
         if (allocated(error)) return
         call body%constraint%reduce(-force, residual)
         residual(fixed(k)) = residual(fixed(k)) + spring(k)
@@ -89,7 +89,7 @@ contains
       end do
     end do
     do k = 1, n
-      call internal_force(body%mesh, body%analysis, body%material, real(u(:, :, k), qp), force, energy, error)
+      call body_force(body, real(u(:, :, k), qp), force, energy, error)
       if (allocated(error)) return
       do j = 1, n
         stiffness(j, k) = sum(u(:, :, j)*force)

@@ -1,0 +1,352 @@
+!> Springs on surfaces of a body: elastic supports, a Winkler foundation.
+!>
+!> At each point of the surface springs along some directions d, global ones or those of the surface, pull the body back
+!> to the displacement g of their far ends with the traction t = -k D (u - g), D = sum d d^T and k the foundation modulus
+!> [pressure/length]. They add the matrix int N^T k D N dA to the stiffness and the forces int N^T k D g dA to the loads;
+!> in axisymmetric analyses dA is that of the full circumference.
+module dotyk_elasticity_foundation
+  use dotyk_base_directions, only: directions_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_text, only: text_t
+  use dotyk_elasticity_analysis, only: two_pi
+  use dotyk_elasticity_foundation_points, only: axes_at, foundation_points_t
+  use dotyk_mesh_element, only: max_facet_nodes
+  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> All springs of a body.
+  type, public :: foundation_t
+    !> Number of facets with springs; a facet under two springs counts twice.
+    integer :: n = 0
+    !> Surface of each spring (n_springs).
+    type(text_t), allocatable :: place(:)
+    !> Directions of each spring (n_springs).
+    type(directions_t), allocatable :: fix(:)
+    !> Foundation modulus of each (n_springs) [pressure/length].
+    real(dp), allocatable :: modulus(:)
+    !> Displacement of its far ends in the axes of `fix` (3, n_springs) [length].
+    real(dp), allocatable :: value(:, :)
+    !> Spring of each facet (n).
+    integer, allocatable :: of(:)
+    !> Element kind of each facet (n).
+    integer, allocatable :: kind(:)
+    !> Nodes of each facet, padded with 0, oriented outward (max_facet_nodes, n).
+    integer, allocatable :: node(:, :)
+    !> Block of the element behind each facet, and number of the element in it (n).
+    integer, allocatable :: block(:), element(:)
+  contains
+    procedure :: add => foundation_add
+    procedure :: n_springs => foundation_n_springs
+    procedure :: points_of => foundation_points_of
+    procedure :: add_forces => foundation_add_forces
+    procedure :: add_loads => foundation_add_loads
+    procedure :: add_up_reactions => foundation_add_up_reactions
+    procedure :: renumber => foundation_renumber
+    procedure :: choose => foundation_choose
+    procedure :: is_moved => foundation_is_moved
+    procedure :: carry => foundation_carry
+  end type foundation_t
+
+  !> Relative tolerance for equal foundation moduli: rounding of areas that a rotation changes [].
+  real(dp), parameter :: modulus_tolerance = 1.0e-13_dp
+
+  public :: surface_area
+
+contains
+
+  !> Add a spring.
+  subroutine foundation_add(self, surface, fix, modulus, value)
+    class(foundation_t), intent(inout) :: self
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> Directions.
+    type(directions_t), intent(in) :: fix
+    !> Foundation modulus [pressure/length].
+    real(dp), intent(in) :: modulus
+    !> Displacement of the far ends in the axes of `fix`, 0 along others (3) [length].
+    real(dp), intent(in) :: value(3)
+    type(text_t), allocatable :: place(:)
+    integer :: i, n
+    if (.not. allocated(self%modulus)) then
+      allocate (self%place(0), self%fix(0), self%modulus(0), self%value(3, 0), self%of(0), self%kind(0))
+      allocate (self%node(max_facet_nodes, 0), self%block(0), self%element(0))
+    end if
+    n = size(self%modulus) + 1
+    allocate (place(n))
+    do i = 1, n - 1
+      place(i)%s = self%place(i)%s
+    end do
+    place(n)%s = surface%name
+    call move_alloc(place, self%place)
+    self%fix = [self%fix, fix]
+    self%modulus = [self%modulus, modulus]
+    self%value = reshape([self%value, value], [3, n])
+    self%of = [self%of, (n, i=1, surface%n_facets)]
+    self%kind = [self%kind, surface%kind(:surface%n_facets)]
+    self%node = reshape([self%node, surface%node(:, :surface%n_facets)], [max_facet_nodes, size(self%of)])
+    self%block = [self%block, surface%block(:surface%n_facets)]
+    self%element = [self%element, surface%element(:surface%n_facets)]
+    self%n = size(self%of)
+  end subroutine foundation_add
+
+  !> Number of springs.
+  pure integer function foundation_n_springs(self) result(n)
+    class(foundation_t), intent(in) :: self
+    n = 0
+    if (allocated(self%modulus)) n = size(self%modulus)
+  end function foundation_n_springs
+
+  !> Springs at the quadrature points of a facet.
+  subroutine foundation_points_of(self, x, analysis, f, points)
+    class(foundation_t), intent(in) :: self
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Index of the facet.
+    integer, intent(in) :: f
+    !> The points; those of the facet before keep what they share.
+    type(foundation_points_t), intent(inout) :: points
+    real(dp) :: normal(size(x, 1)), axes(size(x, 1), 3), value(3)
+    logical :: fixed(3)
+    integer :: dim, i, q
+    dim = size(x, 1)
+    call points%take_rule(dim, self%kind(f))
+    associate (fix => self%fix(self%of(f)), modulus => self%modulus(self%of(f)), node => self%node(:points%n_nodes, f))
+      fixed = fix%fixed
+      value = self%value(:, self%of(f))
+      if (dim == 2) fixed(merge(2, 3, fix%local)) = .false.
+      points%n_directions = count(fixed)
+      points%tensor = 0
+      points%pull = 0
+      do q = 1, size(points%weight)
+        call facet_geometry(points%kind, dim, x(:, node), points%xi(:, q), points%x(:, q), normal, points%area(q))
+        points%area(q) = points%area(q)*points%weight(q)
+        if (analysis == analysis_axisymmetric) points%area(q) = points%area(q)*two_pi*points%x(1, q)
+        call axes_at(dim, fix%local, normal, axes)
+        points%direction(:, :points%n_directions, q) = axes(:, pack([1, 2, 3], fixed))
+        do i = 1, 3
+          if (.not. fixed(i)) cycle
+          points%tensor(:, :, q) = points%tensor(:, :, q) + &
+                                   modulus*spread(axes(:, i), 2, dim)*spread(axes(:, i), 1, dim)
+          points%pull(:, q) = points%pull(:, q) + modulus*value(i)*axes(:, i)
+        end do
+      end do
+    end associate
+  end subroutine foundation_points_of
+
+  !> Add the forces K_s u of the springs' matrix, and u.K_s u.
+  subroutine foundation_add_forces(self, x, analysis, u, force, energy)
+    class(foundation_t), intent(in) :: self
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    !> Twice the energy of the springs with far ends at rest, added to [energy].
+    real(dp), intent(inout) :: energy
+    type(foundation_points_t) :: points
+    real(dp) :: moved(size(x, 1)), traction(size(x, 1))
+    integer :: a, f, q
+    do f = 1, self%n
+      call self%points_of(x, analysis, f, points)
+      associate (node => self%node(:points%n_nodes, f))
+        do q = 1, size(points%weight)
+          moved = matmul(u(:, node), points%shape(:, q))
+          traction = points%area(q)*matmul(points%tensor(:, :, q), moved)
+          energy = energy + dot_product(traction, moved)
+          do a = 1, points%n_nodes
+            force(:, node(a)) = force(:, node(a)) + points%shape(a, q)*traction
+          end do
+        end do
+      end associate
+    end do
+  end subroutine foundation_add_forces
+
+  !> Add the forces of the displacements of the far ends.
+  subroutine foundation_add_loads(self, x, analysis, force)
+    class(foundation_t), intent(in) :: self
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    type(foundation_points_t) :: points
+    integer :: a, f, q
+    do f = 1, self%n
+      if (.not. any(abs(self%value(:, self%of(f))) > 0)) cycle
+      call self%points_of(x, analysis, f, points)
+      do q = 1, size(points%weight)
+        do a = 1, points%n_nodes
+          associate (node => self%node(a, f))
+            force(:, node) = force(:, node) + points%area(q)*points%shape(a, q)*points%pull(:, q)
+          end associate
+        end do
+      end do
+    end do
+  end subroutine foundation_add_loads
+
+  !> Forces of the springs on the body, spring by spring, with their moments about the origin; their energies.
+  subroutine foundation_add_up_reactions(self, x, analysis, u, sums, energy)
+    class(foundation_t), intent(in) :: self
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Force and moment of each spring (6, n_springs) [force, force length].
+    real(dp), intent(out) :: sums(:, :)
+    !> k (u - g) D (u - g)/2, integrated over all springs [energy].
+    real(dp), intent(out) :: energy
+    type(foundation_points_t) :: points
+    real(dp) :: moved(size(x, 1)), force(3), p(3), along(3)
+    integer :: f, i, q, s, dim
+    dim = size(x, 1)
+    sums = 0
+    energy = 0
+    force = 0
+    p = 0
+    do f = 1, self%n
+      call self%points_of(x, analysis, f, points)
+      s = self%of(f)
+      do q = 1, size(points%weight)
+        moved = matmul(u(:, self%node(:points%n_nodes, f)), points%shape(:, q))
+        force(:dim) = points%area(q)*(points%pull(:, q) - matmul(points%tensor(:, :, q), moved))
+        p(:dim) = points%x(:, q)
+        sums(:, s) = sums(:, s) + [force, p(2)*force(3) - p(3)*force(2), p(3)*force(1) - p(1)*force(3), &
+                                   p(1)*force(2) - p(2)*force(1)]
+        ! The force has components along the springs alone.
+        do i = 1, points%n_directions
+          along(i) = dot_product(force(:dim), points%direction(:, i, q))
+        end do
+        if (points%area(q) > 0) &
+          energy = energy + sum(along(:points%n_directions)**2)/(2*self%modulus(s)*points%area(q))
+      end do
+    end do
+  end subroutine foundation_add_up_reactions
+
+  !> Give the nodes other numbers.
+  pure subroutine foundation_renumber(self, number)
+    class(foundation_t), intent(inout) :: self
+    !> New number of each node; those of facets have one (n_nodes).
+    integer, intent(in) :: number(:)
+    integer :: a, f
+    do f = 1, self%n
+      do a = 1, max_facet_nodes
+        if (self%node(a, f) > 0) self%node(a, f) = number(self%node(a, f))
+      end do
+    end do
+  end subroutine foundation_renumber
+
+  !> Keep the facets that have one of some nodes.
+  pure subroutine foundation_choose(self, selected)
+    class(foundation_t), intent(inout) :: self
+    !> Whether facets with a node are kept (n_nodes).
+    logical, intent(in) :: selected(:)
+    logical, allocatable :: kept(:)
+    integer, allocatable :: chosen(:)
+    integer :: a, f
+    if (self%n == 0) return
+    allocate (kept(self%n), source=.false.)
+    do f = 1, self%n
+      do a = 1, max_facet_nodes
+        if (self%node(a, f) > 0) kept(f) = kept(f) .or. selected(self%node(a, f))
+      end do
+    end do
+    chosen = pack([(f, f=1, self%n)], kept)
+    self%of = self%of(chosen)
+    self%kind = self%kind(chosen)
+    self%node = self%node(:, chosen)
+    self%block = self%block(chosen)
+    self%element = self%element(chosen)
+    self%n = size(chosen)
+  end subroutine foundation_choose
+
+  !> Whether another foundation has the same springs but for a rigid motion; far ends may move otherwise.
+  pure logical function foundation_is_moved(self, other, dim, motion) result(same)
+    class(foundation_t), intent(in) :: self
+    !> The other one.
+    type(foundation_t), intent(in) :: other
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Rigid motion from this one to the other.
+    type(placement_t), intent(in) :: motion
+    logical :: all_fixed
+    integer :: s
+    same = self%n == other%n .and. self%n_springs() == other%n_springs()
+    if (.not. same .or. self%n == 0) return
+    same = all(self%of == other%of) .and. all(self%kind == other%kind) .and. all(self%node == other%node) .and. &
+           all(abs(self%modulus - other%modulus) <= modulus_tolerance*self%modulus)
+    do s = 1, self%n_springs()
+      associate (a => self%fix(s), b => other%fix(s))
+        same = same .and. (a%local .eqv. b%local) .and. all(a%fixed .eqv. b%fixed)
+        if (.not. motion%rotated) cycle
+        ! Normals move with the body, and the plane of both tangents; xi and eta alone follow the global axes.
+        all_fixed = all(a%fixed(:dim))
+        if (a%local) all_fixed = dim == 2 .or. (a%fixed(1) .eqv. a%fixed(2))
+        same = same .and. all_fixed
+      end associate
+    end do
+  end function foundation_is_moved
+
+  !> Area of a surface, of the full circumference in axisymmetric analyses [length^2; length in plane analyses].
+  real(dp) function surface_area(x, analysis, surface) result(area)
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    type(foundation_t) :: whole
+    type(foundation_points_t) :: points
+    integer :: f
+    call whole%add(surface, directions_t(), 1.0_dp, [0.0_dp, 0.0_dp, 0.0_dp])
+    area = 0
+    do f = 1, whole%n
+      call whole%points_of(x, analysis, f, points)
+      area = area + sum(points%area)
+    end do
+  end function surface_area
+
+  !> Put the springs into a parcel, or take them out.
+  subroutine foundation_carry(self, parcel)
+    class(foundation_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    integer, allocatable :: flag(:, :)
+    integer :: s
+    call parcel%carry(self%n)
+    if (self%n == 0) return
+    call parcel%carry(self%place)
+    call parcel%carry(self%modulus)
+    call parcel%carry(self%value)
+    call parcel%carry(self%of)
+    call parcel%carry(self%kind)
+    call parcel%carry(self%node)
+    call parcel%carry(self%block)
+    call parcel%carry(self%element)
+    if (parcel%is_read) then
+      allocate (self%fix(size(self%modulus)))
+    else
+      allocate (flag(4, size(self%modulus)))
+      do s = 1, size(self%modulus)
+        flag(:, s) = merge(1, 0, [self%fix(s)%local, self%fix(s)%fixed])
+      end do
+    end if
+    call parcel%carry(flag)
+    do s = 1, size(self%modulus)
+      self%fix(s)%local = flag(1, s) > 0
+      self%fix(s)%fixed = flag(2:, s) > 0
+    end do
+  end subroutine foundation_carry
+end module dotyk_elasticity_foundation

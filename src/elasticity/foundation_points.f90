@@ -1,0 +1,111 @@
+!> Springs of one facet at its quadrature points, and their matrix.
+module dotyk_elasticity_foundation_points
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_shape_table, only: load_degree
+  use dotyk_mesh_element, only: element_kind, element_kind_t, quadrature_rule, shape_functions
+  use dotyk_mesh_facet, only: frame_of_normal
+  implicit none
+  private
+
+  !> The springs of one facet at its quadrature points.
+  type, public :: foundation_points_t
+    !> Element kind of the facet; 0 before the first one.
+    integer :: kind = 0
+    !> Number of nodes of the facet, and of directions at each point.
+    integer :: n_nodes = 0, n_directions = 0
+    !> Reference coordinates (dim - 1, n_points) [].
+    real(dp), allocatable :: xi(:, :)
+    !> Reference weights (n_points) [].
+    real(dp), allocatable :: weight(:)
+    !> Shape functions (n_nodes, n_points) [].
+    real(dp), allocatable :: shape(:, :)
+    !> Positions (dim, n_points) [length].
+    real(dp), allocatable :: x(:, :)
+    !> Areas (n_points) [length^2; length in plane analyses].
+    real(dp), allocatable :: area(:)
+    !> Unit vectors of the springs (dim, 3, n_points) [].
+    real(dp), allocatable :: direction(:, :, :)
+    !> k D (dim, dim, n_points) [pressure/length].
+    real(dp), allocatable :: tensor(:, :, :)
+    !> k D g (dim, n_points) [pressure].
+    real(dp), allocatable :: pull(:, :)
+  contains
+    procedure :: take_rule
+    procedure :: matrix => facet_matrix
+  end type foundation_points_t
+
+  public :: axes_at
+
+contains
+
+  !> Rule and shape functions of a kind of facets.
+  subroutine take_rule(points, dim, kind)
+    class(foundation_points_t), intent(inout) :: points
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    type(element_kind_t) :: properties
+    integer :: n, q
+    if (points%kind == kind) return
+    properties = element_kind(kind)
+    points%kind = kind
+    points%n_nodes = properties%n_nodes
+    if (allocated(points%shape)) &
+      deallocate (points%shape, points%x, points%area, points%direction, points%tensor, points%pull)
+    call quadrature_rule(kind, load_degree(properties%order), points%xi, points%weight)
+    n = size(points%weight)
+    allocate (points%shape(properties%n_nodes, n), points%x(dim, n), points%area(n), points%direction(dim, 3, n))
+    allocate (points%tensor(dim, dim, n), points%pull(dim, n))
+    do q = 1, n
+      call shape_functions(kind, points%xi(:, q), points%shape(:, q))
+    end do
+  end subroutine take_rule
+
+  !> Unit vectors along x, y, z, or along xi, eta, n of a surface; what there is none of is 0.
+  pure subroutine axes_at(dim, local, normal, axes)
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Whether the axes are those of the surface.
+    logical, intent(in) :: local
+    !> Its outward unit normal (dim) [].
+    real(dp), intent(in) :: normal(dim)
+    !> The axes (dim, 3) [].
+    real(dp), intent(out) :: axes(dim, 3)
+    real(dp) :: frame(dim, dim)
+    integer :: i
+    axes = 0
+    if (local) then
+      call frame_of_normal(dim, normal, frame)
+      axes(:, 1) = frame(:, 1)
+      if (dim == 3) axes(:, 2) = frame(:, 2)
+      axes(:, 3) = frame(:, dim)
+    else
+      do i = 1, dim
+        axes(i, i) = 1
+      end do
+    end if
+  end subroutine axes_at
+
+  !> Matrix of the springs of a facet in global axes.
+  pure subroutine facet_matrix(points, n, dim, k)
+    class(foundation_points_t), intent(in) :: points
+    !> Number of nodes of the facet.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Node a, node b, component i, component j (n, n, dim, dim) [force/length].
+    real(dp), intent(out) :: k(n, n, dim, dim)
+    integer :: a, i, j, q
+    k = 0
+    do q = 1, size(points%weight)
+      do j = 1, dim
+        do i = 1, dim
+          do a = 1, n
+            k(:, a, i, j) = k(:, a, i, j) + points%area(q)*points%tensor(i, j, q)*points%shape(a, q)*points%shape(:, q)
+          end do
+        end do
+      end do
+    end do
+  end subroutine facet_matrix
+end module dotyk_elasticity_foundation_points

@@ -1,0 +1,115 @@
+!> Supports of a body from the input: prescribed displacements and springs.
+module dotyk_model_body_supports
+  use dotyk_base_error, only: add_context, error_t, problem_list_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_foundation, only: surface_area
+  use dotyk_elasticity_support, only: collect_supports, support_t
+  use dotyk_input_case, only: case_t, support_input_t
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_body_loads, only: check_formula
+  use dotyk_model_volumes, only: volume_t
+  implicit none
+  private
+  public :: build_supports, support_names
+
+contains
+
+  !> Names of the groups of supports, for messages (n_supports).
+  pure function support_names(case) result(name)
+    !> The case.
+    type(case_t), intent(in) :: case
+    character(8), allocatable :: name(:)
+    name = merge('&spring ', '&support', case%support%is_spring)
+  end function support_names
+
+  !> Collect the supports of a body.
+  subroutine build_supports(case, mesh, b, volume, body, used, problems)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Mesh of the body's volume.
+    type(mesh_t), intent(in) :: mesh
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> Volume of the body in the mesh; its surfaces are kept.
+    type(volume_t), intent(inout) :: volume
+    !> The body with its mesh; gets its constraint.
+    type(body_t), intent(inout) :: body
+    !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
+    logical, intent(inout) :: used(:)
+    !> Problems so far; those of the supports are added.
+    type(problem_list_t), intent(inout) :: problems
+    type(error_t), allocatable :: failed
+    type(support_t), allocatable :: gathered(:)
+    type(surface_t), allocatable :: surface(:)
+    integer, allocatable :: of(:)
+    integer :: i, before
+    before = problems%count
+    allocate (of(0), surface(count(case%support%body == b)))
+    do i = 1, size(case%support)
+      associate (given => case%support(i))
+        if (given%body /= b) cycle
+        if (given%any_body) then
+          if (.not. volume%has_surface(mesh, given%surface)) cycle
+          used(i) = .true.
+        end if
+        of = [of, i]
+        call volume%take_surface(mesh, given%surface, surface(size(of)), failed)
+        call add_context(failed, 'body '//quoted(body%name)//': ')
+        if (allocated(failed)) &
+          call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
+      end associate
+    end do
+    if (problems%count > before) return
+    call gather_fixed(case%support, of, surface, body, gathered)
+    call collect_supports(body%mesh, body%analysis, gathered, body%constraint, failed, body%directions)
+    if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
+    do i = 1, size(of)
+      if (case%support(of(i))%is_spring) call add_spring(case%support(of(i)), surface(i), body)
+    end do
+  end subroutine build_supports
+
+  !> Supports with prescribed displacements.
+  subroutine gather_fixed(support, of, surface, body, gathered)
+    !> Supports of the case (n_supports).
+    type(support_input_t), intent(in) :: support(:)
+    !> Those of the body (n).
+    integer, intent(in) :: of(:)
+    !> Their surfaces (>= n).
+    type(surface_t), intent(in) :: surface(:)
+    !> The body; formulas that vary within facets are noted.
+    type(body_t), intent(inout) :: body
+    !> The supports.
+    type(support_t), allocatable, intent(out) :: gathered(:)
+    integer :: i, n
+    n = 0
+    allocate (gathered(count(.not. support(of)%is_spring)))
+    do i = 1, size(of)
+      associate (given => support(of(i)))
+        if (given%is_spring) cycle
+        n = n + 1
+        gathered(n)%surface = surface(i)
+        gathered(n)%fix = given%fix
+        gathered(n)%value = given%value
+        gathered(n)%formula = given%value_formula
+        call check_formula(body, 'the support of '//quoted(given%surface), surface(i), given%value_formula)
+      end associate
+    end do
+  end subroutine gather_fixed
+
+  !> Add a spring.
+  subroutine add_spring(given, surface, body)
+    !> `&spring`.
+    type(support_input_t), intent(in) :: given
+    !> Its surface.
+    type(surface_t), intent(in) :: surface
+    !> Gets it.
+    type(body_t), intent(inout) :: body
+    real(dp) :: modulus
+    modulus = given%modulus
+    if (given%stiffness > 0) modulus = given%stiffness/surface_area(body%mesh%x, body%analysis, surface)
+    call body%constraint%foundation%add(surface, given%fix, modulus, given%value)
+  end subroutine add_spring
+end module dotyk_model_body_supports
