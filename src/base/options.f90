@@ -23,13 +23,15 @@ module dotyk_base_options
   integer, parameter, public :: material_anisotropic = 3  !< 21 components of the stiffness
 
   !> Kinds of loads: keys of `&load`, each with its `_formula`.
-  character(*), parameter, public :: load_names = 'traction pressure local_traction force_density angular_velocity'
+  character(*), parameter, public :: load_names = &
+                             'traction pressure local_traction force_density angular_velocity acceleration'
   integer, parameter, public :: load_traction = 1        !< force per area, global axes
   integer, parameter, public :: load_pressure = 2        !< force per area along the inward normal
   integer, parameter, public :: load_local_traction = 3  !< force per area along xi, eta, n of the surface
   integer, parameter, public :: load_force_density = 4   !< force per volume, global axes
   integer, parameter, public :: load_angular_velocity = 5  !< centrifugal force of a rotation
-  integer, parameter, public :: load_total = 6           !< force and moment, spread over a surface; no name of its own
+  integer, parameter, public :: load_acceleration = 6    !< force per mass, such as gravity, global axes
+  integer, parameter, public :: load_total = 7           !< force and moment, spread over a surface; no name of its own
 
   !> Initial gap of a contact pair; follows from the keys of `&contact`.
   character(*), parameter, public :: gap_names = 'geometry constant formula'

@@ -1,17 +1,17 @@
 !> Reads `&support` and `&load` from checked groups.
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_force_density, load_local_traction, &
-    load_names, load_pressure, load_total
+  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
+    load_local_traction, load_names, load_pressure, load_total
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
   use dotyk_input_case, only: body_input_t, load_input_t, material_input_t, scene_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, report, text_of, texts_of
-  use dotyk_input_wildcards, only: names_several, refer_to_bodies
+  use dotyk_input_wildcards, only: append_places, names_several, refer_to_bodies
   implicit none
   private
-  public :: check_densities, read_support, read_load, read_vector
+  public :: append_places, check_densities, read_support, read_load, read_vector
 
 contains
 
@@ -123,7 +123,7 @@ contains
     end if
     key = 'force'
     if (load%kind <= size(kinds)) key = kinds(load%kind)%s
-    if (load%kind == load_force_density .or. load%kind == load_angular_velocity) then
+    if (any(load%kind == [load_force_density, load_angular_velocity, load_acceleration])) then
       if (is_given(group, 'surface')) &
         call report(problems, group, 'surface', 'surface does not go together with '//key)
     else if (.not. is_given(group, 'surface')) then
@@ -142,6 +142,8 @@ contains
       call read_vector(group, key, load%kind == load_local_traction, scene%dimension, problems, load%value)
       call read_formulas(group, key//'_formula', load%kind == load_local_traction, scene%dimension, problems, &
                          load%formula)
+      if (load%kind == load_acceleration .and. scene%analysis == analysis_axisymmetric .and. abs(load%value(1)) > 0) &
+        call report(problems, group, key, 'acceleration: in axisymmetric analyses only that along the axis y exists')
     end if
   end subroutine read_load
 
@@ -179,7 +181,7 @@ contains
       call report(problems, group, 'centre', 'axisymmetric bodies rotate about their axis: remove centre')
   end subroutine read_rotation
 
-  !> Report bodies without a density that a load needs.
+  !> Report bodies without a density that a load needs; those with point masses may have none.
   subroutine check_densities(load, body, material, problems)
     !> Loads of bodies (n_loads).
     type(load_input_t), intent(in) :: load(:)
@@ -191,7 +193,8 @@ contains
     type(problems_t), intent(inout) :: problems
     integer :: i
     do i = 1, size(load)
-      if (load(i)%kind /= load_angular_velocity .or. load(i)%body == 0) cycle
+      if (.not. any(load(i)%kind == [load_angular_velocity, load_acceleration]) .or. load(i)%body == 0) cycle
+      if (any(load%of_mass .and. load%body == load(i)%body)) cycle
       associate (m => body(load(i)%body)%material)
         if (m == 0) cycle
         if (.not. material(m)%density > 0) &

@@ -124,8 +124,8 @@ module dotyk_input_case
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction
-    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, or force of
-    !> `load_total`].
+    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, force/mass, or force
+    !> of `load_total`].
     real(dp) :: value(3) = 0
     !> Moment of `load_total` (3) [force length].
     real(dp) :: moment(3) = 0
@@ -137,6 +137,8 @@ module dotyk_input_case
     real(dp) :: centre(3) = 0
     !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
+    !> Whether it is the force of a `&mass` under an acceleration or a rotation of its body.
+    logical :: of_mass = .false.
   end type load_input_t
 
   !> `&temperature` or `&initial_stress`.
@@ -295,7 +297,7 @@ module dotyk_input_case
     type(body_input_t), allocatable :: body(:)
     !> Supports in the order of the file, then springs (n_supports).
     type(support_input_t), allocatable :: support(:)
-    !> Loads in the order of the file (n_loads).
+    !> Loads in the order of the file, then those of point masses (n_loads).
     type(load_input_t), allocatable :: load(:)
     !> Temperatures in the order of the file, no two of one body (n_temperatures).
     type(field_input_t), allocatable :: temperature(:)

@@ -4,10 +4,10 @@ module dotyk_input_keyword_table
   use dotyk_base_options, only: analysis_names, condition_names, default_analysis, default_condition, &
     default_discretization, default_geometry, default_quadrature, discretization_names, geometry_names, option_name, &
     quadrature_names
+  use dotyk_input_attachments, only: add_mass_keys, add_spring_keys
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
   use dotyk_input_solver_keywords, only: add_output, add_solver
-  use dotyk_input_springs, only: add_spring_keys
   implicit none
   private
   public :: list_groups, list_keywords
@@ -19,7 +19,7 @@ contains
     !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
-    allocate (groups(11))
+    allocate (groups(12))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -41,27 +41,31 @@ contains
                       "&spring body='slab', surface='bottom', fix='n', modulus=50e6 /"//lf// &
                       "&spring body='motor', surface='foot *', fix='xyz', stiffness=2e6 /")
     groups(6) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
-                      'force_density or their formulas, angular_velocity, or force and moment', &
+                      'force_density or their formulas, acceleration, angular_velocity, or force and moment', &
                       "&load body='block', surface='side', pressure=1e6 /"//lf// &
                       "&load body='shaft', surface='end', force=0,0,-2e3, moment=0,0,150 /"//lf// &
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
+                      "&load body='*', acceleration=0,0,-9.81 /"//lf// &
                       "&load body='disc', angular_velocity=0,0,314, centre=0.2,0,0 /")
-    groups(7) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
+    groups(7) = group('mass', any_number, 'a point mass that a body surface carries: its weight under acceleration, '// &
+                      'its centrifugal force under angular_velocity', &
+                      "&mass body='frame', surface='seat', mass=75, point=0.3,0,1.1 /")
+    groups(8) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
                       'its material expands; exactly one of value and formula', &
                       "&temperature body='ring', value=120 /"//lf// &
                       "&temperature body='wall *', formula='20 + 80*x/0.3' /")
-    groups(8) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
+    groups(9) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
                       'of value and formula', &
                       "&initial_stress body='ground', formula='9e3*y', '18e3*y', '9e3*y', '0', '0', '0' /")
-    groups(9) = group('contact', any_number, 'a pair of surfaces that may touch', &
+    groups(10) = group('contact', any_number, 'a pair of surfaces that may touch', &
                       "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
                       "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /"//lf// &
                       "&contact name='races', surface_a='ball *:ball', surface_b='* ring:race' /"//lf// &
                       "&contact auto=.true., exclude='housing - cover' /")
-    groups(10) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(11) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(11) = group('output', at_most_one, 'contents of the results file', &
+    groups(12) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -94,6 +98,7 @@ contains
     call add_support(list)
     call add_spring_keys(list)
     call add_load(list)
+    call add_mass_keys(list)
     call add_temperature(list)
     call add_initial_stress(list)
     call add_contact(list)
@@ -223,8 +228,8 @@ contains
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support')
     call list%add('surface', kind_text, &
-                  'physical group of the surface, with wildcards as in &support; not with force_density and '// &
-                  'angular_velocity')
+                  'physical group of the surface, with wildcards as in &support; not with force_density, '// &
+                  'acceleration and angular_velocity')
     call list%add('traction', kind_real, least=2, most=3, unit='pressure', &
                   meaning='force per area in global axes')
     call list%add('pressure', kind_real, unit='pressure', &
@@ -241,6 +246,9 @@ contains
                   meaning='local_traction as formulas')
     call list%add('force_density_formula', kind_formula, least=2, most=3, unit='force/volume', &
                   meaning='force_density as formulas')
+    call list%add('acceleration', kind_real, least=2, most=3, unit='force/mass', &
+                  meaning='force per mass in global axes, such as gravity: the density of the material times it is a '// &
+                  'force density, point masses (&mass) bear it, too; in axisymmetry along the axis y')
     call list%add('angular_velocity', kind_real, most=3, unit='1/time', &
                   meaning='rotation about an axis through centre, in radians per time: the centrifugal force, '// &
                   'density times angular_velocity squared times the distance from the axis; one value in two '// &

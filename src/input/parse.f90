@@ -4,9 +4,10 @@ module dotyk_input_parse
   use dotyk_base_files, only: is_cad_file
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
+  use dotyk_input_attachments, only: read_masses, read_springs
   use dotyk_input_bodies, only: read_body, read_material
   use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
-  use dotyk_input_boundary, only: check_densities, read_load, read_support
+  use dotyk_input_boundary, only: append_places, check_densities, read_load, read_support
   use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
@@ -18,9 +19,7 @@ module dotyk_input_parse
   use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
-  use dotyk_input_springs, only: read_springs
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups, report
-  use dotyk_input_wildcards, only: append_places
   implicit none
   private
   public :: read_case, parse_case
@@ -161,6 +160,7 @@ contains
       case%load(i) = load(group_of(i))
       case%load(i)%body = body_of(i)
     end do
+    call read_masses(groups, bodies, case%scene, problems, case%load)
     call check_densities(case%load, case%body, case%material, problems)
     deallocate (group_of, body_of)
     call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)

@@ -3,7 +3,7 @@
 module dotyk_model_body_loads
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: load_angular_velocity, load_force_density, load_names, option_name
+  use dotyk_base_options, only: load_acceleration, load_angular_velocity, load_force_density, load_names, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
@@ -22,7 +22,7 @@ contains
   pure logical function acts_on_surface(given)
     !> `&load`.
     type(load_input_t), intent(in) :: given
-    acts_on_surface = .not. any(given%kind == [load_force_density, load_angular_velocity])
+    acts_on_surface = .not. any(given%kind == [load_force_density, load_angular_velocity, load_acceleration])
   end function acts_on_surface
 
   !> Add one load.
@@ -44,6 +44,10 @@ contains
     if (given%has_point) load%point = given%point
     load%centre = given%centre
     load%density = body%material%density
+    if (given%kind == load_acceleration) then
+      load%kind = load_force_density
+      load%value = load%density*given%value
+    end if
     before = body%load
     if (.not. acts_on_surface(given)) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
@@ -51,12 +55,16 @@ contains
       if (body%mesh%is_in_parts()) call agree_on_error(error)
       if (allocated(error)) return
       if (load%kind == load_force_density .and. size(load%formula) == 0) body%density = body%density + load%value
-      call note_resultant(body, body%load - before, option_name(load_names, load%kind))
+      call note_resultant(body, body%load - before, option_name(load_names, given%kind))
       call note_difference(body, 'the force density', difference_in_volume(body%mesh, load%formula))
     else
       call add_surface_load(body%mesh, body%analysis, surface, load, body%load, error, body%applied)
       if (allocated(error)) return
-      call note_resultant(body, body%load - before, surface%name)
+      if (given%of_mass) then
+        call note_resultant(body, body%load - before, surface%name//' (mass)')
+      else
+        call note_resultant(body, body%load - before, surface%name)
+      end if
       call check_formula(body, 'the load on '//quoted(surface%name), surface, load%formula)
     end if
   end subroutine add_load

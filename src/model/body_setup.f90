@@ -11,7 +11,7 @@ module dotyk_model_body_setup
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_loads, only: acts_on_surface, add_load
-  use dotyk_model_body_supports, only: build_supports, support_names
+  use dotyk_model_body_supports, only: build_supports, load_names, support_names
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_initial_states, only: add_initial_stress, add_temperature
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
@@ -73,7 +73,7 @@ contains
     end do
     if (problems%count == 0) then
       call refuse_unused(case%file, case%support%line, support_used, support_names(case), problems)
-      call refuse_unused(case%file, case%load%line, load_used, spread('&load', 1, size(load_used)), problems)
+      call refuse_unused(case%file, case%load%line, load_used, load_names(case), problems)
     end if
     call problems%raise(error)
 

@@ -13,7 +13,7 @@ module dotyk_model_body_supports
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
-  public :: build_supports, support_names
+  public :: build_supports, load_names, support_names
 
 contains
 
@@ -24,6 +24,14 @@ contains
     character(8), allocatable :: name(:)
     name = merge('&spring ', '&support', case%support%is_spring)
   end function support_names
+
+  !> Names of the groups of loads, for messages (n_loads).
+  pure function load_names(case) result(name)
+    !> The case.
+    type(case_t), intent(in) :: case
+    character(5), allocatable :: name(:)
+    name = merge('&mass', '&load', case%load%of_mass)
+  end function load_names
 
   !> Collect the supports of a body.
   subroutine build_supports(case, mesh, b, volume, body, used, problems)

@@ -20,7 +20,7 @@ module dotyk_model_dealt_bodies
   use dotyk_model_body_parts, only: keep_surface
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_body_setup, only: refuse_unused
-  use dotyk_model_body_supports, only: support_names
+  use dotyk_model_body_supports, only: load_names, support_names
   use dotyk_model_chosen_bodies, only: chosen_bodies_t
   use dotyk_model_joints, only: describe_joints
   use dotyk_model_mesh_survey, only: mesh_survey_t
@@ -67,7 +67,7 @@ contains
     call add_used(own%support_used)
     call add_used(own%load_used)
     call refuse_unused(case%file, case%support%line, own%support_used, support_names(case), own%problems)
-    call refuse_unused(case%file, case%load%line, own%load_used, spread('&load', 1, size(own%load_used)), own%problems)
+    call refuse_unused(case%file, case%load%line, own%load_used, load_names(case), own%problems)
     if (own%problems%count > 0) return
     call find_classes(case, survey, owner, own, classes)
     if (on_any_rank(own%problems%count > 0)) return
