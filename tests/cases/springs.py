@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Springs on surfaces: blocks and beams on Winkler foundations against exact solutions."""
+"""Springs on surfaces, weight and point masses: blocks and beams on Winkler foundations against exact solutions."""
 import numpy as np
 
 import dotyk_case
@@ -176,6 +176,60 @@ class Springs(dotyk_case.Case):
                 self.assertIn(message, printed)
         printed = self.run_scene([self.block("hex8"), "&spring body='bl*', surface='floor', fix='n', modulus=1 /"], code=2)
         self.assertIn("case.nml:4: &spring: none of the bodies has such a surface", printed)
+
+    def test_weight(self):
+        """A column under its own weight and that of a mass beside it: stresses of beam theory; forces of the rotation."""
+        gravity, mass, arm = 10.0, 0.3, 0.25
+        self.run_scene([self.block("hex20"), "&spring body='block', surface='bottom', fix='xyz', modulus=50 /",
+                        "&load body='*', acceleration=0,0,%r /" % -gravity,
+                        "&mass body='block', surface='top', mass=%r, point=%r,%r,9 /" % (mass, 1.5 + arm, 2.75), SOLVER])
+        file, x, u = self.fields()
+        bend, z, across = -mass * gravity * arm / (1.5 / 12), x[:, 2] - ORIGIN[2], x[:, 0] - 1.5
+        # The stress is linear along the axis from the weight, and across it from the moment.
+        sigma = -2 * gravity * 2.0 - mass * gravity / 1.5
+        exact = sigma * (z / YOUNG + 1 / 50) + 2 * gravity * z**2 / (2 * YOUNG) + bend * across * (z / YOUNG + 1 / 50)
+        np.testing.assert_allclose(u[:, 2], exact, atol=1e-9 * np.abs(exact).max())
+        loads = file["dotyk/loads"]
+        np.testing.assert_allclose(loads["force"][:], [(0, 0, -60), (0, 0, -mass * gravity)], atol=1e-12)
+        np.testing.assert_allclose(loads["moment"][:][1], np.cross((1.75, 2.75, 9), (0, 0, -3)), atol=1e-11)
+        self.assertIn("block:top (mass)", str(loads.attrs["names"]))
+        self.run_scene([self.block("hex20"), "&support body='block', surface='bottom', fix='xyz' /",
+                        "&load body='block', angular_velocity=0,0,3, centre=1,0,0 /",
+                        "&mass body='block', surface='top', mass=2, point=1.5,2.75,6 /", SOLVER])
+        loads = self.results("case.vtkhdf")["dotyk/loads"]
+        force = 9 * 2 * np.array((0.5, 2.75, 0))
+        np.testing.assert_allclose(loads["force"][:][1], force, rtol=1e-12)
+        np.testing.assert_allclose(loads["moment"][:][1], np.cross((1.5, 2.75, 6), force), atol=1e-10)
+
+    def test_weight_in_two_dimensions(self):
+        """The same in the plane and about an axis, where a mass is on the axis."""
+        for analysis, kind, area, about in (("plane_stress", "quad8", 1.0, 3.0), ("axisymmetric", "quad8", 3 * np.pi, 0.0)):
+            with self.subTest(analysis):
+                self.run_scene([self.block(kind), "&spring body='block', surface='bottom', fix='y', modulus=50 /",
+                                "&load body='block', acceleration=0,-10 /",
+                                "&mass body='block', surface='top', mass=%r, point=%r,9 /" % (0.3 * area, about / 2), SOLVER],
+                               analysis)
+                file, x, u = self.fields()
+                y = x[:, 1] - ORIGIN[1]
+                exact = -43 * (y / YOUNG + 1 / 50) + 20 * y**2 / (2 * YOUNG)
+                np.testing.assert_allclose(u[:, 1], exact, atol=1e-9 * np.abs(exact).max())
+                np.testing.assert_allclose(file["dotyk/supports/force"][:], [(0, 43 * area, 0)], atol=1e-10)
+
+    def test_mistakes_of_masses(self):
+        """Messages name line and remedy."""
+        weight = "&load body='block', acceleration=0,0,-1 /"
+        top = "&mass body='block', surface='top', "
+        for lines, message in (((top + "mass=1 /",), "case.nml:4: &mass: no &load acceleration or angular_velocity acts on body"),
+                               ((top + "mass=-1 /", weight), "case.nml:4: &mass: mass must be above 0"),
+                               ((top + "/", weight), "case.nml:4: &mass: 'mass' is missing"),
+                               ((top + "mass=1 /", "&load body='block', angular_velocity=0,0,1 /"), "point is needed"),
+                               (("&load body='block', surface='top', acceleration=0,0,-1 /",), "surface does not go together"),
+                               (("&load body='block', acceleration=0,0,-1, pressure=1 /",), "exactly one of"),
+                               (("&load body='block', acceleration_formula='0','0','z' /",), "acceleration_formula")):
+            with self.subTest(message):
+                self.assertIn(message, self.run_scene([self.block("hex8"), *lines], code=2))
+        self.write("case.nml", "\n".join(["&scene /", "&material name='steel', young=1, poisson=0 /", self.block("hex8"), weight]))
+        self.assertIn("case.nml:4: &load: the material 'steel' of body 'block' has no density", self.dotyk("case.nml", code=2))
 
 
 if __name__ == "__main__":
