@@ -87,7 +87,7 @@ contains
     n_groups = (n + lanes - 1)/lanes
     allocate (group(n_groups*dotyk_group_bytes()), force(30*lanes*n_groups), b(size(mesh%x)))
     allocate (r(size(mesh%x)))
-    call dotyk_fill_groups(n, node, mesh%x, body%material%lambda, body%material%mu, group)
+    call dotyk_fill_groups(n, node, mesh%x, body%material(1)%lambda, body%material(1)%mu, group)
     allocate (first(mesh%n_nodes() + 2), source=0)
     do e = 1, n
       do a = 1, 10

@@ -83,7 +83,8 @@ contains
     call body%constraint%number_equations()
     body%dimension = 3
     body%analysis = analysis_3d
-    call body%material%init_isotropic('steel', 2.0e11_dp, 0.3_dp, error)
+    allocate (body%material(1))
+    call body%material(1)%init_isotropic('steel', 2.0e11_dp, 0.3_dp, error)
   end subroutine make_block
 
   !> Divide a unit cell into elements.

@@ -41,8 +41,8 @@ contains
       write (text, '(f5.3)') poisson(i)
       name = "Poisson's ratio "//trim(text)
       call move_corners(body, cells, cells, 1, spread(0.15_dp, 1, 3), .true.)
-      call body%material%init_isotropic('m', 2.0_dp, poisson(i), error)
-      call body%material%project_dilatation()
+      call body%material(1)%init_isotropic('m', 2.0_dp, poisson(i), error)
+      call body%material(1)%project_dilatation()
     case (8:12)
       i = number - 7
       name = 'all cells flat 1:'//digits(flat(i))
@@ -63,29 +63,29 @@ contains
     case (20:22)
       i = number - 19
       name = 'modulus 1:1e'//digits(power(i))//' in two halves'
-      body%material%modulus_formula = 'x > 0.5 ? 1e'//digits(power(i))//' : 1'
+      body%material(1)%modulus_formula = 'x > 0.5 ? 1e'//digits(power(i))//' : 1'
     case (23:25)
       i = number - 22
       name = 'modulus 1:1e'//digits(power(i))//', stiff grains across elements'
-      body%material%modulus_formula = 'sin(12*x)*sin(14*y)*sin(13*z) > 0.2 ? 1e'//digits(power(i))//' : 1'
+      body%material(1)%modulus_formula = 'sin(12*x)*sin(14*y)*sin(13*z) > 0.2 ? 1e'//digits(power(i))//' : 1'
     case (26:28)
       i = number - 25
       name = 'modulus 1:1e'//digits(power(i))//', graded'
-      body%material%modulus_formula = '10^('//digits(power(i))//'*x)'
+      body%material(1)%modulus_formula = '10^('//digits(power(i))//'*x)'
     case (29:31)
       i = number - 28
       name = 'orthotropy '//digits(ratio(i))//':1:1'
-      call body%material%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
+      call body%material(1)%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp, 0.4_dp], [1.0_dp, 0.0_dp, 0.0_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (32:34)
       i = number - 31
       name = 'orthotropy '//digits(ratio(i))//':1:1, oblique'
-      call body%material%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
+      call body%material(1)%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp, 0.4_dp], [1.0_dp, 0.5_dp, 0.3_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (35:37)
       i = number - 34
       name = 'orthotropy 1:1:1/'//digits(ratio(i))
-      call body%material%init_orthotropic('m', [1.0_dp, 1.0_dp, 1.0_dp/ratio(i)], [0.3_dp, 0.3_dp, 0.3_dp], &
+      call body%material(1)%init_orthotropic('m', [1.0_dp, 1.0_dp, 1.0_dp/ratio(i)], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp/ratio(i), 0.4_dp/ratio(i)], [1.0_dp, 0.0_dp, 0.0_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (38:40)
       call make_plate(number - 37)

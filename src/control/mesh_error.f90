@@ -158,15 +158,18 @@ contains
     real(dp), intent(inout) :: norm_square(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :)
+    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :)
     real(dp) :: of_body(size(alike))
-    integer :: i
+    integer :: i, m
     call to_representative(problem, alike, solution, u)
     do i = 1, size(alike)
       associate (body => problem%body(alike(i)))
         if (.not. (problem%ranks%is_own(alike(i)) .and. allocated(body%initial%temperature))) cycle
-        if (.not. allocated(thermal)) allocate (thermal(size(u, 1), size(u, 3)), source=0.0_dp)
-        thermal(i, :) = body%initial%thermal_dilatation(body%material%expansion)
+        if (.not. allocated(thermal)) &
+          allocate (thermal(size(u, 1), size(u, 3), size(body%material)), source=0.0_dp)
+        do m = 1, size(body%material)
+          thermal(i, :, m) = body%initial%thermal_dilatation(body%material(m)%expansion)
+        end do
       end associate
     end do
     associate (first => problem%body(problem%classes%first(alike(1))))

@@ -15,6 +15,7 @@ module dotyk_control_refinement
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_body_force, only: body_force
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
+  use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_ranks_exchange, only: share, share_errors
   use dotyk_response_response, only: response_t
@@ -119,14 +120,15 @@ contains
     !> Allocated where no significant digit of the pressures in a body is left.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: ratio
-    integer :: b
+    integer :: b, m
     do b = 1, size(body)
       if (.not. conditioning(b)%needs_refinement() .or. body(b)%analysis == analysis_plane_stress) cycle
-      ratio = body(b)%material%bulk_over_shear()
+      m = least_compressible(body(b)%material)
+      ratio = body(b)%material(m)%bulk_over_shear()
       if (distance(b)*sqrt(max(1.0_dp, ratio)) <= no_pressure*norm) cycle
       if (ratio < nearly_incompressible) cycle
       call set_error(error, 'body '//quoted(body(b)%name)//': no significant digit remains in the pressures '// &
-                     'of the nearly incompressible material '//quoted(body(b)%material%name)//' (K/G = '// &
+                     'of the nearly incompressible material '//quoted(body(b)%material(m)%name)//' (K/G = '// &
                      to_text(ratio, 2)//"); a Poisson's ratio of 0.499999 gives the same displacements", &
                      exit_not_solvable)
       return

@@ -51,7 +51,8 @@ contains
       d = leader%dimension
       n = leader%mesh%n_elements()
       call data%faces%init(leader%mesh)
-      allocate (data%density(d, size(alike)), data%applied(size(alike)), data%first(n + 1, size(alike)))
+      allocate (data%density(d, size(alike), size(leader%material)), source=0.0_dp)
+      allocate (data%applied(size(alike)), data%first(n + 1, size(alike)))
       allocate (data%held(d, d, data%faces%n_boundary, size(alike)))
       call hold_supports(d, leader%mesh, leader%constraint, data%faces, data%held(:, :, :, 1))
     end associate
@@ -59,7 +60,8 @@ contains
       b = alike(i)
       back = transpose(problem%classes%motion(b)%rotation)
       data%held(:, :, :, i) = data%held(:, :, :, 1)
-      data%density(:, i) = matmul(back(:d, :d), problem%body(b)%density(:d))
+      if (allocated(problem%body(b)%density)) &
+        data%density(:, i, :) = matmul(back(:d, :d), problem%body(b)%density(:d, :))
       if (problem%ranks%is_own(b)) then
         data%applied(i) = problem%body(b)%applied
         call add_springs(problem%body(b), solution(b)%displacement, data%applied(i))
@@ -106,8 +108,8 @@ contains
     integer :: i
     if (.not. any([(problem%body(alike(i))%initial%is_set(), i=1, size(alike))])) return
     associate (leader => problem%body(problem%classes%first(alike(1))))
-      call form%init(leader%analysis, leader%material%stiffness)
-      allocate (data%thermal(size(alike), form%n_strains, leader%mesh%n_nodes()), source=0.0_dp)
+      call form%init(leader%analysis, leader%material(1)%stiffness)
+      allocate (data%thermal(size(alike), form%n_strains, leader%mesh%n_nodes(), size(leader%material)), source=0.0_dp)
       allocate (data%initial(size(alike), form%n_strains, leader%mesh%n_nodes()), source=0.0_dp)
     end associate
     do i = 1, size(alike)
@@ -115,7 +117,7 @@ contains
       associate (body => problem%body(alike(i)))
         call initial_stress_of_nodes(body%analysis, body%material, body%initial, &
                                      transpose(problem%classes%motion(alike(i))%rotation), form%component, &
-                                     data%thermal(i, :, :), data%initial(i, :, :))
+                                     data%thermal(i, :, :, :), data%initial(i, :, :))
       end associate
     end do
   end subroutine collect_initial_stresses

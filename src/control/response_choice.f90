@@ -11,6 +11,7 @@ module dotyk_control_response_choice
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_two_levels, only: is_linear, multigrid_obstacle, obstacle_none
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid_response, only: multigrid_response_t
@@ -96,8 +97,8 @@ contains
   logical function suits_multigrid(body)
     !> Assembled or not.
     type(body_t), intent(in) :: body
-    suits_multigrid = body%material%bulk_over_shear() < merge(most_of_linear, most_bulk_over_shear, &
-                                                              is_linear(body%mesh))
+    suits_multigrid = body%material(least_compressible(body%material))%bulk_over_shear() < &
+                      merge(most_of_linear, most_bulk_over_shear, is_linear(body%mesh))
   end function suits_multigrid
 
   !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.

@@ -9,7 +9,6 @@ module dotyk_distributed_assembly
     MatSetValues, MatSetValuesBlocked, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_NULL_INTEGER, PETSC_TRUE, tMat
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_options, only: analysis_3d
   use dotyk_distributed_index_limits, only: check_entries
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: has_failed
@@ -142,7 +141,7 @@ contains
           if (.not. any(part%is_own(node(:, e)))) cycle
           call points%move_to(part%mesh, b, e, error)
           if (allocated(error)) exit
-          call element_stiffness(points, part%material, part%material%isotropic .and. part%analysis == analysis_3d, k)
+          call element_stiffness(points, k)
           scale = max(scale, maxval(abs(k)))
           frame_of = constraint%frame_of(node(:, e))
           if (any(is_special(node(:, e)))) then

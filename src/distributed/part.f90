@@ -20,8 +20,8 @@ module dotyk_distributed_part
     type(constraint_t) :: constraint
     !> Type of analysis: one of the `analysis_*` constants.
     integer :: analysis = 0
-    !> Material.
-    type(material_t) :: material
+    !> Materials (n_materials).
+    type(material_t), allocatable :: material(:)
     !> Loads on the nodes in global axes; those of other ranks' nodes have no meaning (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
     !> Rigid body modes that the supports leave, in global axes, orthonormal over the body (dim, n_nodes, n_modes) [].

@@ -14,7 +14,7 @@ module dotyk_driver_cad_faces
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_physical_group, only: group_names, groups_named
   use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
-  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   implicit none
   private
   public :: show_cad_faces
@@ -44,6 +44,7 @@ contains
           seen(first, .false.)) cycle
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
+      call add_unions(case, case%body(first)%mesh, mesh)
       if (is_cad_file(case%body(first)%mesh)) then
         call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
                       'centre, and normal where plane')

@@ -71,6 +71,9 @@ contains
     do b = 1, size(body)
       call fields%init(body(b), ranks, b)
       call fields%mesh(body(b)%mesh, mesh)
+      do k = 1, size(mesh%block)
+        mesh%block(k)%material = case%body(b)%material(mesh%block(k)%material)
+      end do
       if (may_write()) call file%write_part(b, mesh, error)
       if (case%output%displacement) then
         call fields%of_nodes(solution(b)%displacement, values)

@@ -113,6 +113,7 @@ contains
           call collect_rows(number, element, of_block, table)
         end associate
         mesh%block(k)%kind = block%kind
+        mesh%block(k)%material = block%material
         mesh%block(k)%node = nint(table(:width, :))
         mesh%block(k)%tag = nint(table(width + 1, :), int64)
         deallocate (element)

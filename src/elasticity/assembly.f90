@@ -10,12 +10,11 @@ module dotyk_elasticity_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_foundation_points, only: foundation_points_t
-  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material, only: material_t, weight_moduli
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
   use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
@@ -37,8 +36,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Positions of the nodal blocks in the matrix.
@@ -49,7 +48,7 @@ contains
     real(dp), intent(inout) :: rhs(:)
     !> Volume of the body [volume].
     real(dp), intent(out) :: volume
-    !> Mean of the modulus field over the volume [].
+    !> Mean of the modulus field over the volume, see `weight_moduli` [].
     real(dp), intent(out) :: mean_modulus_factor
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
@@ -65,6 +64,7 @@ contains
       call assemble_block(mesh, i, analysis, material, constraint, positions, matrix, rhs, &
                           element_volume(first:last), element_integral(first:last), error)
       if (allocated(error)) return
+      call weight_moduli(material, mesh%block(i)%material, element_integral(first:last))
     end do
     volume = sum(element_volume)
     mean_modulus_factor = sum(element_integral)/volume
@@ -118,8 +118,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Positions of the nodal blocks in the matrix.
@@ -177,8 +177,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Positions of the nodal blocks in the matrix.
@@ -207,11 +207,9 @@ contains
     real(dp), allocatable :: products(:), k(:)
     integer, allocatable :: frame_of(:)
     integer :: e, i
-    logical :: fast
     position = 0
     call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
-    fast = material%isotropic .and. analysis == analysis_3d
     associate (n => points%n, dim => points%dim)
       allocate (products((n*points%slots)**2), k((n*dim)**2), frame_of(n))
       do i = partition%first(part), partition%first(part + 1) - 1
@@ -224,8 +222,8 @@ contains
           modulus_integral(e) = sum(points%stiffness(:points%n_points))
         end if
         call gradient_products(n, points%slots, points%n_points, points%g, points%stiffness, products)
-        if (fast) then
-          call stiffness_isotropic(n, points%lambda, material%mu, products, k)
+        if (points%is_isotropic) then
+          call stiffness_isotropic(n, points%lambda, points%mu, products, k)
         else
           call stiffness_general(n, dim, points%slots, points%strain, points%matrix, products, k)
         end if

@@ -9,14 +9,13 @@ module dotyk_elasticity_block_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_corner_contraction, only: clear_held, contract
   use dotyk_elasticity_corner_space, only: corner_space_t, corner_weights
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_foundation_points, only: foundation_points_t
-  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material, only: material_t, weight_moduli
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
   use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
@@ -49,8 +48,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> The magnitude [force/length].
     real(dp), intent(out) :: stiffness
     !> Allocated where the element is inverted, or the modulus field is no formula or not positive.
@@ -63,7 +62,7 @@ contains
     call points%move_to(mesh, 1, 1, error)
     if (.not. allocated(error)) then
       allocate (k((points%n*points%dim)**2))
-      call element_stiffness(points, material, material%isotropic .and. analysis == analysis_3d, k)
+      call element_stiffness(points, k)
       stiffness = maxval(abs(k))
     end if
     call points%destroy()
@@ -76,8 +75,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> The corner space.
@@ -86,7 +85,7 @@ contains
     type(block_rows_t), intent(inout) :: rows
     !> Volume of the body [volume].
     real(dp), intent(out) :: volume
-    !> Mean of the modulus field over the volume [].
+    !> Mean of the modulus field over the volume, see `weight_moduli` [].
     real(dp), intent(out) :: mean_modulus_factor
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
@@ -111,6 +110,7 @@ contains
       call assemble_block(mesh, i, analysis, material, constraint, axes, special, space, rows, &
                           element_volume(first:last), element_integral(first:last), error, coarse)
       if (allocated(error)) return
+      call weight_moduli(material, mesh%block(i)%material, element_integral(first:last))
     end do
     call add_springs(mesh, analysis, constraint, axes, space, rows, coarse)
     call rows%hold(constraint%equation == held)
@@ -183,8 +183,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Inverses of the nodal axes (dim, dim, n_frames) [].
@@ -240,8 +240,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Inverses of the nodal axes (dim, dim, n_frames) [].
@@ -292,7 +292,7 @@ contains
           volume(e) = sum(points%w(:points%n_points))
           modulus_integral(e) = sum(points%stiffness(:points%n_points))
         end if
-        call element_stiffness(points, material, material%isotropic .and. analysis == analysis_3d, k)
+        call element_stiffness(points, k)
         frame_of(:) = constraint%frame_of(points%node)
         if (any(special(points%node))) then
           call rotate_blocks(n, dim, size(axes, 3), frame_of, constraint%frame, k)
@@ -338,19 +338,15 @@ contains
   end subroutine add_corner_element
 
   !> Stiffness of the current element, in global axes.
-  subroutine element_stiffness(points, material, fast, k)
+  subroutine element_stiffness(points, k)
     !> Quadrature data of the element.
     type(element_quadrature_t), intent(in) :: points
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> Whether the body is isotropic and three-dimensional.
-    logical, intent(in) :: fast
     !> Element stiffness: of shape (n, n, dim, dim) [force/length].
     real(dp), intent(out) :: k(:)
     real(dp) :: products((points%n*points%slots)**2)
     call gradient_products(points%n, points%slots, points%n_points, points%g, points%stiffness, products)
-    if (fast) then
-      call stiffness_isotropic(points%n, points%lambda, material%mu, products, k)
+    if (points%is_isotropic) then
+      call stiffness_isotropic(points%n, points%lambda, points%mu, products, k)
     else
       call stiffness_general(points%n, points%dim, points%slots, points%strain, points%matrix, products, k)
     end if

@@ -36,8 +36,8 @@ module dotyk_elasticity_body
     type(body_mesh_t) :: mesh
     !> Whether edges or corners alone join pieces of it, as hinges do: their motions cost no energy.
     logical :: is_hinged = .false.
-    !> Material.
-    type(material_t) :: material
+    !> Materials; the blocks of the mesh tell which of them their elements have (n_materials).
+    type(material_t), allocatable :: material(:)
     !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
     !> Directions of its supports, for their reactions.
@@ -49,8 +49,9 @@ module dotyk_elasticity_body
     real(dp), allocatable :: load(:, :)
     !> Loads on surfaces, and force densities that vary, at quadrature points.
     type(point_forces_t) :: applied
-    !> Sum of the constant force densities in global axes (3) [force/volume].
-    real(dp) :: density(3) = 0
+    !> Sum of the constant force densities in each material, in global axes; none where not allocated (3, n_materials)
+    !> [force/volume].
+    real(dp), allocatable :: density(:, :)
     !> Resultants of the loads (n_loads); for the log.
     type(load_resultant_t), allocatable :: resultant(:)
     !> Warnings of formulas of loads and supports that quadrature or the mesh does not resolve.
@@ -59,7 +60,8 @@ module dotyk_elasticity_body
     real(dp), allocatable :: rhs(:)
     !> Volume [volume].
     real(dp) :: volume = 0
-    !> Mean of the modulus field over the volume [].
+    !> Mean of the modulus field over the volume; of several materials, those of the others count by their least Young's
+    !> modulus over that of the first [].
     real(dp) :: mean_modulus_factor = 1
     !> Nodes that every rank holds, ascending: those of the boundary among them; allocated in runs on several ranks
     !> (n_shared_nodes).
@@ -276,10 +278,10 @@ contains
     if (is_idle .and. allocated(self%load)) is_idle = .not. any(abs(self%load) > 0)
   end function body_is_idle
 
-  !> Young's modulus for scaling: that of the softest material axis, averaged over the body [pressure].
+  !> Young's modulus for scaling: those of the softest axes of the materials, averaged over the body [pressure].
   real(dp) function body_young(self) result(young)
     class(body_t), intent(in) :: self
-    young = self%material%least_young*self%mean_modulus_factor
+    young = self%material(1)%least_young*self%mean_modulus_factor
   end function body_young
 
   !> Put a body that is not assembled into a parcel, or take it out.
@@ -287,25 +289,33 @@ contains
     class(body_t), intent(inout) :: self
     !> The parcel.
     type(parcel_t), intent(inout) :: parcel
-    logical :: has_loads
+    logical :: is_there
     integer :: n(1), i
     call parcel%carry(self%name)
     call parcel%carry(self%analysis)
     call parcel%carry(self%dimension)
     call self%mesh%carry(parcel)
     call parcel%carry(self%is_hinged)
-    call self%material%carry(parcel)
+    is_there = allocated(self%material)
+    if (is_there) n = shape(self%material)
+    call parcel%carry_shape(is_there, n)
+    if (is_there .and. parcel%is_read) allocate (self%material(n(1)))
+    if (is_there) then
+      do i = 1, n(1)
+        call self%material(i)%carry(parcel)
+      end do
+    end if
     call self%constraint%carry(parcel)
     call self%initial%carry(parcel)
     call self%directions%carry(parcel)
     call parcel%carry(self%load)
     call self%applied%carry(parcel)
-    call parcel%carry_fixed(3, self%density)
-    has_loads = allocated(self%resultant)
-    if (has_loads) n = shape(self%resultant)
-    call parcel%carry_shape(has_loads, n)
-    if (has_loads .and. parcel%is_read) allocate (self%resultant(n(1)))
-    if (has_loads) then
+    call parcel%carry(self%density)
+    is_there = allocated(self%resultant)
+    if (is_there) n = shape(self%resultant)
+    call parcel%carry_shape(is_there, n)
+    if (is_there .and. parcel%is_read) allocate (self%resultant(n(1)))
+    if (is_there) then
       do i = 1, n(1)
         call self%resultant(i)%carry(parcel)
       end do

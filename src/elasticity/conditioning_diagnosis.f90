@@ -32,30 +32,38 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> The causes, separated by semicolons; empty where none is found.
     character(:), allocatable, intent(out) :: text
-    real(dp) :: aspect_ratio, smallest_factor, largest_factor, ratio
-    integer :: block, element
+    real(dp) :: aspect_ratio, ratio
+    real(dp), dimension(size(material)) :: smallest_factor, largest_factor, young
+    integer :: block, element, m
     text = ''
     call examine_elements(mesh, analysis, material, aspect_ratio, block, element, smallest_factor, largest_factor)
-    ratio = stiffness_ratio(material)
     !$omp critical (message)
     if (aspect_ratio > max_aspect_ratio) then
       call add('elements of aspect ratio '//to_text(aspect_ratio, 2)//', such as element '// &
                to_text(mesh%block(block)%tag(element)))
     end if
-    if (largest_factor > max_stiffness_ratio*smallest_factor) then
-      call add('young_formula of material '//quoted(material%name)//', with values from '// &
-               to_text(smallest_factor, 2)//' to '//to_text(largest_factor, 2))
-    end if
-    if (ratio > max_stiffness_ratio .and. material%isotropic) then
-      call add('material '//quoted(material%name)//', which is nearly incompressible')
-    else if (ratio > max_stiffness_ratio) then
-      call add('material '//quoted(material%name)//', with a ratio of largest to smallest stiffness of '// &
-               to_text(ratio, 2))
-    end if
+    do m = 1, size(material)
+      if (largest_factor(m) > max_stiffness_ratio*smallest_factor(m)) then
+        call add('young_formula of material '//quoted(material(m)%name)//', with values from '// &
+                 to_text(smallest_factor(m), 2)//' to '//to_text(largest_factor(m), 2))
+      end if
+      ratio = stiffness_ratio(material(m))
+      if (ratio > max_stiffness_ratio .and. material(m)%isotropic) then
+        call add('material '//quoted(material(m)%name)//', which is nearly incompressible')
+      else if (ratio > max_stiffness_ratio) then
+        call add('material '//quoted(material(m)%name)//', with a ratio of largest to smallest stiffness of '// &
+                 to_text(ratio, 2))
+      end if
+    end do
+    young = material%least_young
+    if (maxval(young) > max_stiffness_ratio*minval(young)) &
+      call add('materials '//quoted(material(minloc(young, 1))%name)//' and '// &
+               quoted(material(maxloc(young, 1))%name)//", with a ratio of Young's moduli of "// &
+               to_text(maxval(young)/minval(young), 2))
     !$omp end critical (message)
   contains
     !> Append a cause to the text.
@@ -88,35 +96,36 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Largest ratio of diameter to height of the elements [].
     real(dp), intent(out) :: aspect_ratio
     !> Index of the block of the element with this ratio.
     integer, intent(out) :: block
     !> Index of this element in its block.
     integer, intent(out) :: element
-    !> Smallest value of the modulus field at the quadrature points [].
-    real(dp), intent(out) :: smallest_factor
-    !> Largest value of the modulus field at the quadrature points [].
-    real(dp), intent(out) :: largest_factor
+    !> Smallest value of the modulus field of each material at the quadrature points (n_materials) [].
+    real(dp), intent(out) :: smallest_factor(:)
+    !> Largest value of the modulus field of each material at the quadrature points (n_materials) [].
+    real(dp), intent(out) :: largest_factor(:)
     type(vector_field_t) :: factor
     type(shape_table_pair_t) :: tables
     type(error_t), allocatable :: error
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:), factors(:)
     real(dp) :: worst, now
-    integer :: i, e, n, dim, slots
+    integer :: i, e, m, n, dim, slots
     aspect_ratio = 1
     block = 1
     element = 1
     smallest_factor = huge(smallest_factor)
     largest_factor = 0
-    call read_modulus_field(material, factor, error)
-    if (allocated(error)) return
     dim = mesh%dimension
     slots = gradient_slots(analysis)
     do i = 1, size(mesh%block)
+      m = mesh%block(i)%material
+      call read_modulus_field(material(m), factor, error)
+      if (allocated(error)) return
       kind = element_kind(mesh%block(i)%kind)
       n = kind%n_nodes
       call tables%init_stiffness(mesh%block(i)%kind, analysis, .not. factor%constant)
@@ -136,13 +145,13 @@ contains
           if (.not. factor%constant) then
             call apply_modulus_field(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
           end if
-          smallest_factor = min(smallest_factor, minval(factors))
-          largest_factor = max(largest_factor, maxval(factors))
+          smallest_factor(m) = min(smallest_factor(m), minval(factors))
+          largest_factor(m) = max(largest_factor(m), maxval(factors))
         end do
         deallocate (x, g, w)
       end associate
+      call factor%destroy()
     end do
-    call factor%destroy()
   end subroutine examine_elements
 
   !> Aspect ratio of an element: diameter of its bounding box times the largest gradient of its shape functions, which

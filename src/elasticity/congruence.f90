@@ -69,7 +69,7 @@ contains
     integer :: i, d, n
     d = body%dimension
     n = body%mesh%n_nodes()
-    self%usable = .not. body%material%has_modulus_field()
+    self%usable = .not. any([(body%material(i)%has_modulus_field(), i=1, size(body%material))])
     self%dimension = d
     self%analysis = body%analysis
     self%n_nodes = n
@@ -115,7 +115,7 @@ contains
     type(congruence_invariants_t), intent(in) :: other_invariants
     !> Rigid motion that maps the first body onto the other.
     type(placement_t), intent(out) :: motion
-    integer :: d
+    integer :: d, m
     d = first%dimension
     associate (a => first%mesh%x, b => other%mesh%x, radius => first_invariants%spread)
       call motion%init([0.0_dp, 0.0_dp, 1.0_dp], 0.0_dp, other_invariants%centre - first_invariants%centre)
@@ -127,7 +127,10 @@ contains
         congruent = is_moved(d, size(a, 2), a, b, radius, motion)
       end if
     end associate
-    if (congruent) congruent = same_materials(first%material, other%material, motion)
+    if (congruent) congruent = size(first%material) == size(other%material)
+    do m = 1, size(first%material)
+      if (congruent) congruent = same_material(first%material(m), other%material(m), motion)
+    end do
     if (congruent) congruent = same_elements(first%mesh, other%mesh)
     if (congruent) congruent = same_supports(first%constraint, other%constraint, motion)
     if (congruent) congruent = first%constraint%foundation%is_moved(other%constraint%foundation, d, motion)
@@ -232,7 +235,7 @@ contains
   end function triad
 
   !> Whether two materials are equal but for a rotation.
-  pure logical function same_materials(first, other, motion) result(same)
+  pure logical function same_material(first, other, motion) result(same)
     !> Material of the first body.
     type(material_t), intent(in) :: first
     !> Material of the other body.
@@ -246,7 +249,7 @@ contains
            abs(first%incompressibility - other%incompressibility) <= &
            bulk_ratio_tolerance*first%incompressibility .and. &
            all(abs(moved - other%stiffness) <= stiffness_tolerance*maxval(abs(moved)))
-  end function same_materials
+  end function same_material
 
   !> Whether two bodies have the same elements in the same order.
   pure logical function same_elements(first, other) result(same)
@@ -258,6 +261,7 @@ contains
     same = .false.
     do b = 1, size(first%block)
       if (first%block(b)%kind /= other%block(b)%kind) return
+      if (first%block(b)%material /= other%block(b)%material) return
       if (size(first%block(b)%node) /= size(other%block(b)%node)) return
       if (any(first%block(b)%node /= other%block(b)%node)) return
     end do

@@ -227,6 +227,7 @@ contains
     do b = 1, size(mesh%block)
       kind = element_kind(mesh%block(b)%kind)
       corner_mesh%block(b)%kind = kind%corner_kind
+      corner_mesh%block(b)%material = mesh%block(b)%material
       corner_mesh%block(b)%tag = mesh%block(b)%tag
       allocate (corner_mesh%block(b)%node(kind%n_corners, size(mesh%block(b)%node, 2)))
       do e = 1, size(mesh%block(b)%node, 2)

@@ -25,8 +25,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Right-hand side over the free equations (n_equations) [force].
@@ -71,6 +71,7 @@ contains
       if (size(chosen) == 0) cycle
       n = n + 1
       block(n)%kind = mesh%block(b)%kind
+      block(n)%material = mesh%block(b)%material
       block(n)%node = mesh%block(b)%node(:, chosen)
       block(n)%tag = mesh%block(b)%tag(chosen)
     end do

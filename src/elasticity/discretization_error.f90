@@ -21,6 +21,7 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t, vertex_functions
   use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, physical_gradients
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
   use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, &
     project_onto_functions
@@ -45,8 +46,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :)
     !> Squared errors of the elements, in the order of the blocks (n_elements) [energy].
@@ -71,8 +72,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
@@ -81,31 +82,26 @@ contains
     real(dp), intent(out) :: norm_square(:)
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
-    !> Thermal dilatations at the nodes; none where absent (n_bodies, n_nodes) [].
-    real(dp), intent(in), optional :: thermal(:, :)
-    type(gradient_recovery_t) :: fit
-    type(dilatation_fit_t), allocatable :: dilatation(:)
-    type(vector_field_t) :: factor
+    !> Thermal dilatations of each material at the nodes; none where absent (n_bodies, n_nodes, n_materials) [].
+    real(dp), intent(in), optional :: thermal(:, :, :)
     real(dp), allocatable :: element_norm(:, :), element_rounding(:, :), expanded(:, :)
-    integer :: b, i, first, last
+    integer, allocatable :: own(:)
+    integer :: i, m
     square = 0
     norm_square = 0
-    call read_modulus_field(material, factor, error)
-    if (allocated(error)) return
-    if (present(thermal)) expanded = thermal
-    call fit%init(mesh, u)
-    call fit_dilatations(mesh, analysis, material, u, expanded, dilatation)
     allocate (element_norm(size(square, 1), size(square, 2)), source=0.0_dp)
     allocate (element_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
-    last = 0
-    do b = 1, size(mesh%block)
-      first = last + 1
-      last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, expanded, square(:, first:last), &
-                          element_norm(:, first:last), element_rounding(:, first:last), error)
+    ! Strains jump where materials meet: each material has polynomials of its own around the vertices.
+    do m = 1, size(material)
+      if (present(thermal)) expanded = thermal(:, :, m)
+      if (size(material) == 1) then
+        call estimate_material(mesh, analysis, material(m), u, expanded, square, element_norm, element_rounding, error)
+      else
+        own = elements_of_material(mesh, m)
+        if (size(own) > 0) call estimate_some(material(m), mesh_of_material(mesh, m))
+      end if
       if (allocated(error)) exit
     end do
-    call factor%destroy()
     if (allocated(mesh%whole)) then
       do i = 1, size(norm_square)
         where (.not. mesh%whole%own_element)
@@ -123,7 +119,64 @@ contains
       square(i, :) = 0
       norm_square(i) = 0
     end do
+
+  contains
+
+    !> Estimate the elements of one of several materials.
+    subroutine estimate_some(of_material, part)
+      !> The material.
+      type(material_t), intent(in) :: of_material
+      !> Its elements.
+      type(body_mesh_t), intent(in) :: part
+      real(dp), dimension(size(square, 1), size(own)) :: of_part, norm, rounding
+      of_part = 0
+      norm = 0
+      rounding = 0
+      call estimate_material(part, analysis, of_material, u, expanded, of_part, norm, rounding, error)
+      square(:, own) = of_part
+      element_norm(:, own) = norm
+      element_rounding(:, own) = rounding
+    end subroutine estimate_some
   end subroutine estimate_discretization_errors
+
+  !> Estimate the elements of one material.
+  subroutine estimate_material(mesh, analysis, material, u, expanded, square, norm_square, rounding_square, error)
+    !> Its elements, and the nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> The material.
+    type(material_t), intent(in) :: material
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
+    real(dp), allocatable, intent(in) :: expanded(:, :)
+    !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
+    real(dp), intent(inout) :: square(:, :)
+    !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
+    real(dp), intent(inout) :: norm_square(:, :)
+    !> Bounds of the rounding errors of these norms (n_bodies, n_elements) [energy].
+    real(dp), intent(inout) :: rounding_square(:, :)
+    !> Allocated where the modulus field is no formula or not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(gradient_recovery_t) :: fit
+    type(dilatation_fit_t), allocatable :: dilatation(:)
+    type(vector_field_t) :: factor
+    integer :: b, first, last
+    call read_modulus_field(material, factor, error)
+    if (allocated(error)) return
+    call fit%init(mesh, u)
+    call fit_dilatations(mesh, analysis, material, u, expanded, dilatation)
+    last = 0
+    do b = 1, size(mesh%block)
+      first = last + 1
+      last = last + size(mesh%block(b)%node, 2)
+      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, expanded, square(:, first:last), &
+                          norm_square(:, first:last), rounding_square(:, first:last), error)
+      if (allocated(error)) exit
+    end do
+    call factor%destroy()
+  end subroutine estimate_material
 
   !> Estimate the elements of one block.
   subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, expanded, square, &

@@ -3,6 +3,7 @@
 module dotyk_elasticity_element_quadrature
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_material, only: material_t
@@ -30,8 +31,14 @@ module dotyk_elasticity_element_quadrature
     integer, allocatable :: strain(:, :)
     !> Unprojected part of the stiffness of the material: from strains to stresses (6, 6) [pressure].
     real(dp) :: matrix(6, 6) = 0
+    !> Whether the body is isotropic and three-dimensional: `lambda` and `mu` are the stiffness then.
+    logical :: is_isotropic = .false.
     !> Lame's first parameter of this part [pressure].
     real(dp) :: lambda = 0
+    !> Shear modulus of an isotropic material [pressure].
+    real(dp) :: mu = 0
+    !> Thermal expansion of the material, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
+    real(dp) :: expansion(6) = 0
     !> Projected part of the bulk modulus; 0 where no dilatation is projected [pressure].
     real(dp) :: bulk = 0
     !> Number of quadrature points of the current element.
@@ -77,20 +84,25 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Allocated where the modulus field is no formula.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
     integer :: i, s, most_points
-    call read_modulus_field(material, self%factor, error)
-    if (allocated(error)) return
+    associate (own => material(mesh%block(i_block)%material))
+      call read_modulus_field(own, self%factor, error)
+      if (allocated(error)) return
+      call own%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, own%incompressibility), self%matrix, &
+                     self%lambda, self%bulk)
+      self%is_isotropic = own%isotropic .and. analysis == analysis_3d
+      self%mu = own%mu
+      self%expansion = own%expansion
+    end associate
     kind = element_kind(mesh%block(i_block)%kind)
     self%n = kind%n_nodes
     self%dim = mesh%dimension
     self%slots = gradient_slots(analysis)
-    call material%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, material%incompressibility), &
-                        self%matrix, self%lambda, self%bulk)
     self%n_functions = n_projection_functions(mesh%block(i_block)%kind, self%dim)
     self%strain = reshape([((strain_index(analysis, i, s), i=1, self%dim), s=1, self%slots)], [self%dim, self%slots])
     call self%tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. self%factor%constant)

@@ -27,11 +27,13 @@ module dotyk_elasticity_element_residual
   type, public :: residual_data_t
     !> Faces of the elements.
     type(face_table_t) :: faces
-    !> Constant force densities (dim, n_bodies) [force/volume].
-    real(dp), allocatable :: density(:, :)
-    !> Stresses of the bodies at rest at the nodes, as in `point_material_t`; none where not allocated (n_bodies,
-    !> n_strains, n_nodes) [pressure].
-    real(dp), allocatable :: thermal(:, :, :), initial(:, :, :)
+    !> Constant force densities in each material (dim, n_bodies, n_materials) [force/volume].
+    real(dp), allocatable :: density(:, :, :)
+    !> Stresses of the bodies at rest at the nodes, as in `point_material_t`: of their temperatures in each material;
+    !> none where not allocated (n_bodies, n_strains, n_nodes, n_materials) [pressure].
+    real(dp), allocatable :: thermal(:, :, :, :)
+    !> Of their initial stresses (n_bodies, n_strains, n_nodes) [pressure].
+    real(dp), allocatable :: initial(:, :, :)
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
     real(dp), allocatable :: held(:, :, :, :)
     !> Other loads (n_bodies).
@@ -52,8 +54,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
     type(residual_data_t), intent(in) :: data
-    !> Material.
-    type(point_material_t), intent(in) :: material
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
@@ -68,8 +70,9 @@ contains
     b = data%faces%block(element)
     i = element - data%faces%before(b)
     associate (node => mesh%block(b)%node(:, i))
-      call solve_local(size(u, 1), mesh%dimension, size(node), table(b)%n, material%form%n_strains, material%slots, &
-                       table(b)%points%n_points, mesh, data, material, table, b, u, element, node, square, error)
+      call solve_local(size(u, 1), mesh%dimension, size(node), table(b)%n, material(1)%form%n_strains, &
+                       material(1)%slots, table(b)%points%n_points, mesh, data, material, table, b, u, element, node, &
+                       square, error)
     end associate
   end subroutine residual_energy
 
@@ -94,8 +97,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
     type(residual_data_t), intent(in) :: data
-    !> Material.
-    type(point_material_t), intent(in) :: material
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
     !> Block of the element.
@@ -113,12 +116,13 @@ contains
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies), slope(n_points, n_bubbles, slots)
     real(dp), dimension(n_points) :: radius, w, modulus
     real(dp) :: matrix(dim*n_bubbles, dim*n_bubbles), rhs(n_bubbles, dim, n_bodies), worst
-    integer :: i, k, q, m, s, info
+    integer :: i, k, q, m, m_own, s, info
     square = 0
     rhs = 0
     m = dim*n_bubbles
+    m_own = mesh%block(block)%material
     associate (own => table(block))
-      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material, own%points, node, mesh%x, u, .false., &
+      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, .false., &
                        inverse, radius, w, modulus, stress, worst, error)
       if (allocated(error) .or. .not. worst > 0) return
       slope = 0
@@ -133,17 +137,17 @@ contains
       do k = 1, n_bodies
         do s = 1, slots
           do i = 1, dim
-            if (material%form%index(i, s) == 0) cycle
-            rhs(:, i, k) = rhs(:, i, k) - matmul(w*stress(:, material%form%index(i, s), k), slope(:, :, s))
+            if (material(m_own)%form%index(i, s) == 0) cycle
+            rhs(:, i, k) = rhs(:, i, k) - matmul(w*stress(:, material(m_own)%form%index(i, s), k), slope(:, :, s))
           end do
         end do
         do i = 1, dim
-          if (abs(data%density(i, k)) > 0) rhs(:, i, k) = rhs(:, i, k) + &
-            data%density(i, k)*matmul(own%value, w(:own%n_points))
+          if (abs(data%density(i, k, m_own)) > 0) rhs(:, i, k) = rhs(:, i, k) + &
+            data%density(i, k, m_own)*matmul(own%value, w(:own%n_points))
         end do
       end do
-      call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material%form%index, material%stiffness, w*modulus, &
-                       slope, matrix)
+      call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
+                       material(m_own)%stiffness, w*modulus, slope, matrix)
       call add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, data%faces, data%held, material, table, &
                      block, u, element, node, rhs, worst, error)
       if (allocated(error) .or. .not. worst > 0) return

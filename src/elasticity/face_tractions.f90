@@ -38,8 +38,8 @@ contains
     type(face_table_t), intent(in) :: faces
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
     real(dp), intent(in) :: held(:, :, :, :)
-    !> Material.
-    type(point_material_t), intent(in) :: material
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
     !> Block of the element.
@@ -67,26 +67,26 @@ contains
       if (behind == 0) then
         if (.not. any(abs(held(:, :, boundary, :)) > 0)) cycle
       end if
-      associate (face => table(block)%face(f))
+      associate (face => table(block)%face(f), own => material(mesh%block(block)%material))
         if (behind == 0) then
-          call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, material, face, &
+          call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, own, face, &
                         node, u, 0, 0, face%points, [integer ::], [integer ::], held(:, :, boundary, :), rhs, &
                         worst, error)
         else
           b = faces%block(behind)
           associate (their_node => mesh%block(b)%node(:, behind - faces%before(b)), &
-                     corner => node(face%corner))
+                     their => material(mesh%block(b)%material), corner => node(face%corner))
             call find_match(table(b), table(block)%degree, face, their_node, corner, g, same, known)
             if (known) then
-              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, material, face, &
-                            node, u, size(their_node), table(b)%face(g)%points%n_points, table(b)%face(g)%points, &
+              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, their, &
+                            face, node, u, size(their_node), table(b)%face(g)%points%n_points, table(b)%face(g)%points, &
                             their_node, same, held(:, :, :0, 1), rhs, worst, error)
             else
               kind = element_kind(table(block)%kind)
               kind = element_kind(kind%face_kind(f))
               call place_points(table(b)%kind, their_node, kind%corner_kind, corner, face, points, same)
-              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, material, face, &
-                            node, u, size(their_node), points%n_points, points, their_node, same, &
+              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, their, &
+                            face, node, u, size(their_node), points%n_points, points, their_node, same, &
                             held(:, :, :0, 1), rhs, worst, error)
             end if
           end associate
@@ -161,8 +161,8 @@ contains
   end subroutine place_points
 
   !> Add the mean tractions of one face.
-  subroutine add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, material, face, node, u, their_n, &
-                      their_n_points, their_points, their_node, same, held, rhs, worst, error)
+  subroutine add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, material, their, face, node, u, &
+                      their_n, their_n_points, their_points, their_node, same, held, rhs, worst, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
@@ -179,8 +179,10 @@ contains
     integer, intent(in) :: n_points
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> Material.
+    !> Material of the element.
     type(point_material_t), intent(in) :: material
+    !> Material of the element behind.
+    type(point_material_t), intent(in) :: their
     !> The face.
     type(face_bubbles_t), intent(in) :: face
     !> Nodes of the element (n).
@@ -209,13 +211,13 @@ contains
     real(dp), dimension(n_points) :: radius, w, modulus
     real(dp) :: their_inverse(their_n_points, dim, dim), their_stress(their_n_points, n_strains, n_bodies)
     real(dp), dimension(their_n_points) :: their_radius, their_w, their_modulus
-    real(dp) :: their_worst, share, area(dim), traction(dim), mean(n_strains)
+    real(dp) :: their_worst, their_root, share, area(dim), traction(dim), mean(n_strains)
     integer :: i, k, q, s
     call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material, face%points, node, mesh%x, u, .true., &
                      inverse, radius, w, modulus, stress, worst, error)
     if (allocated(error) .or. .not. worst > 0) return
     if (their_n > 0) then
-      call stresses_at(their_n, their_n_points, n_bodies, dim, n_strains, slots, material, their_points, their_node, &
+      call stresses_at(their_n, their_n_points, n_bodies, dim, n_strains, slots, their, their_points, their_node, &
                        mesh%x, u, .true., their_inverse, their_radius, their_w, their_modulus, their_stress, &
                        their_worst, error)
       if (allocated(error)) return
@@ -226,7 +228,8 @@ contains
       do k = 1, n_bodies
         mean = stress(q, :, k)
         if (their_n > 0) then
-          share = sqrt(their_modulus(same(q)))/(sqrt(modulus(q)) + sqrt(their_modulus(same(q))))
+          their_root = sqrt(their_modulus(same(q))*(their%size/material%size))
+          share = their_root/(sqrt(modulus(q)) + their_root)
           mean = share*mean + (1 - share)*their_stress(same(q), :, k)
         end if
         traction = 0

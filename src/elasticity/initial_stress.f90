@@ -25,8 +25,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Nodal forces in global axes, added to (dim, n_nodes) [force].
@@ -44,8 +44,8 @@ contains
       do e = 1, size(mesh%block(b)%node, 2)
         call points%move_to(mesh, b, e, error)
         if (allocated(error)) exit
-        call element_forces(points%n, points%dim, points%slots, points%n_points, points%n_functions, points, &
-                            material, state, points%g, points%dilatation, of_element)
+        call element_forces(points%n, points%dim, points%slots, points%n_points, points%n_functions, points, state, &
+                            points%g, points%dilatation, of_element)
         force(:, points%node) = force(:, points%node) + of_element
       end do
       deallocate (of_element)
@@ -55,7 +55,7 @@ contains
   end subroutine add_initial_forces
 
   !> Nodal forces on one element.
-  subroutine element_forces(n, dim, slots, n_points, n_functions, points, material, state, g, d, force)
+  subroutine element_forces(n, dim, slots, n_points, n_functions, points, state, g, d, force)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.
@@ -68,8 +68,6 @@ contains
     integer, intent(in) :: n_functions
     !> The element.
     type(element_quadrature_t), intent(in) :: points
-    !> Material of the body.
-    type(material_t), intent(in) :: material
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Gradients of the shape functions (n, slots, n_points) [1/length].
@@ -80,7 +78,7 @@ contains
     real(dp), intent(out) :: force(dim, n)
     real(dp) :: stress(6, n_points), amplitude(n_functions)
     integer :: i, k, q, s
-    call at_rest(points, material, state, stress, amplitude)
+    call at_rest(points, state, stress, amplitude)
     force = 0
     do q = 1, n_points
       do s = 1, slots
@@ -97,17 +95,15 @@ contains
   end subroutine element_forces
 
   !> Add the mean over the current element of the stress that does not depend on the displacement.
-  pure subroutine add_mean_initial_stress(points, material, state, stress)
+  pure subroutine add_mean_initial_stress(points, state, stress)
     !> The element.
     type(element_quadrature_t), intent(in) :: points
-    !> Material of the body.
-    type(material_t), intent(in) :: material
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Mean stress, order xx yy zz yz xz xy, added to (6) [pressure].
     real(dp), intent(inout) :: stress(6)
     real(dp) :: at_points(6, points%n_points), amplitude(points%n_functions), volume
-    call at_rest(points, material, state, at_points, amplitude)
+    call at_rest(points, state, at_points, amplitude)
     volume = sum(points%w(:points%n_points))
     stress = stress + sum(at_points, dim=2)/volume
     ! Only the first function, a constant, has a mean.
@@ -116,11 +112,9 @@ contains
   end subroutine add_mean_initial_stress
 
   !> The stress that does not depend on the displacement at the quadrature points of an element, times their volumes.
-  pure subroutine at_rest(points, material, state, stress, amplitude)
+  pure subroutine at_rest(points, state, stress, amplitude)
     !> The element.
     type(element_quadrature_t), intent(in) :: points
-    !> Material of the body.
-    type(material_t), intent(in) :: material
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Without that of the projected dilatation (6, n_points) [pressure volume].
@@ -135,11 +129,11 @@ contains
     m = points%n_points
     if (allocated(state%temperature)) then
       temperature = points%at_points(state%temperature)
-      rate = -matmul(points%matrix, material%expansion)
+      rate = -matmul(points%matrix, points%expansion)
       do k = 1, 6
         stress(k, :) = rate(k)*points%stiffness(:m)*temperature
       end do
-      if (points%bulk > 0) amplitude = -points%bulk*points%project(sum(material%expansion(1:3))*temperature)
+      if (points%bulk > 0) amplitude = -points%bulk*points%project(sum(points%expansion(1:3))*temperature)
     end if
     if (allocated(state%stress)) then
       do k = 1, 6
@@ -153,26 +147,28 @@ contains
   subroutine initial_stress_of_nodes(analysis, material, state, axes, component, thermal, initial)
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Rotation from global axes to those of the results (3, 3) [].
     real(dp), intent(in) :: axes(3, 3)
     !> Components that are asked for, in the order xx yy zz yz xz xy (n).
     integer, intent(in) :: component(:)
-    !> That of the temperature where the modulus field is 1 (n, n_nodes) [pressure].
-    real(dp), intent(out) :: thermal(:, :)
+    !> That of the temperature in each material where its modulus field is 1 (n, n_nodes, n_materials) [pressure].
+    real(dp), intent(out) :: thermal(:, :, :)
     !> The initial stress (n, n_nodes) [pressure].
     real(dp), intent(out) :: initial(:, :)
     real(dp) :: rate(6), stress(6)
-    integer :: i
+    integer :: i, m
     thermal = 0
     initial = 0
     if (allocated(state%temperature)) then
-      rate = rotate_stress(-matmul(material%plane_matrix(analysis), material%expansion), axes)
-      do i = 1, size(thermal, 2)
-        thermal(:, i) = rate(component)*state%temperature(i)
+      do m = 1, size(material)
+        rate = rotate_stress(-matmul(material(m)%plane_matrix(analysis), material(m)%expansion), axes)
+        do i = 1, size(thermal, 2)
+          thermal(:, i, m) = rate(component)*state%temperature(i)
+        end do
       end do
     end if
     if (allocated(state%stress)) then

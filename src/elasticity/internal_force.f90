@@ -27,8 +27,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(in) :: u(:, :)
     !> Internal forces in global axes (dim, n_nodes) [force].
@@ -54,8 +54,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(in) :: u(:, :)
     !> Internal forces in global axes, added to (dim, n_nodes) [force].
@@ -104,8 +104,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(in) :: u(:, :)
     !> First element of the arrays.

@@ -7,7 +7,7 @@
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_angular_velocity, load_local_traction, load_pressure, &
+  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, load_local_traction, load_pressure, &
     load_total, load_traction
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
@@ -34,8 +34,8 @@ module dotyk_elasticity_load
     real(dp) :: value(3) = 0
     !> A point on the axis of an angular velocity (3) [length].
     real(dp) :: centre(3) = 0
-    !> Density that it acts on [mass/volume].
-    real(dp) :: density = 0
+    !> Densities of the materials that an angular velocity or acceleration acts on (n_materials) [mass/volume].
+    real(dp), allocatable :: density(:)
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
     !> Moment of a total load (3) [force length].
@@ -227,7 +227,7 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Force density or angular velocity.
+    !> Force density, angular velocity or acceleration.
     type(load_t), intent(in) :: load
     !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
@@ -238,17 +238,16 @@ contains
     type(point_forces_t), intent(inout), optional :: points
     type(vector_field_t) :: field
     integer :: i
-    if (load%kind == load_angular_velocity) then
-      call field%init_affine(centrifugal(load%value, load%density), load%centre)
-    else
-      call field%init(load%value, error, load%formula)
-    end if
-    if (.not. allocated(error)) then
-      do i = 1, size(mesh%block)
-        call add_block(mesh, i, analysis, field, force, error, points)
-        if (allocated(error)) exit
-      end do
-    end if
+    if (load%kind == load_force_density) call field%init(load%value, error, load%formula)
+    do i = 1, size(mesh%block)
+      if (allocated(error)) exit
+      if (load%kind == load_angular_velocity) then
+        call field%init_affine(centrifugal(load%value, load%density(mesh%block(i)%material)), load%centre)
+      else if (load%kind == load_acceleration) then
+        call field%init(load%density(mesh%block(i)%material)*load%value, error)
+      end if
+      call add_block(mesh, i, analysis, field, force, error, points)
+    end do
     call field%destroy()
     call add_context(error, 'force density: ')
   end subroutine add_volume_load

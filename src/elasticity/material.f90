@@ -56,7 +56,32 @@ module dotyk_elasticity_material
     procedure :: carry => material_carry
   end type material_t
 
+  public :: least_compressible, weight_moduli
+
 contains
+
+  !> The material of a body with the greatest ratio of bulk to shear modulus.
+  integer function least_compressible(material) result(worst)
+    !> Its materials (n_materials).
+    type(material_t), intent(in) :: material(:)
+    integer :: m
+    worst = 1
+    do m = 2, size(material)
+      if (material(m)%bulk_over_shear() > material(worst)%bulk_over_shear()) worst = m
+    end do
+  end function least_compressible
+
+  !> Integrals of the modulus field of one of several materials, made comparable with those of the first: times the
+  !> ratio of the least Young's moduli.
+  pure subroutine weight_moduli(material, own, integral)
+    !> Materials of a body (n_materials).
+    type(material_t), intent(in) :: material(:)
+    !> The one of these elements.
+    integer, intent(in) :: own
+    !> Integrals of its modulus field over the elements (n_elements) [volume].
+    real(dp), intent(inout) :: integral(:)
+    if (own > 1) integral = integral*(material(own)%least_young/material(1)%least_young)
+  end subroutine weight_moduli
 
   !> Create an isotropic material.
   subroutine material_init_isotropic(self, name, young, poisson, error)

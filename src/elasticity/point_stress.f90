@@ -15,6 +15,8 @@ module dotyk_elasticity_point_stress
     type(energy_form_t) :: form
     !> From strains to stresses (n_strains, n_strains) [pressure].
     real(dp), allocatable :: stiffness(:, :)
+    !> Magnitude of the stiffness, to compare materials [pressure].
+    real(dp) :: size = 0
     !> Number of gradient slots.
     integer :: slots = 0
     !> Stresses of bodies at rest at the nodes: of their temperatures, where the modulus factor is 1; none where not
@@ -53,6 +55,7 @@ contains
         self%stiffness(t, s) = self%stiffness(t, s) + c/2
       end associate
     end do
+    self%size = sum([(self%stiffness(k, k), k=1, n)])
   end subroutine point_material_init
 
   !> Stresses at all points of a table.

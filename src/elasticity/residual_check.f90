@@ -39,8 +39,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Loads and held directions of the bodies.
     type(residual_data_t), intent(in) :: data
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
@@ -51,27 +51,35 @@ contains
     real(dp), intent(inout) :: square(:, :)
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
-    type(point_material_t) :: point_material
+    type(point_material_t) :: point_material(size(material))
     type(bubble_table_t), allocatable :: table(:)
     type(error_t), allocatable :: failure
     real(dp) :: matrix(6, 6), lambda, bulk, energy(size(square, 1))
-    integer :: b, e
+    integer :: b, e, m
     allocate (table(size(mesh%block)))
     do b = 1, size(mesh%block)
-      call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, &
-                          lambda, bulk)
+      associate (own => material(mesh%block(b)%material))
+        call own%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, own%incompressibility), matrix, lambda, &
+                       bulk)
+      end associate
       if (bulk > 0) return
       call table(b)%init(mesh%block(b)%kind)
     end do
-    call point_material%init(analysis, matrix)
-    if (allocated(data%thermal)) then
-      point_material%thermal = data%thermal
-      point_material%initial = data%initial
+    do m = 1, size(material)
+      call point_material(m)%init(analysis, material(m)%plane_matrix(analysis))
+      if (allocated(data%thermal)) then
+        point_material(m)%thermal = data%thermal(:, :, :, m)
+        point_material(m)%initial = data%initial
+      end if
+      call read_modulus_field(material(m), point_material(m)%factor, error)
+      if (allocated(error)) exit
+    end do
+    if (allocated(error)) then
+      call forget()
+      return
     end if
-    call read_modulus_field(material, point_material%factor, error)
-    if (allocated(error)) return
     ! A formula serves one thread.
-    !$omp parallel do default(none) schedule(dynamic, 16) if (point_material%factor%constant) &
+    !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%factor%constant)) &
     !$omp& private(failure, energy, b) shared(mesh, data, point_material, table, u, least, square, error)
     do e = 1, size(square, 2)
       if (all(square(:, e) <= least)) cycle
@@ -89,7 +97,17 @@ contains
       end do
     end do
     !$omp end parallel do
-    call point_material%factor%destroy()
+    call forget()
+
+  contains
+
+    !> Free the formulas.
+    subroutine forget()
+      integer :: m
+      do m = 1, size(point_material)
+        call point_material(m)%factor%destroy()
+      end do
+    end subroutine forget
   end subroutine check_by_residuals
 
   !> Hold one number against the other.

@@ -35,6 +35,7 @@ contains
     allocate (ordered_mesh%block(size(mesh%block)))
     do b = 1, size(mesh%block)
       ordered_mesh%block(b)%kind = mesh%block(b)%kind
+      ordered_mesh%block(b)%material = mesh%block(b)%material
       ordered_mesh%block(b)%tag = mesh%block(b)%tag
       allocate (ordered_mesh%block(b)%node, mold=mesh%block(b)%node)
       do e = 1, size(mesh%block(b)%node, 2)

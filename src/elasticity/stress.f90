@@ -4,7 +4,10 @@ module dotyk_elasticity_stress
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_dilatation_fit, only: smooth_pressures
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
+  use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
   public :: element_stress, von_mises
@@ -24,20 +27,43 @@ contains
     real(dp), intent(out), optional :: energy
     type(error_t), allocatable :: error
     real(dp), allocatable :: factor(:), thermal(:)
+    integer, allocatable :: own(:)
     real(dp) :: of_body, shear(3)
-    integer :: e
+    integer :: e, m
     allocate (factor(size(stress, 2)))
     call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, of_body, error, factor, &
                              initial=body%initial)
     if (present(energy)) energy = of_body
-    if (allocated(body%initial%temperature)) &
-      thermal = body%initial%thermal_dilatation(body%material%expansion)
-    if (.not. allocated(error)) &
-      call smooth_pressures(body%mesh, body%analysis, body%material, u, factor, stress, thermal)
+    do m = 1, size(body%material)
+      if (allocated(error)) exit
+      if (allocated(body%initial%temperature)) &
+        thermal = body%initial%thermal_dilatation(body%material(m)%expansion)
+      if (size(body%material) == 1) then
+        call smooth_pressures(body%mesh, body%analysis, body%material(m), u, factor, stress, thermal)
+      else
+        ! Pressures jump where materials meet.
+        own = elements_of_material(body%mesh, m)
+        if (size(own) > 0) call smooth_some(body%material(m), mesh_of_material(body%mesh, m))
+      end if
+    end do
     do e = 1, size(stress, 2)
       shear = stress(4:6, e)
       stress(4:6, e) = [shear(3), shear(1), shear(2)]
     end do
+
+  contains
+
+    !> Smooth the pressures in one of several materials.
+    subroutine smooth_some(material, part)
+      !> The material.
+      type(material_t), intent(in) :: material
+      !> Its elements.
+      type(body_mesh_t), intent(in) :: part
+      real(dp) :: of_part(6, size(own))
+      of_part = stress(:, own)
+      call smooth_pressures(part, body%analysis, material, u, factor(own), of_part, thermal)
+      stress(:, own) = of_part
+    end subroutine smooth_some
   end subroutine element_stress
 
   !> Equivalent stress of von Mises [pressure].

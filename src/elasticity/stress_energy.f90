@@ -21,8 +21,8 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
     !> Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
@@ -71,8 +71,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Displacements in global axes (dim, n_nodes) [length].
@@ -114,8 +114,8 @@ contains
     integer, intent(in) :: i_block
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    !> Materials of the body (n_materials).
+    type(material_t), intent(in) :: material(:)
     !> Temperature and initial stress.
     type(initial_state_t), intent(in) :: state
     !> Displacements in global axes (dim, n_nodes) [length].
@@ -156,7 +156,7 @@ contains
           call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, ue, &
                               stress(1:3, e), energy(e))
         end if
-        if (state%is_set()) call add_mean_initial_stress(points, material, state, stress(:, e))
+        if (state%is_set()) call add_mean_initial_stress(points, state, stress(:, e))
       end do
     end associate
     call points%destroy()

@@ -8,6 +8,7 @@ module dotyk_elasticity_two_levels
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_corner_space, only: corner_space_t
+  use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_sparsity_pattern, only: build_pattern
   use dotyk_elasticity_spatial_order, only: order_nodes
@@ -66,7 +67,8 @@ contains
     if (body%is_hinged) obstacle = obstacle_hinged
     if (is_linear(body%mesh) .and. body%n_unknowns() < fewest_of_linear) obstacle = obstacle_few_unknowns
     if (obstacle /= obstacle_none .or. body%analysis == analysis_plane_stress) return
-    if (body%material%bulk_over_shear() > most_bulk_over_shear) obstacle = obstacle_incompressible
+    if (body%material(least_compressible(body%material))%bulk_over_shear() > most_bulk_over_shear) &
+      obstacle = obstacle_incompressible
   end function multigrid_obstacle
 
   !> Whether all elements are linear: they have no lower degree.

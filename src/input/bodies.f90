@@ -2,16 +2,16 @@
 module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
-  use dotyk_base_text, only: shown, to_text
+  use dotyk_base_text, only: counted, join, shown, text_t, to_text
   use dotyk_input_case, only: body_input_t, material_input_t, scene_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_mesh_path
   use dotyk_input_values, only: count_of, is_given, is_usable, logical_of, names_t, real_of, reals_of, refer, &
-    report, text_of
+    report, text_of, texts_of
   implicit none
   private
-  public :: read_material, read_body
+  public :: read_material, read_body, union_name
 
 contains
 
@@ -174,8 +174,7 @@ contains
     body%name = text_of(group, 'name')
     if (index(body%name, ':') > 0) &
       call report(problems, group, 'name', 'name: '//shown(body%name)//' must not contain '':''')
-    body%volume = text_of(group, 'volume')
-    call refer(group, 'material', text_of(group, 'material'), materials, problems, body%material)
+    call read_volumes(group, materials, problems, body)
     if (is_given(group, 'mesh')) then
       call read_mesh_path(group, directory, scene%dimension, problems, body%mesh)
       if (len(body%mesh) > 0 .and. body%mesh == scene%output) &
@@ -188,6 +187,60 @@ contains
     call read_placement(group, scene, problems, body)
     body%crack = logical_of(group, 'crack')
   end subroutine read_body
+
+  !> Read the volumes of a body and their materials.
+  subroutine read_volumes(group, materials, problems, body)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Names of the materials.
+    type(names_t), intent(in) :: materials
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The body; its volumes and materials are set.
+    type(body_input_t), intent(inout) :: body
+    type(text_t), allocatable :: names(:)
+    integer, allocatable :: index_of(:)
+    integer :: i, k
+    call texts_of(group, 'volume', body%volumes)
+    call texts_of(group, 'material', names)
+    do i = 2, size(body%volumes)
+      if (any([(body%volumes(k)%s == body%volumes(i)%s, k=1, i - 1)])) &
+        call report(problems, group, 'volume', 'volume: '//shown(body%volumes(i)%s)//' is named twice')
+    end do
+    if (size(names) > 1 .and. size(body%volumes) > 0 .and. size(names) /= size(body%volumes)) &
+      call report(problems, group, 'material', 'material has '//counted(size(names), 'value')//', and volume has '// &
+                  to_text(size(body%volumes))//': give one material for all volumes, or one for each')
+    allocate (index_of(max(1, size(names))), source=0)
+    do i = 1, size(names)
+      if (any([(names(k)%s == names(i)%s, k=1, i - 1)])) then
+        index_of(i) = index_of(findloc([(names(k)%s == names(i)%s, k=1, i - 1)], .true., dim=1))
+      else
+        call refer(group, 'material', names(i)%s, materials, problems, index_of(i))
+      end if
+    end do
+    allocate (body%material(0), body%material_of(size(body%volumes)))
+    do i = 1, size(index_of)
+      if (.not. any(body%material == index_of(i))) body%material = [body%material, index_of(i)]
+    end do
+    do i = 1, size(body%volumes)
+      body%material_of(i) = findloc(body%material, index_of(min(i, size(index_of))), dim=1)
+    end do
+    body%volume = union_name(body)
+  end subroutine read_volumes
+
+  !> Name of the volumes of a body together: its only one, or those of one material joined by `, `, the materials by
+  !> `; `.
+  pure function union_name(body) result(name)
+    !> The body, with its volumes and their materials.
+    type(body_input_t), intent(in) :: body
+    character(:), allocatable :: name
+    integer :: m
+    name = ''
+    do m = 1, size(body%material)
+      if (m > 1) name = name//'; '
+      name = name//join(pack(body%volumes, body%material_of == m), ', ')
+    end do
+  end function union_name
 
   !> Read the position and rotation of a body.
   subroutine read_placement(group, scene, problems, body)

@@ -28,17 +28,19 @@ contains
     type(problems_t), intent(inout) :: problems
     !> One for each body that a group names (n_temperatures).
     type(field_input_t), allocatable, intent(out) :: temperature(:)
-    integer :: i
+    integer :: i, k
     call read_fields(groups, 'temperature', bodies, problems, temperature)
     do i = 1, size(temperature)
       associate (b => temperature(i)%body)
         if (b == 0) cycle
-        associate (m => body(b)%material)
-          if (m == 0) cycle
-          if (.not. material(m)%expands) &
-            call problems%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
-                              ' of body '//shown(body(b)%name)//' has no expansion')
-        end associate
+        do k = 1, size(body(b)%material)
+          associate (m => body(b)%material(k))
+            if (m == 0) cycle
+            if (.not. material(m)%expands) &
+              call problems%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
+                                ' of body '//shown(body(b)%name)//' has no expansion')
+          end associate
+        end do
       end associate
     end do
   end subroutine read_temperatures

@@ -191,16 +191,18 @@ contains
     type(material_input_t), intent(in) :: material(:)
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    integer :: i
+    integer :: i, k
     do i = 1, size(load)
       if (.not. any(load(i)%kind == [load_angular_velocity, load_acceleration]) .or. load(i)%body == 0) cycle
       if (any(load%of_mass .and. load%body == load(i)%body)) cycle
-      associate (m => body(load(i)%body)%material)
-        if (m == 0) cycle
-        if (.not. material(m)%density > 0) &
-          call problems%add(load(i)%line, '&load: the material '//shown(material(m)%name)//' of body '// &
-                            shown(body(load(i)%body)%name)//' has no density')
-      end associate
+      do k = 1, size(body(load(i)%body)%material)
+        associate (m => body(load(i)%body)%material(k))
+          if (m == 0) cycle
+          if (.not. material(m)%density > 0) &
+            call problems%add(load(i)%line, '&load: the material '//shown(material(m)%name)//' of body '// &
+                              shown(body(load(i)%body)%name)//' has no density')
+        end associate
+      end do
     end do
   end subroutine check_densities
 

@@ -73,10 +73,15 @@ module dotyk_input_case
     integer :: line = 0
     !> Name that other groups refer to.
     character(:), allocatable :: name
-    !> Physical group of its elements in the mesh.
+    !> Physical group of its elements in the mesh; of several ones the name of their union: those of one material
+    !> joined by `, `, materials by `; `.
     character(:), allocatable :: volume
-    !> Index of its material.
-    integer :: material = 0
+    !> The physical groups (n_volumes).
+    type(text_t), allocatable :: volumes(:)
+    !> Number of the material of each of them in `material` (n_volumes).
+    integer, allocatable :: material_of(:)
+    !> Indices of its materials, each once; 0 for an unknown one (n_materials).
+    integer, allocatable :: material(:)
     !> Its mesh: its own, or that of the scene.
     character(:), allocatable :: mesh
     !> Position of the origin of its mesh (3) [length].

@@ -12,6 +12,9 @@ module dotyk_input_keyword_table
   private
   public :: list_groups, list_keywords
 
+  !> Greatest number of volumes of a body.
+  integer, parameter :: most_volumes = 1000
+
 contains
 
   !> All groups, in the order of the reference.
@@ -31,6 +34,7 @@ contains
                       "&body name='block', volume='block', material='steel' /"//lf// &
                       "&body name='roller 2', mesh='roller.msh', volume='roller', material='steel',"//lf// &
                       '      at=0.1,0,0, axis=0,0,1, angle=15 /'//lf// &
+                      "&body name='pin', volume='core', 'shell', material='steel', 'rubber' /"//lf// &
                       "&body name='segment *', volume='segment', material='concrete', repeat=6, axis=0,0,1, angle=60 /")
     groups(4) = group('support', any_number, 'prescribed displacement (Dirichlet condition) on a body surface, '// &
                       'zero where no value is given', &
@@ -167,10 +171,11 @@ contains
     call list%begin_group('body')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the body')
-    call list%add('volume', kind_text, required=.true., &
-                  meaning='physical group of the elements in the mesh (in two dimensions a physical surface)')
-    call list%add('material', kind_text, required=.true., &
-                  meaning='name of the material')
+    call list%add('volume', kind_text, most=most_volumes, required=.true., &
+                  meaning='physical group of the elements in the mesh (in two dimensions a physical surface); '// &
+                  'several ones that share nodes are one body')
+    call list%add('material', kind_text, most=most_volumes, required=.true., &
+                  meaning='name of the material; of several volumes, one for all or one each')
     call list%add('mesh', kind_text, &
                   'mesh file of the body; if absent, mesh of &scene')
     call list%add('at', kind_real, least=2, most=3, unit='length', &

@@ -7,6 +7,7 @@ module dotyk_input_repeat
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: counted, shown, to_text
+  use dotyk_input_bodies, only: union_name
   use dotyk_input_case, only: body_input_t, scene_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -55,7 +56,9 @@ contains
     call read_shifts(group, scene, size(n), problems, shift)
     call read_centre(group, scene, problems, centre)
     call check_name(group, 'name', body%name, size(n), problems)
-    if (index(body%volume, '*') > 0) call check_name(group, 'volume', body%volume, size(n), problems)
+    do k = 1, size(body%volumes)
+      if (index(body%volumes(k)%s, '*') > 0) call check_name(group, 'volume', body%volumes(k)%s, size(n), problems)
+    end do
     do k = 1, size(n)
       if (problems%count > before) exit
       ! Copies of different volumes may lie where they are drawn.
@@ -78,7 +81,10 @@ contains
       end do
       copies(i) = body
       copies(i)%name = name_of_copy(body%name, number(:size(n)) + 1)
-      copies(i)%volume = name_of_copy(body%volume, number(:size(n)) + 1)
+      do k = 1, size(body%volumes)
+        copies(i)%volumes(k)%s = name_of_copy(body%volumes(k)%s, number(:size(n)) + 1)
+      end do
+      copies(i)%volume = union_name(copies(i))
       turned = dot_product(real(number, dp), angle)
       moved = matmul(shift, real(number, dp))
       copies(i)%angle = real_of(group, 'first_angle') + turned

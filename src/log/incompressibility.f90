@@ -6,6 +6,7 @@ module dotyk_log_incompressibility
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_input_case, only: case_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices
@@ -60,9 +61,11 @@ contains
     integer :: k
     nearly = .false.
     if (body%analysis == analysis_plane_stress) return
-    ratio = body%material%incompressibility
-    if (locking == locking_ignore) ratio = body%material%bulk_over_shear()
     do k = 1, size(body%mesh%block)
+      associate (material => body%material(body%mesh%block(k)%material))
+        ratio = material%incompressibility
+        if (locking == locking_ignore) ratio = material%bulk_over_shear()
+      end associate
       nearly = nearly .or. ratio > unprojected_bulk_ratio(body%mesh%block(k)%kind, ratio)
     end do
   end function is_nearly_incompressible
@@ -78,7 +81,7 @@ contains
     character(:), allocatable :: line
     line = 'nearly incompressible: '//quoted(body%name)
     if (number > 1) line = line//' and '//counted(number - 1, 'congruent body', 'congruent bodies')
-    line = line//' (K/G = '//to_text(body%material%bulk_over_shear(), 3)//'): '
+    line = line//' (K/G = '//to_text(body%material(least_compressible(body%material))%bulk_over_shear(), 3)//'): '
     if (locking == locking_ignore) then
       line = '  warning: '//line//"volumetric locking is likely with locking='ignore'"
     else

@@ -106,12 +106,14 @@ contains
             call log%line('    warning: '//body%unresolved(k)%s)
           end do
         end if
-        if (.not. body%material%has_modulus_field() .or. .not. problem%classes%is_representative(b)) cycle
-        allocate (formula(1))
-        formula(1)%s = body%material%modulus_formula
-        call warn(quoted(body%name)//': young_formula', difference_in_volume(body%mesh, formula), &
-                  'elements', 'the stiffness and the estimated discretization error are')
-        deallocate (formula)
+        do k = 1, size(body%material)
+          if (.not. body%material(k)%has_modulus_field() .or. .not. problem%classes%is_representative(b)) cycle
+          allocate (formula(1))
+          formula(1)%s = body%material(k)%modulus_formula
+          call warn(quoted(body%name)//': young_formula', difference_in_volume(body%mesh, formula), &
+                    'elements', 'the stiffness and the estimated discretization error are')
+          deallocate (formula)
+        end do
       end associate
     end do
     do k = 1, min(size(case%contact), size(problem%pair))

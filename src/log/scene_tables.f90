@@ -26,6 +26,8 @@ module dotyk_log_scene_tables
 
   !> Greatest number of congruence classes, or of contact pairs, with a line each; more are summed up.
   integer, parameter :: most_shown = 20
+  !> Letters of the names of materials in the table of bodies.
+  integer, parameter :: width_of_material = 14
 
 contains
 
@@ -101,7 +103,7 @@ contains
       if (classes%n() > most_shown .or. .not. classes%is_representative(b)) cycle
       name = body(b)%name
       if (count(classes%first == b) > 1) name = to_text(count(classes%first == b))//' x '//name
-      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_whole_elements(), &
+      call log%line(body_line(name, names_of(body(b)), body(b)%mesh%n_whole_elements(), &
                               body(b)%mesh%n_whole_nodes(), body(b)%n_unknowns(), size_of(b)%entries, size_of(b)%flops))
     end do
     if (size(body) > 1) &
@@ -113,6 +115,19 @@ contains
                     counted(classes%n(), 'factorization'))
     if (size(case%contact) == 0) call log%line('  no contact pairs: one linear solve per body')
   end subroutine show_bodies
+
+  !> Names of the materials of a body, or their number where these are too long for the table.
+  function names_of(body) result(text)
+    !> The body.
+    type(body_t), intent(in) :: body
+    character(:), allocatable :: text
+    integer :: m
+    text = body%material(1)%name
+    do m = 2, size(body%material)
+      text = text//', '//body%material(m)%name
+    end do
+    if (len(text) > width_of_material .and. size(body%material) > 1) text = to_text(size(body%material))//' materials'
+  end function names_of
 
   !> A line of the table of bodies.
   function body_line(name, material, elements, nodes, unknowns, entries, flops) result(line)
@@ -133,7 +148,7 @@ contains
     character(120) :: line
     ! Left-justified: an edit descriptor justifies to the right.
     character(20) :: first
-    character(14) :: second
+    character(width_of_material) :: second
     first = name
     second = material
     write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') first, second, elements, nodes, unknowns, &

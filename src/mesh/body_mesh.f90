@@ -8,7 +8,7 @@ module dotyk_mesh_body_mesh
   use dotyk_mesh_element_orientation, only: orient_elements
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
   use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements
-  use dotyk_mesh_physical_group, only: groups_named, unknown_group
+  use dotyk_mesh_physical_group, only: fault_of_volume, groups_named, material_of_block, n_materials_of
   use dotyk_mesh_union_find, only: root_of
   use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
@@ -27,8 +27,8 @@ module dotyk_mesh_body_mesh
     !> Index of each node in the mesh, ascending (nodes of the file). Nodes from order elevation follow these and have
     !> no index.
     integer, allocatable :: mesh_node(:)
-    !> Elements, one block for each kind (n_blocks); nodes are body-local numbers, volumes are positive; `group` is not
-    !> used.
+    !> Elements, one block for each material and kind (n_blocks); nodes are body-local numbers, volumes are positive;
+    !> `group` is not used.
     type(element_block_t), allocatable :: block(:)
     !> The elements are quadratic on the straight edges and faces of the linear elements of the file
     !> (`dotyk_mesh_order_elevation`).
@@ -189,6 +189,7 @@ contains
     if (has_blocks) then
       do b = 1, n(1)
         call parcel%carry(self%block(b)%kind)
+        call parcel%carry(self%block(b)%material)
         call parcel%carry(self%block(b)%node)
         call parcel%carry(self%block(b)%tag)
       end do
@@ -211,15 +212,14 @@ contains
     integer, intent(in) :: dimension
     !> Mesh of the body.
     type(body_mesh_t), intent(out) :: body_mesh
-    !> Set for an unknown name, an empty group, coordinates out of range, nodes off the plane, and
-    !> repeated elements (exit code 2); for inverted or degenerate elements (exit code 3).
+    !> Set for an unknown name, an empty group, volumes of a body that have elements in common, coordinates out of
+    !> range, nodes off the plane, and repeated elements (exit code 2); for inverted or degenerate elements (exit
+    !> code 3).
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group))
     wanted = groups_named(mesh, trim(volume_name), dimension)
-    if (.not. any(wanted)) then
-      call set_error(error, unknown_group(mesh, trim(volume_name), dimension))
-      return
-    end if
+    call fault_of_volume(mesh, trim(volume_name), dimension, error)
+    if (allocated(error)) return
     body_mesh%file = mesh%file
     body_mesh%dimension = dimension
     call gather_elements(mesh, wanted, dimension, body_mesh%block)
@@ -237,7 +237,7 @@ contains
     if (allocated(error)) error%message = 'mesh '//quoted(mesh%file)//', '//quoted(volume_name)//': '//error%message
   end subroutine extract_body
 
-  !> Copy the elements of some groups, one block for each kind.
+  !> Copy the elements of some groups, one block for each material and kind.
   subroutine gather_elements(mesh, wanted, dimension, block)
     !> Mesh.
     type(mesh_t), intent(in) :: mesh
@@ -247,32 +247,38 @@ contains
     integer, intent(in) :: dimension
     !> Elements, with node numbers of the mesh (n_blocks).
     type(element_block_t), allocatable, intent(out) :: block(:)
-    integer :: n_of_kind(n_element_kinds), block_of_kind(n_element_kinds), b, i, kind, n
+    integer :: n_of_kind(n_element_kinds, n_materials_of(mesh, wanted)), b, i, kind, m, n
+    integer :: block_of_kind(n_element_kinds, size(n_of_kind, 2))
     n_of_kind = 0
     do b = 1, size(mesh%block)
       if (.not. is_wanted(mesh%block(b))) cycle
       kind = mesh%block(b)%kind
-      n_of_kind(kind) = n_of_kind(kind) + size(mesh%block(b)%tag)
+      m = material_of_block(mesh, wanted, b)
+      n_of_kind(kind, m) = n_of_kind(kind, m) + size(mesh%block(b)%tag)
     end do
     allocate (block(count(n_of_kind > 0)))
     i = 0
     block_of_kind = 0
-    do kind = 1, n_element_kinds
-      if (n_of_kind(kind) == 0) cycle
-      i = i + 1
-      block_of_kind(kind) = i
-      block(i)%kind = kind
-      allocate (block(i)%node(kind_nodes(kind), n_of_kind(kind)), block(i)%tag(n_of_kind(kind)))
+    do m = 1, size(n_of_kind, 2)
+      do kind = 1, n_element_kinds
+        if (n_of_kind(kind, m) == 0) cycle
+        i = i + 1
+        block_of_kind(kind, m) = i
+        block(i)%kind = kind
+        block(i)%material = m
+        allocate (block(i)%node(kind_nodes(kind), n_of_kind(kind, m)), block(i)%tag(n_of_kind(kind, m)))
+      end do
     end do
     n_of_kind = 0
     do b = 1, size(mesh%block)
       if (.not. is_wanted(mesh%block(b))) cycle
       kind = mesh%block(b)%kind
-      i = n_of_kind(kind)
+      m = material_of_block(mesh, wanted, b)
+      i = n_of_kind(kind, m)
       n = size(mesh%block(b)%tag)
-      block(block_of_kind(kind))%node(:, i + 1:i + n) = mesh%block(b)%node
-      block(block_of_kind(kind))%tag(i + 1:i + n) = mesh%block(b)%tag
-      n_of_kind(kind) = i + n
+      block(block_of_kind(kind, m))%node(:, i + 1:i + n) = mesh%block(b)%node
+      block(block_of_kind(kind, m))%tag(i + 1:i + n) = mesh%block(b)%tag
+      n_of_kind(kind, m) = i + n
     end do
 
   contains

@@ -119,7 +119,7 @@ contains
     end do
     chosen = pack([(i, i=1, size(at))], at)
     n_elements = count(has)
-    n_numbers = head_length + 2*size(mesh%block) + 3*n_facets + size(inner_tag) + node_length*size(chosen)
+    n_numbers = head_length + 3*size(mesh%block) + 3*n_facets + size(inner_tag) + node_length*size(chosen)
     do b = 1, size(mesh%block)
       n_numbers = n_numbers + count(has(:, b))*(element_length + size(mesh%block(b)%node, 1))
     end do
@@ -128,7 +128,7 @@ contains
     call add([n_facets, n_elements, size(chosen), size(inner_tag), size(mesh%block), mesh%dimension, whole%n_nodes, &
               merge(1, 0, mesh%order_elevated)])
     do b = 1, size(mesh%block)
-      call add([mesh%block(b)%kind, whole%block(b)%n_elements])
+      call add([mesh%block(b)%kind, whole%block(b)%n_elements, mesh%block(b)%material])
     end do
     do i = 1, n_facets
       b = boundary%block(i)
@@ -197,10 +197,10 @@ contains
     integer, intent(in) :: first
     integer :: b, i, n_blocks
     n_blocks = int(number(first + 5))
-    length = head_length + 2*n_blocks + 3*int(number(first + 1))
+    length = head_length + 3*n_blocks + 3*int(number(first + 1))
     do i = 1, int(number(first + 2))
       b = int(number(first + length + 1))
-      length = length + element_length + kind_nodes(int(number(first + head_length + 2*b - 1)))
+      length = length + element_length + kind_nodes(int(number(first + head_length + 3*b - 2)))
     end do
     length = length + node_length*int(number(first + 3)) + int(number(first + 4))
   end function share_length

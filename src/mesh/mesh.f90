@@ -14,6 +14,8 @@ module dotyk_mesh_mesh
     integer, allocatable :: node(:, :)
     !> Element tags in the file (n_elements).
     integer(int64), allocatable :: tag(:)
+    !> Number of their material among those of the body; of no meaning in a mesh as in the file.
+    integer :: material = 1
     !> Geometric entity (curve, surface or volume of the geometry) of each element, 0 if unknown (n_elements); not
     !> allocated in parts of a mesh.
     integer, allocatable :: entity(:)
@@ -35,6 +37,13 @@ module dotyk_mesh_mesh
     integer :: dimension = 0
     !> Tag in the file, unique among groups of one dimension.
     integer :: tag = 0
+    !> Groups whose union it is, the volumes of one body (`dotyk_mesh_volume_union`); not allocated where the group is
+    !> in the file (n_members).
+    integer, allocatable :: member(:)
+    !> Number of the material of each of these among those of the body (n_members).
+    integer, allocatable :: material(:)
+    !> What is wrong with such a union; empty where nothing is.
+    character(:), allocatable :: fault
   end type physical_group_t
 
   !> Mesh as read from a file.

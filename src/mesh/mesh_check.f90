@@ -109,43 +109,66 @@ contains
     type(element_block_t), intent(in) :: block(:)
     !> Set if two elements of a kind have the same corners.
     type(error_t), allocatable, intent(out) :: error
-    integer :: b, e, other
-    call find_repeated(block, b, e, other)
-    if (b > 0) call refuse_repeated(block(b)%kind, block(b)%tag([other, e]), error)
+    integer :: b, e
+    integer(int64) :: tag(2)
+    call find_repeated(block, b, e, tag)
+    if (b > 0) call refuse_repeated(block(b)%kind, tag, error)
   end subroutine check_repeated_elements
 
   !> The first element that has the same corners as one before it.
-  subroutine find_repeated(block, b, e, other)
+  subroutine find_repeated(block, b, e, tag)
     !> Elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
-    !> Block of the elements; 0 where no element is repeated.
+    !> Block of the element; 0 where no element is repeated.
     integer, intent(out) :: b
     !> The element in its block.
     integer, intent(out) :: e
-    !> The one before it.
-    integer, intent(out) :: other
-    ! Elements with the same lowest corner form a chain: first(corner), then next(element).
-    integer, allocatable :: first(:), next(:)
-    integer :: nc, low
-    type(element_kind_t) :: kind
-    do b = 1, size(block)
-      kind = element_kind(block(b)%kind)
-      nc = kind%n_corners
-      allocate (first(maxval(block(b)%node)), next(size(block(b)%tag)))
-      first = 0
-      do e = 1, size(next)
+    !> Tags of the one before it and of the element.
+    integer(int64), intent(out) :: tag(2)
+    integer :: kind, k, other
+    ! Blocks of one kind have different materials.
+    do k = 1, size(block)
+      kind = block(k)%kind
+      if (any(block(:k - 1)%kind == kind)) cycle
+      call search(pack([(b, b=1, size(block))], block%kind == kind))
+      if (b > 0) return
+    end do
+
+  contains
+
+    !> Search some blocks of one kind.
+    subroutine search(chosen)
+      !> The blocks.
+      integer, intent(in) :: chosen(:)
+      ! Elements with the same lowest corner form a chain: first(corner), then next(element), counted through the blocks.
+      integer, allocatable :: first(:), next(:), of_block(:), of_element(:)
+      type(element_kind_t) :: properties
+      integer :: i, j, n, nc, low
+      properties = element_kind(kind)
+      nc = properties%n_corners
+      of_block = [(spread(chosen(i), 1, size(block(chosen(i))%tag)), i=1, size(chosen))]
+      of_element = [([(j, j=1, size(block(chosen(i))%tag))], i=1, size(chosen))]
+      allocate (first(maxval([(maxval(block(chosen(i))%node), i=1, size(chosen))])), source=0)
+      allocate (next(size(of_block)))
+      do n = 1, size(next)
+        b = of_block(n)
+        e = of_element(n)
         low = minval(block(b)%node(:nc, e))
         other = first(low)
         do while (other > 0)
-          if (same_set(nc, block(b)%node(:nc, e), block(b)%node(:nc, other))) return
+          associate (node => block(of_block(other))%node(:nc, of_element(other)))
+            if (same_set(nc, block(b)%node(:nc, e), node)) then
+              tag = [block(of_block(other))%tag(of_element(other)), block(b)%tag(e)]
+              return
+            end if
+          end associate
           other = next(other)
         end do
-        next(e) = first(low)
-        first(low) = e
+        next(n) = first(low)
+        first(low) = n
       end do
-      deallocate (first, next)
-    end do
-    b = 0
+      b = 0
+    end subroutine search
   end subroutine find_repeated
 
   !> Error for two elements with the same corners.

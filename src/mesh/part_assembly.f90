@@ -15,7 +15,7 @@ module dotyk_mesh_part_assembly
   use dotyk_mesh_held_part, only: sample_step
   use dotyk_mesh_layer_share, only: layer_share_t, no_elements, pack_items, whole_numbers_t
   use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_physical_group, only: groups_named, unknown_group
+  use dotyk_mesh_physical_group, only: fault_of_volume, groups_named, material_of_block, n_materials_of
   use dotyk_mesh_surface_layer, only: surface_layer_t
   implicit none
   private
@@ -42,19 +42,18 @@ contains
     !> Set for an unknown name and an empty group, on all ranks alike; elements and nodes are not checked
     !> (`dotyk_mesh_share_checks`).
     type(error_t), allocatable, intent(out) :: error
-    logical :: wanted(size(mesh%group)), has_kind(n_element_kinds)
-    integer :: b, kind, n
+    logical :: wanted(size(mesh%group))
+    logical, allocatable :: has_kind(:, :)
+    integer :: b, kind, m, n
     wanted = groups_named(mesh, trim(volume_name), dimension)
-    if (.not. any(wanted)) then
-      call set_error(error, unknown_group(mesh, trim(volume_name), dimension))
-      return
-    end if
+    call fault_of_volume(mesh, trim(volume_name), dimension, error)
+    if (allocated(error)) return
     own%file = mesh%file
     own%dimension = dimension
     whole%rank = rank
-    has_kind = .false.
+    allocate (has_kind(n_element_kinds, n_materials_of(mesh, wanted)), source=.false.)
     do b = 1, size(mesh%block)
-      if (is_wanted(b)) has_kind(mesh%block(b)%kind) = .true.
+      if (is_wanted(b)) has_kind(mesh%block(b)%kind, material_of_block(mesh, wanted, b)) = .true.
     end do
     allocate (own%block(count(has_kind)), whole%block(count(has_kind)))
     if (size(own%block) == 0) then
@@ -62,11 +61,14 @@ contains
       return
     end if
     n = 0
-    do kind = 1, n_element_kinds
-      if (.not. has_kind(kind)) cycle
-      n = n + 1
-      own%block(n)%kind = kind
-      call gather_kind(n)
+    do m = 1, size(has_kind, 2)
+      do kind = 1, n_element_kinds
+        if (.not. has_kind(kind, m)) cycle
+        n = n + 1
+        own%block(n)%kind = kind
+        own%block(n)%material = m
+        call gather_kind(n)
+      end do
     end do
     call number_nodes(mesh, own)
     file_node = own%mesh_node
@@ -91,7 +93,7 @@ contains
       if (allocated(mesh%block(b)%place)) number_of = mesh%block(b)%n_in_file
     end function number_of
 
-    !> Gather the elements of one kind.
+    !> Gather the elements of one kind and material.
     subroutine gather_kind(n)
       !> Block of the share.
       integer, intent(in) :: n
@@ -102,6 +104,7 @@ contains
         do b = 1, size(mesh%block)
           if (mesh%block(b)%kind /= block%kind) cycle
           if (.not. is_wanted(b)) cycle
+          if (material_of_block(mesh, wanted, b) /= block%material) cycle
           i = size(block%tag)
           block%node = reshape([block%node, mesh%block(b)%node], &
                                [size(block%node, 1), i + size(mesh%block(b)%tag)])

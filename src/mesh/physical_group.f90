@@ -1,5 +1,6 @@
 !> Physical groups of a mesh, by name.
 module dotyk_mesh_physical_group
+  use dotyk_base_error, only: error_t, set_error
   use dotyk_base_files, only: is_inp_file
   use dotyk_base_text, only: join, nearest_name, quoted, text_t
   use dotyk_base_wildcard, only: has_wildcard, matches
@@ -7,6 +8,7 @@ module dotyk_mesh_physical_group
   implicit none
   private
   public :: group_names, groups_named, groups_like, unknown_group, names_text
+  public :: fault_of_volume, material_of_block, n_materials_of
 
 contains
 
@@ -21,7 +23,7 @@ contains
     logical :: chosen(size(mesh%group))
     integer :: i, j, n
     do i = 1, size(chosen)
-      chosen(i) = mesh%group(i)%dimension == dimension
+      chosen(i) = mesh%group(i)%dimension == dimension .and. .not. allocated(mesh%group(i)%member)
       do j = 1, i - 1
         if (chosen(j)) then
           if (mesh%group(j)%name == mesh%group(i)%name) chosen(i) = .false.
@@ -103,6 +105,62 @@ contains
       message = message//'; '//quoted(name)//' is a physical '//trim(kind_name(other))
     end do
   end function unknown_group
+
+  !> What is wrong with the volume of a body: no group bears its name, or the volumes that it joins cannot be joined.
+  subroutine fault_of_volume(mesh, name, dimension, error)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Name of the volume.
+    character(*), intent(in) :: name
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Allocated where something is wrong.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: wanted(size(mesh%group))
+    integer :: i
+    wanted = groups_named(mesh, name, dimension)
+    if (.not. any(wanted)) then
+      call set_error(error, unknown_group(mesh, name, dimension))
+      return
+    end if
+    do i = 1, size(wanted)
+      if (.not. (wanted(i) .and. allocated(mesh%group(i)%fault))) cycle
+      if (len(mesh%group(i)%fault) == 0) cycle
+      call set_error(error, mesh%group(i)%fault)
+      return
+    end do
+  end subroutine fault_of_volume
+
+  !> Greatest number of a material of the volume of a body.
+  pure integer function n_materials_of(mesh, wanted) result(n)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Groups of the volume (n_groups).
+    logical, intent(in) :: wanted(:)
+    integer :: i
+    n = 1
+    do i = 1, size(wanted)
+      if (wanted(i) .and. allocated(mesh%group(i)%member)) n = max(n, maxval(mesh%group(i)%material))
+    end do
+  end function n_materials_of
+
+  !> Number of the material of a block of the volume of a body, among those of the body.
+  pure integer function material_of_block(mesh, wanted, block) result(material)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Groups of the volume (n_groups).
+    logical, intent(in) :: wanted(:)
+    !> The block, which belongs to one of them.
+    integer, intent(in) :: block
+    integer :: i, k
+    material = 1
+    do i = 1, size(wanted)
+      if (.not. (wanted(i) .and. allocated(mesh%group(i)%member))) cycle
+      do k = 1, size(mesh%group(i)%member)
+        if (any(mesh%block(block)%group == mesh%group(i)%member(k))) material = mesh%group(i)%material(k)
+      end do
+    end do
+  end function material_of_block
 
   !> Quoted names, separated by commas; 'none' where there is none.
   pure function names_text(names) result(text)

@@ -69,16 +69,17 @@ contains
     type(repeated_t) :: repeated
     type(element_kind_t) :: kind
     integer, allocatable :: corner(:, :), here(:), there(:)
-    integer :: i, k, n, b, e, other
+    integer :: i, k, n, b, e
+    integer(int64) :: tag(2)
     call take_inner_faces(own, whole, candidates, faces, corner)
     here = pack([(i, i=1, candidates%inner%n)], .not. candidates%inner%on_ranks)
     there = pack([(i, i=1, candidates%inner%n)], candidates%inner%on_ranks)
     call choose_faces(faces, here, local)
     call judge_faces(local, faults)
-    call find_repeated(own%block, b, e, other)
+    call find_repeated(own%block, b, e, tag)
     if (b > 0) then
       repeated%order = face_order(b, whole%block(b)%element(e), 0)
-      repeated%tag = own%block(b)%tag([other, e])
+      repeated%tag = tag
       repeated%kind = own%block(b)%kind
     end if
     allocate (packed(head_length + face_length*size(there) + element_length*size(candidates%enclosed, 2)))

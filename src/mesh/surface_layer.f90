@@ -70,8 +70,9 @@ contains
     self%mesh%order_elevated = number(8) == 1
     n_blocks = int(number(5))
     allocate (self%mesh%block(n_blocks), self%whole%block(n_blocks), self%element_rank(n_blocks))
-    self%mesh%block%kind = int(number(head_length + 1:head_length + 2*n_blocks:2))
-    self%whole%block%n_elements = int(number(head_length + 2:head_length + 2*n_blocks:2))
+    self%mesh%block%kind = int(number(head_length + 1:head_length + 3*n_blocks:3))
+    self%whole%block%n_elements = int(number(head_length + 2:head_length + 3*n_blocks:3))
+    self%mesh%block%material = int(number(head_length + 3:head_length + 3*n_blocks:3))
     call count_items(number, n)
     call collect(self, number, x, n)
   end subroutine layer_unpack
@@ -102,7 +103,7 @@ contains
       last = at + share_length(number, at)
       associate (head => int(number(at + 1:at + head_length)))
         self%diameter = max(self%diameter, x(at_x + 1))
-        at = at + head_length + 2*head(5)
+        at = at + head_length + 3*head(5)
         do i = 1, head(1)
           f = f + 1
           facet(:, f) = int(number(at + 1:at + 3))

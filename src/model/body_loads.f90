@@ -37,6 +37,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(load_t) :: load
     real(dp), allocatable :: before(:, :)
+    integer :: m
     load%kind = given%kind
     load%value = given%value
     load%formula = given%formula
@@ -44,17 +45,18 @@ contains
     if (given%has_point) load%point = given%point
     load%centre = given%centre
     load%density = body%material%density
-    if (given%kind == load_acceleration) then
-      load%kind = load_force_density
-      load%value = load%density*given%value
-    end if
     before = body%load
     if (.not. acts_on_surface(given)) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
       ! Each rank has other elements of a body in parts.
       if (body%mesh%is_in_parts()) call agree_on_error(error)
       if (allocated(error)) return
-      if (load%kind == load_force_density .and. size(load%formula) == 0) body%density = body%density + load%value
+      if (.not. allocated(body%density)) allocate (body%density(3, size(body%material)), source=0.0_dp)
+      do m = 1, size(body%material)
+        if (load%kind == load_acceleration) body%density(:, m) = body%density(:, m) + load%density(m)*load%value
+        if (load%kind == load_force_density .and. size(load%formula) == 0) &
+          body%density(:, m) = body%density(:, m) + load%value
+      end do
       call note_resultant(body, body%load - before, option_name(load_names, given%kind))
       call note_difference(body, 'the force density', difference_in_volume(body%mesh, load%formula))
     else

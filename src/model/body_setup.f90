@@ -17,7 +17,7 @@ module dotyk_model_body_setup
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material, turn_material
-  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_volumes, only: volume_t
   implicit none
@@ -69,6 +69,7 @@ contains
       if (len(meshing%remark) > 0) call add_remark(remarks, meshing%remark)
       call problems%add_error(failed)
       if (problems%count > before) cycle
+      call add_unions(case, case%body(b)%mesh, whole_mesh)
       call build_file(whole_mesh)
     end do
     if (problems%count == 0) then
@@ -157,8 +158,13 @@ contains
     body%name = case%body(b)%name
     body%analysis = case%scene%analysis
     body%dimension = case%scene%dimension
-    call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
-    call note(case%material(case%body(b)%material)%line, failed)
+    allocate (body%material(size(case%body(b)%material)))
+    do k = 1, size(body%material)
+      associate (given => case%material(case%body(b)%material(k)))
+        call build_material(given, case%solver%locking, body%material(k), failed)
+        call note(given%line, failed)
+      end associate
+    end do
     if (allocated(volume%error)) failed = volume%error
     call note(case%body(b)%line, failed)
     if (.not. allocated(volume%error)) call check_joints(case%body(b), volume%joints, failed)
@@ -166,8 +172,10 @@ contains
     if (problems%count > before) return
     body%is_hinged = volume%joints%n_pieces > volume%joints%n_parts
     call place(case%body(b))
-    call body%material%check_plane(body%analysis, failed)
-    call note(case%body(b)%line, failed)
+    do k = 1, size(body%material)
+      call body%material(k)%check_plane(body%analysis, failed)
+      call note(case%body(b)%line, failed)
+    end do
 
     ! A single body has no pairs.
     if (size(case%body) > 1) call volume%take_boundary(mesh, surfaces%boundary)
@@ -210,15 +218,18 @@ contains
 
   contains
 
-    !> Rotate and shift the body with the axes of its material.
+    !> Rotate and shift the body with the axes of its materials.
     subroutine place(given)
       !> `&body`.
       type(body_input_t), intent(in) :: given
       type(placement_t) :: placement
+      integer :: m
       call placement%init(given%axis, given%angle, given%at)
       body%mesh = volume%mesh
       call placement%apply(body%mesh%x)
-      if (placement%rotated) call turn_material(placement%rotation, body%material)
+      do m = 1, size(body%material)
+        if (placement%rotated) call turn_material(placement%rotation, body%material(m))
+      end do
     end subroutine place
 
     !> Take a surface of the body for contact pairs.

@@ -10,7 +10,7 @@ module dotyk_model_chosen_bodies
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_model_body_setup, only: build_body
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_model_volumes, only: volume_t
   use dotyk_ranks_exchange, only: meet
@@ -85,7 +85,10 @@ contains
       end if
       selection%volume = survey%volumes(case, of_file)
       call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, meshing, failed, selection)
-      if (.not. allocated(failed)) call build_bodies_of(self, case, survey, mesh, of_file)
+      if (.not. allocated(failed)) then
+        call add_unions(case, case%body(b)%mesh, mesh)
+        call build_bodies_of(self, case, survey, mesh, of_file)
+      end if
       call self%problems%add_error(failed)
     end do
   end subroutine chosen_bodies_build

@@ -131,12 +131,16 @@ contains
     !> Components below this fraction of the largest one are the rounding of a rotation.
     real(dp), parameter :: negligible = 1.0e-9_dp
     real(dp) :: stress(6)
+    integer :: k
     if (.not. any(body%analysis == [analysis_plane_strain, analysis_axisymmetric])) return
-    stress = matmul(body%material%stiffness, body%material%expansion)
-    if (.not. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))) return
-    call set_error(error, 'material '//quoted(body%material%name)//': its thermal expansion makes shear stresses '// &
-                   'out of the plane, but analysis='''//option_name(analysis_names, body%analysis)//''' assumes '// &
-                   'that nothing moves across it: the plane must be that of two axes of the material; use '// &
-                   'analysis=''3d''', exit_bad_input)
+    do k = 1, size(body%material)
+      stress = matmul(body%material(k)%stiffness, body%material(k)%expansion)
+      if (.not. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))) cycle
+      call set_error(error, 'material '//quoted(body%material(k)%name)//': its thermal expansion makes shear '// &
+                     'stresses out of the plane, but analysis='''//option_name(analysis_names, body%analysis)// &
+                     ''' assumes that nothing moves across it: the plane must be that of two axes of the material; '// &
+                     'use analysis=''3d''', exit_bad_input)
+      return
+    end do
   end subroutine check_expansion
 end module dotyk_model_initial_states

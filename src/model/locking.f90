@@ -24,10 +24,13 @@ contains
     integer, intent(in) :: b
     type(material_t) :: material
     type(error_t), allocatable :: failed
+    integer :: k
     locks = .false.
     if (case%solver%locking /= locking_auto .or. case%scene%analysis == analysis_plane_stress) return
-    ! Errors are reported where the body is built.
-    call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
-    if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock
+    do k = 1, size(case%body(b)%material)
+      ! Errors are reported where the body is built.
+      call build_material(case%material(case%body(b)%material(k)), case%solver%locking, material, failed)
+      if (.not. allocated(failed)) locks = locks .or. material%incompressibility >= linear_simplices_lock
+    end do
   end function would_lock
 end module dotyk_model_locking

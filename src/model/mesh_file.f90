@@ -9,11 +9,12 @@ module dotyk_model_mesh_file
   use dotyk_mesh_inp, only: read_inp
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_volume_union, only: add_volume_union
   use dotyk_ranks_communication, only: this_rank
   use dotyk_ranks_exchange, only: meet
   implicit none
   private
-  public :: meshing_of, read_mesh
+  public :: add_unions, meshing_of, read_mesh
 
 contains
 
@@ -48,6 +49,22 @@ contains
     call meet()
     if (waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
   end subroutine read_mesh
+
+  !> Add the unions of the volumes of bodies that have several to the mesh of their file.
+  subroutine add_unions(case, path, mesh)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Path of the mesh, as the bodies name it.
+    character(*), intent(in) :: path
+    !> The mesh.
+    type(mesh_t), intent(inout) :: mesh
+    integer :: b
+    do b = 1, size(case%body)
+      if (size(case%body(b)%volumes) < 2 .or. case%body(b)%mesh /= path) cycle
+      call add_volume_union(mesh, case%body(b)%volume, case%body(b)%volumes, case%body(b)%material_of, &
+                            case%scene%dimension)
+    end do
+  end subroutine add_unions
 
   !> Whether a file is a geometry that gmsh meshes.
   pure logical function is_geometry(path)

@@ -8,7 +8,7 @@ module dotyk_model_mesh_shares
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
-  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_model_volume_parts, only: volume_share_t
   use dotyk_model_volumes, only: volume_t
@@ -76,6 +76,7 @@ contains
         call problems%add_error(failed)
         cycle
       end if
+      call add_unions(case, case%body(b)%mesh, self%mesh(b))
       do c = b, n
         if (self%first_of_file(c) /= b .or. self%first_of_volume(c) /= c) cycle
         call self%volume(c)%take(self%mesh(b), case%body(c)%volume, case%scene%dimension, failed)

@@ -14,7 +14,7 @@ module dotyk_model_mesh_survey
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_physical_group, only: groups_named
   use dotyk_model_locking, only: would_lock
-  use dotyk_model_mesh_file, only: meshing_of, read_mesh
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_ranks_exchange, only: on_any_rank
   implicit none
   private
@@ -79,6 +79,7 @@ contains
       ! A mesh that is made for each run is another one on each rank.
       if (on_any_rank(allocated(failed) .or. meshing%for_once)) return
       if (interrupted()) return
+      call add_unions(case, case%body(b)%mesh, mesh)
       do c = b, n
         if (self%first_of_file(c) == b) &
           call count_elements(mesh, case%body(c)%volume, case%scene%dimension, self%n_of_kind(:, c))
@@ -108,7 +109,7 @@ contains
     end do
   end subroutine count_elements
 
-  !> Names of the volumes of some bodies, each once (n_names).
+  !> Names of the physical groups of the volumes of some bodies (n_names).
   function survey_volumes(self, case, chosen) result(name)
     class(mesh_survey_t), intent(in) :: self
     !> The case.
@@ -117,17 +118,19 @@ contains
     logical, intent(in) :: chosen(:)
     type(text_t), allocatable :: name(:)
     logical :: used(size(chosen))
-    integer :: b, n
+    integer :: b, k, n
     used = .false.
     do b = 1, size(chosen)
       if (chosen(b)) used(self%first_of_volume(b)) = .true.
     end do
-    allocate (name(count(used)))
+    allocate (name(sum([(size(case%body(b)%volumes), b=1, size(used))], mask=used)))
     n = 0
     do b = 1, size(chosen)
       if (.not. used(b)) cycle
-      n = n + 1
-      name(n)%s = case%body(b)%volume
+      do k = 1, size(case%body(b)%volumes)
+        n = n + 1
+        name(n)%s = case%body(b)%volumes(k)%s
+      end do
     end do
   end function survey_volumes
 

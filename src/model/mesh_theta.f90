@@ -57,18 +57,20 @@ contains
     real(dp), intent(inout) :: at_points(:)
     !> Allocated where the modulus field cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    type(vector_field_t) :: stiffness
+    type(vector_field_t) :: stiffness(size(body%material))
     real(dp), allocatable :: size_of(:), point(:, :), weight(:)
     real(dp) :: value(3), young
-    integer :: i, of_rule
+    integer :: i, m, of_rule
     ! Sizes are computed when needed: most facets may have no points.
     allocate (size_of(surface%n_facets), source=-1.0_dp)
-    call read_modulus_field(body%material, stiffness, error)
-    if (allocated(error)) return
+    do m = 1, size(stiffness)
+      if (.not. allocated(error)) call read_modulus_field(body%material(m), stiffness(m), error)
+    end do
     value(1) = body%mean_modulus_factor
     young = body%young()
     of_rule = 0
     do i = 1, size(facet)
+      if (allocated(error)) exit
       associate (f => facet(i), kind => surface%kind(facet(i)))
         if (size_of(f) < 0) then
           if (kind /= of_rule) call quadrature_rule(kind, 2, point, weight)
@@ -76,12 +78,21 @@ contains
           size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)), point, weight)
         end if
       end associate
-      if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
+      m = 1
+      if (size(stiffness) > 1) then
+        ! The material behind the facet; that of the body is compared with the first one.
+        m = body%mesh%block(surface%block(facet(i)))%material
+        value(1) = 1
+      end if
+      if (.not. stiffness(m)%constant) call stiffness(m)%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
+      if (m > 1) value(1) = value(1)*(body%material(m)%least_young/body%material(1)%least_young)
       ! A modulus that vanishes on the surface must not make theta infinite.
       at_points(i) = at_points(i) + size_of(facet(i))/(young*max(value(1)/body%mean_modulus_factor, 1.0e-3_dp))
     end do
-    call stiffness%destroy()
+    do m = 1, size(stiffness)
+      call stiffness(m)%destroy()
+    end do
   end subroutine add_side
 
   !> Size of a facet: its length, or the root of its area [length].

@@ -1,6 +1,6 @@
 !> Elements of a body as cells of VTK.
 module dotyk_output_cells
-  use, intrinsic :: iso_fortran_env, only: int8
+  use, intrinsic :: iso_fortran_env, only: int32, int8
   use dotyk_base_kinds, only: int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -17,6 +17,8 @@ module dotyk_output_cells
     integer(int8), allocatable :: vtk_type(:)
     !> Element tags of the mesh file (n_cells).
     integer(int64), allocatable :: tag(:)
+    !> Numbers of their materials (n_cells).
+    integer(int32), allocatable :: material(:)
   end type cells_t
 
   public :: cells_of_body, connectivity_length
@@ -38,7 +40,7 @@ contains
 
   !> The cells of a body.
   subroutine cells_of_body(mesh, cells)
-    !> Mesh of the body.
+    !> Mesh of the body; its blocks tell their materials.
     type(body_mesh_t), intent(in) :: mesh
     !> Its cells.
     type(cells_t), intent(out) :: cells
@@ -52,7 +54,7 @@ contains
     end do
     node_count = connectivity_length(mesh)
     allocate (cells%connectivity(node_count), cells%offset(cell_count + 1))
-    allocate (cells%vtk_type(cell_count), cells%tag(cell_count))
+    allocate (cells%vtk_type(cell_count), cells%tag(cell_count), cells%material(cell_count))
     cells%offset(1) = 0
     first = 0
     first_node = 0
@@ -61,6 +63,7 @@ contains
       n = size(mesh%block(k)%node, 2)
       cells%vtk_type(first + 1:first + n) = int(kind%vtk_type, int8)
       cells%tag(first + 1:first + n) = mesh%block(k)%tag
+      cells%material(first + 1:first + n) = mesh%block(k)%material
       m = count(kind%vtk_order > 0)
       n_ids = m*int(n, int64)
       call fill_connectivity(m, n, mesh%block(k)%node, kind%vtk_order(:m), first_node, &

@@ -105,16 +105,13 @@ contains
     class(fields_file_t), intent(in) :: self
     !> Index of the body.
     integer, intent(in) :: part
-    !> Mesh of the body.
+    !> Mesh of the body; its blocks tell their materials, by numbers in the file.
     type(body_mesh_t), intent(in) :: mesh
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     type(cells_t) :: cells
-    integer(int32), allocatable :: body(:)
     integer(int64) :: point, cell, id
     call cells_of_body(mesh, cells)
-    allocate (body(size(cells%tag)))
-    body = part
     point = self%first_point(part)
     cell = self%first_cell(part)
     id = self%first_id(part)
@@ -124,7 +121,8 @@ contains
       if (.not. allocated(error)) call file%put_part('/VTKHDF/Connectivity', id, cells%connectivity, error)
       if (.not. allocated(error)) call file%put_part('/VTKHDF/Offsets', cell + part - 1, cells%offset, error)
       if (.not. allocated(error)) call file%put_part('/VTKHDF/Types', cell, cells%vtk_type, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/body', cell, body, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/body', cell, 0*cells%material + part, error)
+      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/material', cell, cells%material, error)
       if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/element_tag', cell, cells%tag, error)
     end associate
   end subroutine fields_write_part

@@ -55,6 +55,7 @@ contains
     if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Types', hdf5_uint8, [cells], error)
     if (.not. allocated(error)) call file%new_dataset('/VTKHDF/PointData/node_tag', hdf5_int64, [points], error)
     if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/body', hdf5_int32, [cells], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/material', hdf5_int32, [cells], error)
     if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/element_tag', hdf5_int64, [cells], error)
   end subroutine create_geometry
 

@@ -63,7 +63,7 @@ class Results(dotyk_case.Case):
             "reaction_force": ((points, 3), "f"), "nodal_stress": ((points, 6), "f"), "nodal_von_mises": ((points,), "f"),
             "nodal_principal_stress": ((points, 3), "f"), "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
-            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
+            "body": ((cells,), "i"), "material": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
             "von_mises": ((cells,), "f"),
             "discretization_error": ((cells,), "f")})
         self.assertEqual(root["CellData/body"][:].tolist(), np.repeat([1, 2], root["NumberOfCells"][:]).tolist())
@@ -229,13 +229,13 @@ class Results(dotyk_case.Case):
         self.column(output="fields=''")
         root = self.results("column.vtkhdf")["VTKHDF"]
         self.assertEqual(set(root["PointData"]), {"node_tag"})
-        self.assertEqual(set(root["CellData"]), {"body", "element_tag"})
+        self.assertEqual(set(root["CellData"]), {"body", "material", "element_tag"})
 
     def test_stress_only(self):
         self.column(output="fields='stress'")
         file = self.results("column.vtkhdf")
         self.assertEqual(set(file["VTKHDF/PointData"]), {"node_tag"})
-        self.assertEqual(set(file["VTKHDF/CellData"]), {"body", "element_tag", "stress", "von_mises"})
+        self.assertEqual(set(file["VTKHDF/CellData"]), {"body", "material", "element_tag", "stress", "von_mises"})
         pressure = abs(file["dotyk/contact/joint"].attrs["force"][2])
         zz = file["VTKHDF/CellData/stress"][:, 2]
         np.testing.assert_allclose(zz, zz[0], rtol=1e-6)

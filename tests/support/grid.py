@@ -98,11 +98,13 @@ class Block:
     """A block: lines of the grid along each direction, and a map of coordinates (n, d) to new ones.
 
     patches: names of surfaces, and which facets of the grid, places (nodes, d), are on them and on no other.
+    volume: the name of the volume of an element by its centre in the grid; the name of the block where it is not given.
     """
 
-    def __init__(self, name, *lines, shape=None, patches=None):
+    def __init__(self, name, *lines, shape=None, patches=None, volume=None):
         self.name, self.lines, self.shape, self.patches = name, [np.asarray(line, float)
                                                                  for line in lines], shape, patches or {}
+        self.volume = volume or (lambda centre: name)
 
     def surfaces(self, place):
         """Names of the surfaces that a facet is on."""
@@ -158,8 +160,10 @@ def write_mesh(path, blocks, kind):
     for block in blocks:
         x, groups = cut(block, kind)
         start = sum(map(len, nodes)) + 1
-        group = names.setdefault((d, block.name), len(names) + 1)
-        lines += [(TYPES[d, len(element)], group, element + start) for elements in groups for element in elements]
+        for elements in groups:
+            for element in elements:
+                group = names.setdefault((d, block.volume(x[element].mean(axis=0))), len(names) + 1)
+                lines.append((TYPES[d, len(element)], group, element + start))
         for facet in boundary(groups, d):
             for name in block.surfaces(x[facet]):
                 group = names.setdefault((d - 1, name), len(names) + 1)

@@ -322,7 +322,8 @@ contains
     body%analysis = analysis
     body%dimension = analysis_dimension(analysis)
     body%mesh = box%mesh
-    body%material = material
+    allocate (body%material(1))
+    body%material(1) = material
     allocate (body%load(body%dimension, box%mesh%n_nodes()), source=0.0_dp)
     call collect_supports(body%mesh, analysis, supports, body%constraint, error, body%directions)
   end subroutine make_body

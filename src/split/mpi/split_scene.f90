@@ -8,6 +8,7 @@ module dotyk_split_split_scene
   use dotyk_distributed_petsc, only: start_petsc, stop_petsc
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_material, only: weight_moduli
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: add_up, agree_on_error
@@ -59,17 +60,17 @@ contains
     call self%bodies%assemble(body, modes, error)
   end subroutine scene_assemble
 
-  !> Mean of the modulus fields over the volume of each body.
+  !> Means of the modulus fields over the volumes of bodies.
   subroutine set_mean_modulus(body, error)
-    !> Parts of bodies; those with a modulus field get its mean (n_bodies).
+    !> Parts of bodies; those with a modulus field or several materials get the mean (n_bodies).
     type(body_t), intent(inout) :: body(:)
     !> Allocated where a field is not positive, or an element is inverted.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :), stress(:, :), factor(:), volume(:)
     real(dp) :: energy, sums(2)
-    integer :: b
+    integer :: b, first, k, last
     do b = 1, size(body)
-      if (.not. body(b)%material%has_modulus_field()) cycle
+      if (size(body(b)%material) == 1 .and. .not. body(b)%material(1)%has_modulus_field()) cycle
       associate (mesh => body(b)%mesh)
         allocate (u(body(b)%dimension, mesh%n_nodes()), source=0.0_dp)
         allocate (stress(6, mesh%n_elements()), factor(mesh%n_elements()), volume(mesh%n_elements()))
@@ -78,6 +79,12 @@ contains
         call agree_on_error(error)
         call add_context(error, 'body '//quoted(body(b)%name)//': ')
         if (allocated(error)) return
+        last = 0
+        do k = 1, size(mesh%block)
+          first = last + 1
+          last = last + size(mesh%block(k)%tag)
+          call weight_moduli(body(b)%material, mesh%block(k)%material, factor(first:last))
+        end do
         sums = [sum(factor*volume, mask=mesh%whole%own_element), sum(volume, mask=mesh%whole%own_element)]
       end associate
       call add_up(sums)

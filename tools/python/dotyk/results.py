@@ -108,6 +108,7 @@ class Body:
     stress = _field('stress', 'Mean stresses of the cells (n_cells, 6) [pressure]: xx yy zz xy yz xz.')
     von_mises = _field('von_mises', 'Von Mises stresses (n_cells) [pressure].')
     discretization_error = _field('discretization_error', 'Estimated errors of the cells (n_cells), relative to the norm of all.')
+    material = _field('material', 'Numbers of the materials of the cells in the namelist file, from 1 (n_cells).')
     element_tag = _field('element_tag', 'Element tags of the mesh file (n_cells).')
 
     @property

@@ -1,0 +1,50 @@
+!> The elements of a body that have one of its materials: strains and stresses are smooth in each material, not across
+!> the faces where two of them meet.
+module dotyk_elasticity_material_part
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+  public :: elements_of_material, mesh_of_material
+
+contains
+
+  !> The elements of a material, counted through all blocks of the body (n).
+  pure function elements_of_material(mesh, material) result(element)
+    !> Elements of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of the material.
+    integer, intent(in) :: material
+    integer, allocatable :: element(:)
+    integer :: b, e, before
+    allocate (element(0))
+    before = 0
+    do b = 1, size(mesh%block)
+      associate (n => size(mesh%block(b)%tag))
+        if (mesh%block(b)%material == material) element = [element, [(before + e, e=1, n)]]
+        before = before + n
+      end associate
+    end do
+  end function elements_of_material
+
+  !> The same as a mesh with all nodes of the body; what is known of the whole body is left out.
+  function mesh_of_material(mesh, material) result(part)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of the material.
+    integer, intent(in) :: material
+    type(body_mesh_t) :: part
+    integer :: b, n
+    if (allocated(mesh%file)) part%file = mesh%file
+    part%dimension = mesh%dimension
+    part%order_elevated = mesh%order_elevated
+    part%x = mesh%x
+    part%node_tag = mesh%node_tag
+    allocate (part%block(count(mesh%block%material == material)))
+    n = 0
+    do b = 1, size(mesh%block)
+      if (mesh%block(b)%material /= material) cycle
+      n = n + 1
+      part%block(n) = mesh%block(b)
+    end do
+  end function mesh_of_material
+end module dotyk_elasticity_material_part
