@@ -122,8 +122,8 @@ contains
     m = dim*n_bubbles
     m_own = mesh%block(block)%material
     associate (own => table(block))
-      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, .false., &
-                       inverse, radius, w, modulus, stress, worst, error)
+      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, &
+                       .false., inverse, radius, w, modulus, stress, worst, error)
       if (allocated(error) .or. .not. worst > 0) return
       slope = 0
       do q = 1, own%n_points

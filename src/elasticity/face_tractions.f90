@@ -79,8 +79,8 @@ contains
             call find_match(table(b), table(block)%degree, face, their_node, corner, g, same, known)
             if (known) then
               call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, their, &
-                            face, node, u, size(their_node), table(b)%face(g)%points%n_points, table(b)%face(g)%points, &
-                            their_node, same, held(:, :, :0, 1), rhs, worst, error)
+                            face, node, u, size(their_node), table(b)%face(g)%points%n_points, &
+                            table(b)%face(g)%points, their_node, same, held(:, :, :0, 1), rhs, worst, error)
             else
               kind = element_kind(table(block)%kind)
               kind = element_kind(kind%face_kind(f))

@@ -123,7 +123,7 @@ contains
     if (row%most == row%least) then
       text = to_text(row%most)//' '//text
     else
-      text = to_text(row%least)//' or '//to_text(row%most)//' '//text
+      text = to_text(row%least)//trim(merge(' to', ' or', row%most > 9))//' '//to_text(row%most)//' '//text
     end if
   end function values_text
 

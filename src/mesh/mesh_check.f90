@@ -140,7 +140,7 @@ contains
     subroutine search(chosen)
       !> The blocks.
       integer, intent(in) :: chosen(:)
-      ! Elements with the same lowest corner form a chain: first(corner), then next(element), counted through the blocks.
+      ! Elements with the same lowest corner form a chain: first(corner), then next(element).
       integer, allocatable :: first(:), next(:), of_block(:), of_element(:)
       type(element_kind_t) :: properties
       integer :: i, j, n, nc, low

@@ -207,21 +207,21 @@ class Materials(Case):
 
     def test_twin(self):
         """Two volumes of one material are one volume, to the bit, and to rounding if it has two names."""
-        block = self.bar("hex20")
+        block = self.bar("hex8")
         load = ["&load body='bar', surface='top', traction=0.01,0.02,-0.1 /", "&temperature body='bar', value=50 /",
                 "&support body='bar', surface='bottom', fix='xyz' /"]
-        same = self.solve(block, "hex20", self.scene("hex20", SOFT, SOFT, *load, names="'soft'"), output="fields='displacement stress'")
-        named = self.solve(block, "hex20", self.scene("hex20", SOFT, SOFT, *load))
-        twin = self.solve(block, "hex20", self.scene("hex20", SOFT, SOFT, *load, names="'hard', 'hard'"))
+        same = self.solve(block, "hex8", self.scene("hex8", SOFT, SOFT, *load, names="'soft'"), output="fields='displacement stress'")
+        named = self.solve(block, "hex8", self.scene("hex8", SOFT, SOFT, *load))
+        twin = self.solve(block, "hex8", self.scene("hex8", SOFT, SOFT, *load, names="'hard', 'hard'"))
         for found, exact in zip(twin[:4], same[:4]):
             np.testing.assert_array_equal(found, exact)
         for found, exact in zip(named[:4], same[:4]):
             np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12)
-        block = self.bar("hex20")
+        block = self.bar("hex8")
         block.volume = lambda centre: "low"
-        alone = self.scene("hex20", SOFT, SOFT, *load)
+        alone = self.scene("hex8", SOFT, SOFT, *load)
         alone[3] = "&body name='bar', volume='low', material='soft' /"
-        alone = self.solve(block, "hex20", alone)
+        alone = self.solve(block, "hex8", alone)
         np.testing.assert_allclose(alone[1], same[1], rtol=1e-9, atol=1e-13)
         self.assertAlmostEqual(alone[4]["error_discretization"] / same[4]["error_discretization"], 1, places=8)
         # a fit of its own for each name differs from one fit for both, but not by much
@@ -246,7 +246,7 @@ class Materials(Case):
             with self.subTest(kind=kind):
                 np.testing.assert_allclose(u, first @ turn.T, atol=1e-11)
                 self.assertAlmostEqual(self.energy / energy, 1, places=9)
-                self.assertAlmostEqual(summary["error_discretization"] / estimate, 1, places=6)
+                self.assertAlmostEqual(summary["error_discretization"] / estimate, 1, places=4)
 
     def test_congruence(self):
         """Bodies of one mesh are congruent only if their materials agree, part by part."""
@@ -266,26 +266,27 @@ class Materials(Case):
         contact."""
         block = self.bar("hex8")
         grid.write_mesh(self.folder / "bar.msh", [block], "hex8")
-        theta = {}
-        for name, upper in (("soft on hard", "'soft', 'hard'"), ("hard on hard", "'hard', 'soft'")):
+        # a tenth of the size of the facets over Young's moduli
+        for upper, theta in (("'soft', 'hard'", 0.1 * 0.5 * (1 / 2 + 1 / 30)), ("'hard', 'soft'", 0.1 * 0.5 * (2 / 30))):
             lines = self.scene("hex8", SOFT, HARD, *self.confined("hex8"))
             lines += ["&body name='upper', volume='low', 'high', material=%s, at=0,0,1 /" % upper,
                       *("&support body='upper', surface='sides %s', fix='%s' /" % (c, c) for c in "xy"),
                       "&load body='upper', surface='top', pressure=0.1 /",
                       "&contact name='joint', surface_a='upper:bottom', surface_b='bar:top', theta_mesh=0.1 /"]
             self.write("bars.nml", "\n".join(lines) + "\n")
-            self.log = self.dotyk("bars.nml")
-            with self.results("bars.vtkhdf") as file:
-                theta[name] = file["dotyk/contact/joint/theta"][()] if "theta" in file["dotyk/contact/joint"] else None
+            log = self.dotyk("bars.nml")
+            with self.subTest(upper=upper), self.results("bars.vtkhdf") as file:
+                found = next(line.split()[-1] for line in log.split("\n") if line.startswith("  joint   "))
+                self.assertAlmostEqual(float(found) / theta, 1, places=3)
+                self.assertEqual(set(file["VTKHDF/CellData/material"][:]), {1, 2})
                 np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:, 2], -0.1, rtol=1e-6)
-        print(theta, self.log)
 
     def test_refusals(self):
         """Volumes that do not make one body, and lists of different lengths."""
         block = self.bar("hex8")
         grid.write_mesh(self.folder / "bar.msh", [block], "hex8")
         both = self.bar("hex8")
-        both.lines[-1] = both.lines[-1] + 2
+        both.lines[-1] = both.lines[-1] + 1
         both.volume = lambda centre: "apart"
         grid.write_mesh(self.folder / "two.msh", [block, both], "hex8")
         text = (self.folder / "bar.msh").read_text().split("\n")
