@@ -5,6 +5,7 @@ module dotyk_control_nodal_stresses
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: most_bodies, to_representative
+  use dotyk_elasticity_material_part, only: mesh_of_material, nodes_of_material
   use dotyk_elasticity_nodal_stress, only: nodal_stresses
   use dotyk_elasticity_stiffness_tensor, only: rotate_strain, rotate_stress
   implicit none
@@ -59,24 +60,46 @@ contains
     type(nodal_stress_t), intent(inout) :: stress(:)
     !> Allocated where a formula of the material cannot be parsed.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), of_alike(:, :, :), temperature(:, :)
-    real(dp) :: expansion(6, size(alike))
-    integer :: i, k
+    real(dp), allocatable :: u(:, :, :), of_alike(:, :, :), of_material(:, :, :), temperature(:, :), expansion(:, :, :)
+    logical, allocatable :: has(:), is_set(:)
+    integer :: i, k, m
     call to_representative(problem, alike, solution, u)
-    expansion = 0
+    associate (first => problem%body(problem%classes%first(alike(1))))
+      allocate (expansion(6, size(alike), size(first%material)), source=0.0_dp)
+    end associate
     do i = 1, size(alike)
       associate (body => problem%body(alike(i)))
         if (.not. (problem%ranks%is_own(alike(i)) .and. allocated(body%initial%temperature))) cycle
         if (.not. allocated(temperature)) allocate (temperature(size(u, 1), size(u, 3)), source=0.0_dp)
         temperature(i, :) = body%initial%temperature
-        expansion(:, i) = rotate_strain(body%material%expansion, &
-                                        transpose(problem%classes%motion(alike(i))%rotation))
+        do m = 1, size(body%material)
+          expansion(:, i, m) = rotate_strain(body%material(m)%expansion, &
+                                             transpose(problem%classes%motion(alike(i))%rotation))
+        end do
       end associate
     end do
     associate (first => problem%body(problem%classes%first(alike(1))))
-      call nodal_stresses(first%mesh, first%analysis, first%material, u, of_alike, error, temperature, expansion)
+      if (size(first%material) == 1) then
+        call nodal_stresses(first%mesh, first%analysis, first%material(1), u, of_alike, error, temperature, &
+                            expansion(:, :, 1))
+        if (allocated(error)) return
+      else
+        ! Stresses jump where materials meet: there, the first one counts.
+        allocate (of_alike(6, first%mesh%n_nodes(), size(alike)), source=0.0_dp)
+        allocate (is_set(first%mesh%n_nodes()), source=.false.)
+        do m = 1, size(first%material)
+          has = nodes_of_material(first%mesh, m) .and. .not. is_set
+          if (.not. any(has)) cycle
+          call nodal_stresses(mesh_of_material(first%mesh, m), first%analysis, first%material(m), u, of_material, &
+                              error, temperature, expansion(:, :, m))
+          if (allocated(error)) return
+          do k = 1, size(has)
+            if (has(k)) of_alike(:, k, :) = of_material(:, k, :)
+          end do
+          is_set = is_set .or. has
+        end do
+      end if
     end associate
-    if (allocated(error)) return
     do i = 1, size(alike)
       if (.not. problem%ranks%is_own(alike(i))) cycle
       associate (body => problem%body(alike(i)), motion => problem%classes%motion(alike(i)), &

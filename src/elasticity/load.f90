@@ -7,8 +7,8 @@
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, load_local_traction, load_pressure, &
-    load_total, load_traction
+  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
+    load_local_traction, load_pressure, load_total, load_traction
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
   use dotyk_elasticity_face_table, only: local_face, point_of_element

@@ -4,7 +4,7 @@ module dotyk_elasticity_material_part
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
-  public :: elements_of_material, mesh_of_material
+  public :: elements_of_material, mesh_of_material, nodes_of_material
 
 contains
 
@@ -26,7 +26,24 @@ contains
     end do
   end function elements_of_material
 
-  !> The same as a mesh with all nodes of the body; what is known of the whole body is left out.
+  !> Whether each node belongs to an element of a material (n_nodes).
+  pure function nodes_of_material(mesh, material) result(has)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of the material.
+    integer, intent(in) :: material
+    logical, allocatable :: has(:)
+    integer :: b, e
+    allocate (has(mesh%n_nodes()), source=.false.)
+    do b = 1, size(mesh%block)
+      if (mesh%block(b)%material /= material) cycle
+      do e = 1, size(mesh%block(b)%node, 2)
+        has(mesh%block(b)%node(:, e)) = .true.
+      end do
+    end do
+  end function nodes_of_material
+
+  !> The elements of a material with all nodes of the body.
   function mesh_of_material(mesh, material) result(part)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -46,5 +63,10 @@ contains
       n = n + 1
       part%block(n) = mesh%block(b)
     end do
+    if (.not. allocated(mesh%whole)) return
+    part%whole = mesh%whole
+    part%whole%own_element = mesh%whole%own_element(elements_of_material(mesh, material))
+    part%whole%element = mesh%whole%element(elements_of_material(mesh, material))
+    part%whole%n_of_block = pack(mesh%whole%n_of_block, mesh%block%material == material)
   end function mesh_of_material
 end module dotyk_elasticity_material_part

@@ -34,6 +34,7 @@ class Materials(Case):
             x, offsets, nodes = data["Points"][:], data["Offsets"][:], data["Connectivity"][:]
             centre = np.array([x[nodes[a:b]].mean(axis=0) for a, b in zip(offsets[:-1], offsets[1:])])
             self.loads = {key: array[()] for key, array in file["dotyk/loads"].items()} if "loads" in file["dotyk"] else {}
+            self.nodal = data["PointData/nodal_stress"][:] if "nodal_stress" in data["PointData"] else None
             self.energy = float(np.sum(file["dotyk/bodies/strain_energy"][()])) if "bodies" in file["dotyk"] else None
             return x, data["PointData/displacement"][:], data["CellData/stress"][:], centre, dict(file["dotyk/summary"].attrs)
 
@@ -70,6 +71,10 @@ class Materials(Case):
                 np.testing.assert_allclose(u, exact, atol=1e-13)
                 np.testing.assert_allclose(stress[:, d - 1], -0.1, rtol=1e-11)
                 self.assertLess(summary["error_discretization"], 1e-9)
+                # at nodes between them, the material named first counts
+                ratio = np.array([m["poisson"] / (1 - m["poisson"]) for m in (SOFT, HARD)])
+                np.testing.assert_allclose(self.nodal[:, d - 1], -0.1, rtol=1e-9)
+                np.testing.assert_allclose(self.nodal[:, 0], -0.1 * np.where(z < 0.5 + 1e-9, *ratio), rtol=1e-9)
 
     def test_nearly_incompressible_part(self):
         """The dilatation of one material is projected, that of the other is not; by factors and by p-multigrid."""

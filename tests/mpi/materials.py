@@ -11,7 +11,8 @@ import grid
 from mpi_case import RankCase
 
 RANKS = [int(word) for word in os.environ.get("DOTYK_RANK_NUMBERS", "2 3").split()]
-FIELDS = "VTKHDF/PointData/displacement", "VTKHDF/CellData/stress", "VTKHDF/CellData/von_mises", "VTKHDF/CellData/discretization_error"
+FIELDS = ("VTKHDF/PointData/displacement", "VTKHDF/PointData/nodal_stress", "VTKHDF/CellData/stress", "VTKHDF/CellData/von_mises",
+          "VTKHDF/CellData/discretization_error")
 
 
 class Materials(RankCase):
