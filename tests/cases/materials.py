@@ -154,6 +154,16 @@ class Materials(Case):
             with self.subTest(kind=kind):
                 # density times distance from the axis over the lower and the upper half
                 np.testing.assert_allclose(total[d - 1], 9 * (2.0 * 0.125 + 5.0 * 0.375), rtol=1e-12)
+            x, u, stress, centre, summary = self.solve(self.bar(kind), kind, self.scene(
+                kind, {**SOFT, "density": 2.0}, {**HARD, "density": 5.0}, *self.confined(kind),
+                "&load body='bar', acceleration=%s /" % ("0,-0.1" if d == 2 else "0,0,-0.1")))
+            with self.subTest(kind=kind, load="weight"):
+                z = centre[:, d - 1]
+                exact = -0.1 * np.where(z < 0.5, 5.0 * 0.5 + 2.0 * (0.5 - z), 5.0 * (1 - z))
+                if kind == "quad8":
+                    np.testing.assert_allclose(stress[:, d - 1], exact, rtol=1e-10)
+                    self.assertLess(summary["error_discretization"], 1e-9)
+                np.testing.assert_allclose(self.loads["force"][0][d - 1], -0.1 * 3.5, rtol=1e-12)
 
     @staticmethod
     def tube(n, between=1.4):
