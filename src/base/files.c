@@ -72,19 +72,6 @@ int dotyk_path_kind(const char *path) {
 /* Whether a file exists and is write-protected. */
 int dotyk_is_protected(const char *path) { return access(path, F_OK) == 0 && access(path, W_OK) != 0; }
 
-/* Write a whole text to the standard output (1) or error (2). 0, or errno, which Fortran's FLUSH does not report. */
-int dotyk_print(int descriptor, const char *text, long length) {
-  while (length > 0) {
-    ssize_t n = write(descriptor, text, (size_t)length);
-    if (n < 0 && errno != EINTR) return errno;
-    if (n > 0) {
-      text += n;
-      length -= n;
-    }
-  }
-  return 0;
-}
-
 /* Open /dev/null for each standard stream that is closed. Otherwise the next file that is opened gets its descriptor
  * and all that is printed: with `dotyk case.nml >&-` the results file. */
 void dotyk_hold_standard_files(void) {

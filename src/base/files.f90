@@ -74,7 +74,7 @@ module dotyk_base_files
       integer(c_int), value :: length
     end subroutine c_behind_links
 
-    integer(c_int) function c_print(descriptor, text, length) bind(c, name='dotyk_print')
+    integer(c_int) function c_print(descriptor, text, length, live) bind(c, name='dotyk_print')
       import :: c_char, c_int, c_long
       !> File descriptor: 1, standard output; 2, standard error.
       integer(c_int), value :: descriptor
@@ -82,6 +82,8 @@ module dotyk_base_files
       character(kind=c_char), intent(in) :: text(*)
       !> Length of the text.
       integer(c_long), value :: length
+      !> Whether it is a line of progress.
+      integer(c_int), value :: live
     end function c_print
 
     !> Open standard input, output and error where they are closed.
@@ -226,17 +228,21 @@ contains
   end subroutine take_text
 
   !> Print a text on standard output or standard error.
-  subroutine print_text(text, status, to_error)
+  subroutine print_text(text, status, to_error, live)
     !> Text to print.
     character(*), intent(in) :: text
     !> 0 if all of it is written.
     integer, intent(out) :: status
     !> Whether it goes to standard error; not if absent.
     logical, intent(in), optional :: to_error
-    integer(c_int) :: descriptor
+    !> Whether it is a line of progress, on a terminal replaced by the next text; not if absent.
+    logical, intent(in), optional :: live
+    integer(c_int) :: descriptor, is_live
     descriptor = 1
     if (present(to_error)) descriptor = merge(2_c_int, 1_c_int, to_error)
-    status = int(c_print(descriptor, text, len(text, c_long)))
+    is_live = 0
+    if (present(live)) is_live = merge(1_c_int, 0_c_int, live)
+    status = int(c_print(descriptor, text, len(text, c_long), is_live))
   end subroutine print_text
 
   !> Kind of contents that are no plain text: "UTF-16 text", "an HDF5 file"; empty where they may be text.

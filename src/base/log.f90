@@ -96,10 +96,10 @@ contains
     integer :: status
     if (self%quiet) return
     if (self%terminal) then
-      call print_text(return//escape//'[2K'//trim(text), status)
+      call print_text(return//escape//'[2K'//trim(text), status, live=.true.)
       self%live = .true.
     else
-      call print_text(trim(text)//new_line('a'), status)
+      call print_text(trim(text)//new_line('a'), status, live=.true.)
       if (self%drawn > 0) self%pause = min(longest_pause, 2*self%pause)
     end if
     call look(self, status)
@@ -110,7 +110,8 @@ contains
   subroutine log_end_progress(self)
     class(log_t), intent(inout) :: self
     integer :: status
-    if (self%live) call print_text(achar(13)//achar(27)//'[2K', status)
+    ! A text replaces the live line, an empty one clears it.
+    if (self%live) call print_text('', status)
     self%live = .false.
   end subroutine log_end_progress
 

@@ -12,6 +12,9 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+/* progress.c */
+void dotyk_progress_stage(const char *text);
+
 enum { exit_machine = 5, text_length = 240 };
 
 static char stage[text_length] = "starting";
@@ -109,7 +112,10 @@ void dotyk_memory(double *used, double *left, int *limit) {
 }
 
 /* Current stage of the run, for messages. */
-void dotyk_set_stage(const char *text) { snprintf(stage, sizeof stage, "%s", text); }
+void dotyk_set_stage(const char *text) {
+  snprintf(stage, sizeof stage, "%s", text);
+  dotyk_progress_stage(text);
+}
 const char *dotyk_stage(void) { return stage; }
 
 /* Object that this thread works on, such as the name of a body; empty: none. */

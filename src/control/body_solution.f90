@@ -1,6 +1,7 @@
 !> Displacements and stresses of all bodies, once the contact pressures are known.
 module dotyk_control_body_solution
   use dotyk_base_kinds, only: dp
+  use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_ranks_exchange, only: item_t, share
   use dotyk_ranks_communication, only: n_ranks
@@ -49,14 +50,17 @@ contains
     first = first_mode(problem%modes)
     order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
+    call expect_progress(sum(real(problem%body%n_unknowns(), dp)))
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
     !$omp& shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
       if (.not. problem%ranks%is_own(b)) cycle
       call recover_body(problem, qp, compliance, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))
+      call add_progress(real(problem%body(b)%n_unknowns(), dp))
     end do
     !$omp end parallel do
+    call expect_progress(0.0_dp)
     call set_blas_threads(1)
     call share_solution(problem, solution)
   end subroutine recover_bodies

@@ -6,6 +6,7 @@ module dotyk_control_factorization
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_t, memory_text, set_item
   use dotyk_base_options, only: response_auto, response_compliance
+  use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -101,6 +102,7 @@ contains
     integer :: i, b, order(size(body))
     allocate (size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%n_unknowns(), dp))
+    call expect_progress(sum(real(body%n_unknowns(), dp), mask=ranks%factorizes))
     !$omp parallel do default(none) schedule(dynamic, 1) private(b, node, work) &
     !$omp& shared(body, modes, stiffness, classes, ranks, block, response, n_products, slot, size_of, failed, order)
     do i = 1, size(body)
@@ -111,6 +113,7 @@ contains
       work%n_bodies = count(classes%first == b)
       work%n_steps = n_products
       call analyze_body(body(b), modes(b), stiffness(b), node, work, response, slot(b), size_of(b), failed(b)%error)
+      call add_progress(real(body(b)%n_unknowns(), dp))
     end do
     !$omp end parallel do
     call stop_if_interrupted(error)
@@ -270,6 +273,7 @@ contains
     allocate (failed(size(body)), report(size(body)))
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
+    call expect_progress(sum(size_of%flops, mask=ranks%factorizes))
     !$omp parallel default(none) private(i, b) &
     !$omp& shared(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, failed, order)
     !$omp single

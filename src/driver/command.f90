@@ -2,6 +2,7 @@
 module dotyk_driver_command
   use dotyk_base_error, only: error_t, set_error, exit_converged, exit_not_written
   use dotyk_base_files, only: print_text
+  use dotyk_base_progress, only: stop_progress
   use dotyk_base_version, only: version, compiler, build_type
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_run_case, only: run_case
@@ -38,6 +39,7 @@ contains
       call print_output('dotyk '//version//' ('//compiler//', '//build_type//built_with//')', error)
     else
       call run_case(arguments, code, error)
+      call stop_progress()
     end if
   end subroutine execute_command
 

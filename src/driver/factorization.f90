@@ -78,6 +78,7 @@ contains
       end do
       call compliance%init(qp, response, operators, side_by_side)
       if (any(scene%size_of%forms_matrix)) then
+        call set_stage('forming the compliance')
         call set_blas_threads(scene%problem%n_blas)
         call compliance%form_bodies(qp, scene%size_of%forms_matrix, may_stop=.true.)
         call set_blas_threads(1)

@@ -18,6 +18,7 @@ module dotyk_linalg_multifrontal
   use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, &
                      omp_init_lock, omp_destroy_lock, omp_set_lock, omp_unset_lock
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_progress, only: add_progress
   use dotyk_linalg_extend_add, only: add_to_ancestors, add_update, clear_lower
   use dotyk_linalg_fronts, only: factor_panel, must_stop, subtract_square, product_tile, tile_rows, tile_columns
   use dotyk_linalg_stack_plan, only: plan_stack
@@ -153,8 +154,20 @@ contains
       if (must_stop(self%may_stop)) return
       call factor_top(self, self%tree%top(i), self%supernodes%value, failed)
       if (failed > 0) return
+      call add_progress(flops_of(self%supernodes%columns(self%tree%top(i)), self%supernodes%rows(self%tree%top(i))))
     end do
   end subroutine factor_all
+
+  !> Operations of a supernode as CHOLMOD counts them: the sum of the squares of the entries of its columns.
+  pure real(dp) function flops_of(columns, rows) result(flops)
+    !> Columns of the supernode.
+    integer, intent(in) :: columns
+    !> Rows, those of the columns included.
+    integer, intent(in) :: rows
+    associate (c => real(columns, dp), r => real(rows, dp))
+      flops = c*(r**2 - r*(c - 1) + (c - 1)*(2*c - 1)/6)
+    end associate
+  end function flops_of
 
   !> Fill the panel of a supernode with the entries of P K P^T.
   subroutine assemble_panel(self, s, x)
@@ -197,6 +210,7 @@ contains
       call assemble_panel(self, s, self%supernodes%value)
       call factor_front(self, s, self%stack(self%subtree(t)%stack)%x, self%supernodes%value, self%subtree(t)%failed)
       if (self%subtree(t)%failed > 0) exit
+      call add_progress(flops_of(self%supernodes%columns(s), self%supernodes%rows(s)))
     end do
     call keep_update(self, s, self%subtree(t))
   end subroutine factor_subtree

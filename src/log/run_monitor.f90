@@ -3,6 +3,7 @@ module dotyk_log_run_monitor
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
+  use dotyk_base_progress, only: start_progress
   use dotyk_log_progress, only: progress_line
   use dotyk_log_timing, only: timing_t, stopwatch_t
   use dotyk_log_timing_lines, only: show_timing
@@ -32,6 +33,9 @@ module dotyk_log_run_monitor
     procedure :: show_timing => log_monitor_show_timing
   end type log_monitor_t
 
+  !> Stages that take longer get lines of progress where standard output is no terminal [s].
+  real(dp), parameter :: long_stage = 10
+
 contains
 
   !> Begin the run.
@@ -43,6 +47,7 @@ contains
     call self%log%init(quiet)
     ! mpirun shows its ranks a terminal, whatever its own output is.
     if (n_ranks() > 1) self%log%terminal = .false.
+    if (.not. quiet) call start_progress(self%log%terminal, long_stage)
   end subroutine log_monitor_begin
 
   !> Show a step, if it is time for another line.

@@ -5,6 +5,7 @@ module dotyk_model_assembly
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: option_name, scheme_names
+  use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -94,9 +95,12 @@ contains
     if (omp_get_max_threads() > 1) then
       alone = ranks%factorizes .and. body%constraint%n_equations > 1.2_dp*share_of_thread
     end if
+    call expect_progress(sum(real(body%n_unknowns(), dp), mask=classes%is_representative([(b, b=1, size(body))])))
     do b = 1, size(body)
       if (interrupted()) cycle
-      if (alone(b)) call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
+      if (.not. alone(b)) cycle
+      call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
+      call add_progress(real(body(b)%n_unknowns(), dp))
     end do
     !$omp parallel default(none) private(b) &
     !$omp& shared(body, classes, ranks, form, modes, stiffness, slot, failed, order, alone)
@@ -113,6 +117,7 @@ contains
         call body(b)%assemble_loads(failed(b)%error)
         call modes(b)%find(body(b))
       end if
+      call add_progress(real(body(b)%n_unknowns(), dp))
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)

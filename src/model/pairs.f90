@@ -3,6 +3,7 @@ module dotyk_model_pairs
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_exchange, only: share_pairs
@@ -76,6 +77,7 @@ contains
       owner = merge(all_ranks, this_rank(), surface_a%n_facets + surface_b%n_facets >= least_divided .and. &
                     n_ranks() > 1)
     end if
+    call expect_progress(real(sum(surface_a%n_facets + surface_b%n_facets), dp))
     ! Few pairs: threads share the points of each. Many pairs: threads share the pairs.
     !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, owner, failed) &
     !$omp& schedule(dynamic, 1) if (size(pair) >= many*omp_get_max_threads())
@@ -87,6 +89,7 @@ contains
           call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
                            division_t(), pair(k), failed(k)%error)
       end associate
+      if (owner(k) == this_rank()) call add_progress(real(surface_a(k)%n_facets + surface_b(k)%n_facets, dp))
     end do
     !$omp end parallel do
     ! Ranks divide the points of large pairs.
@@ -96,6 +99,7 @@ contains
         call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
                          division_t(.true.), pair(k), failed(k)%error)
       end associate
+      call add_progress(real(surface_a(k)%n_facets + surface_b(k)%n_facets, dp))
     end do
     if (is_dealt) call share_searched(owner, pair, failed)
     do k = 1, size(pair)

@@ -3,6 +3,7 @@
 module dotyk_scheme_entry_forming
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -148,6 +149,7 @@ contains
     !> Gets the entries.
     type(dense_compliance_t), intent(inout) :: matrix
     type(task_t), allocatable :: substitution(:), product(:)
+    real(dp) :: of_substitution
     integer :: b, i, k, n_blas
     allocate (substitution(0), product(0))
     do b = 1, size(blocks)
@@ -161,10 +163,13 @@ contains
         product = [product, (task_t(b, i, k), k=1, i)]
       end do
     end do
+    ! Substitutions and products take about as long as each other.
+    of_substitution = max(1.0_dp, real(size(product), dp)/max(1, size(substitution)))
+    call expect_progress(size(substitution)*of_substitution + size(product))
     n_blas = blas_threads()
     if (size(substitution) > 1) call set_blas_threads(1)
     !$omp parallel default(none) private(b) &
-    !$omp& shared(response, body, contact, blocks, may_stop, matrix, substitution, product) &
+    !$omp& shared(response, body, contact, blocks, may_stop, matrix, substitution, product, of_substitution) &
     !$omp& if (size(substitution) > 1)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(substitution)
@@ -172,6 +177,7 @@ contains
       b = substitution(i)%body
       call substitute_block(response(body(b)%representative)%form, body(b)%map, contact(b), &
                             substitution(i)%block, blocks(b))
+      call add_progress(of_substitution)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
@@ -180,10 +186,12 @@ contains
       b = product(i)%body
       call multiply_blocks(response(body(b)%representative)%form, blocks(b), product(i)%block, product(i)%other, &
                            matrix%body(b)%value)
+      call add_progress(1.0_dp)
     end do
     !$omp end do
     !$omp end parallel
     call set_blas_threads(n_blas)
+    call expect_progress(0.0_dp)
     call share_entries(body, first_new, matrix)
   end subroutine form_blocks
 
