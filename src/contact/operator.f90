@@ -104,7 +104,8 @@ contains
     before = 0
     do k = 1, size(pairs)
       before(pairs(k)%body_a + 1) = before(pairs(k)%body_a + 1) + pairs(k)%n_rows
-      before(pairs(k)%body_b + 1) = before(pairs(k)%body_b + 1) + pairs(k)%n_rows
+      if (pairs(k)%body_b /= pairs(k)%body_a) &
+        before(pairs(k)%body_b + 1) = before(pairs(k)%body_b + 1) + pairs(k)%n_rows
     end do
     do b = 1, n_bodies
       before(b + 1) = before(b) + before(b + 1)
@@ -167,44 +168,29 @@ contains
     n = 0
     before = 0
     do k = 1, size(pairs)
-      if (pairs(k)%body_a == body) call add_side(1.0_dp, pairs(k), surfaces_a(k), pairs(k)%facet_a, pairs(k)%xi_a)
-      if (pairs(k)%body_b == body) call add_side(-1.0_dp, pairs(k), surfaces_b(k), pairs(k)%facet_b, pairs(k)%xi_b)
-    end do
-
-  contains
-
-    !> Append the rows of one side of a pair.
-    subroutine add_side(factor, pair, surface, facet, xi)
-      !> 1 for body a, -1 for body b [].
-      real(dp), intent(in) :: factor
-      !> Contact pair.
-      type(contact_pair_t), intent(in) :: pair
-      !> Surface of this side.
-      type(surface_t), intent(in) :: surface
-      !> Facets of the points on this side (n_points).
-      integer, intent(in) :: facet(:)
-      !> Reference coordinates of the points (dimension-1, n_points) [].
-      real(dp), intent(in) :: xi(:, :)
+      if (all([pairs(k)%body_a, pairs(k)%body_b] /= body)) cycle
       n = n + 1
-      call side_rows(factor, pair, surface, facet, xi, column_of, block%n_nodes, &
-                     min(max(1, first - before), pair%n_rows + 1), max(0, min(last - before, pair%n_rows)), side(n))
-      before = before + pair%n_rows
+      call side_rows(pairs(k)%body_a == body, pairs(k)%body_b == body, pairs(k), surfaces_a(k), surfaces_b(k), &
+                     column_of, block%n_nodes, min(max(1, first - before), pairs(k)%n_rows + 1), &
+                     max(0, min(last - before, pairs(k)%n_rows)), side(n))
+      before = before + pairs(k)%n_rows
       block%row = [block%row, [(i, i=pair_first_row(k), pair_first_row(k + 1) - 1)]]
-    end subroutine add_side
+    end do
   end subroutine build_sides
 
-  !> Rows of one side of a pair: means over the points q of each row of factor * n_q . N_j.
-  subroutine side_rows(factor, pair, surface, facet, xi, column_of, n_nodes, first, last, matrix)
-    !> 1 for body a, -1 for body b [].
-    real(dp), intent(in) :: factor
+  !> Rows of one side of a pair, or of both where these are of one body: means over the points q of each row of
+  !> n_q . N_j, with the sign of the side.
+  subroutine side_rows(is_slave, is_master, pair, surface_a, surface_b, column_of, n_nodes, first, last, matrix)
+    !> Whether the body has the slave side.
+    logical, intent(in) :: is_slave
+    !> Whether it has the master side.
+    logical, intent(in) :: is_master
     !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
-    !> Surface of this side.
-    type(surface_t), intent(in) :: surface
-    !> Facets of the points on this side (n_points).
-    integer, intent(in) :: facet(:)
-    !> Reference coordinates of the points (dimension-1, n_points) [].
-    real(dp), intent(in) :: xi(:, :)
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
     !> Contact node number of each node, 0 if none (greatest node number).
     integer, intent(in) :: column_of(:)
     !> Number of contact nodes.
@@ -220,7 +206,7 @@ contains
     real(dp), allocatable :: value(:, :), more_values(:)
     integer, allocatable :: place(:), node(:), order(:), more(:)
     real(dp) :: shape(max_facet_nodes)
-    integer :: d, i, j, k, c, n, q, m, entry
+    integer :: d, i, j, k, c, n, q, entry
     d = pair%dimension
     matrix%n_rows = pair%n_rows
     matrix%n_columns = d*n_nodes
@@ -233,21 +219,8 @@ contains
       n = 0
       do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
         q = pair%average%column(k)
-        m = kind_nodes(surface%kind(facet(q)))
-        call shape_functions(surface%kind(facet(q)), xi(:, q), shape(1:m))
-        do j = 1, m
-          associate (at => column_of(surface%node(j, facet(q))))
-            if (place(at) == 0) then
-              n = n + 1
-              place(at) = n
-              node(n) = at
-              value(:, n) = 0
-            end if
-            do c = 1, d
-              value(c, place(at)) = value(c, place(at)) + pair%average%value(k)*(factor*pair%normal(c, q)*shape(j))
-            end do
-          end associate
-        end do
+        if (is_slave) call add_point(surface_a, pair%facet_a(q), pair%xi_a(:, q))
+        if (is_master) call add_point(surface_b, pair%facet_b(q), pair%xi_b(:, q), -pair%master_normal(q))
       end do
       if (entry + d*n > size(matrix%column)) then
         allocate (more(2*(entry + d*n)), more_values(2*(entry + d*n)))
@@ -272,6 +245,37 @@ contains
     matrix%row_start(last + 1:) = entry + 1
     matrix%column = matrix%column(:entry)
     matrix%value = matrix%value(:entry)
+
+  contains
+
+    !> Add what the nodes of a facet contribute to a point.
+    subroutine add_point(surface, facet, xi, direction)
+      !> Surface of the facet.
+      type(surface_t), intent(in) :: surface
+      !> The facet.
+      integer, intent(in) :: facet
+      !> Reference coordinates of the point (dimension-1) [].
+      real(dp), intent(in) :: xi(:)
+      !> Component of the displacement that counts; that of the slave side if absent (dimension) [].
+      real(dp), intent(in), optional :: direction(:)
+      integer :: m, at, j
+      m = kind_nodes(surface%kind(facet))
+      call shape_functions(surface%kind(facet), xi, shape(1:m))
+      do j = 1, m
+        at = column_of(surface%node(j, facet))
+        if (place(at) == 0) then
+          n = n + 1
+          place(at) = n
+          node(n) = at
+          value(:, n) = 0
+        end if
+        if (present(direction)) then
+          value(:, place(at)) = value(:, place(at)) + pair%average%value(k)*(direction*shape(j))
+        else
+          value(:, place(at)) = value(:, place(at)) + pair%average%value(k)*pair%slave_part(q, j, shape(j))
+        end if
+      end do
+    end subroutine add_point
   end subroutine side_rows
 
   !> Make the rows of all ranks known to all.

@@ -40,6 +40,10 @@ module dotyk_contact_pair
     integer :: quadrature = default_quadrature
     !> Whether ranks divide the search.
     type(division_t) :: division
+    !> Group of the input, for messages.
+    character(8) :: group = '&contact'
+    !> Whether vertices and edges that face nothing touch in points.
+    logical :: touches_in_points = .true.
   end type pair_settings_t
 
   !> Discretized contact pair.
@@ -111,13 +115,49 @@ module dotyk_contact_pair
     real(dp), allocatable :: row_gap(:)
     !> Penalty parameters of the rows, initially `theta` (n_rows) [length/pressure].
     real(dp), allocatable :: row_theta(:)
+    !> Of ties only (`dotyk_contact_tie`), for each node of the slave facet of a point: derivative of its shape function
+    !> along the arm, and its gradient along the facet; and the part of the arm across the facet (max_facet_nodes,
+    !> n_points) [], (dimension, max_facet_nodes, n_points) [1/length], (dimension, n_points) [length].
+    real(dp), allocatable :: arm_shape(:, :), arm_gradient(:, :, :), arm_normal(:, :)
+    !> Of ties with a turn only: rotation of the master side to where it is tied (dimension, dimension) [].
+    real(dp), allocatable :: turn(:, :)
   contains
+    procedure :: slave_part => pair_slave_part
+    procedure :: master_normal => pair_master_normal
     procedure :: carry => pair_carry
   end type contact_pair_t
 
   public :: pair_force
 
 contains
+
+  !> What a unit displacement of one node of its slave facet contributes to a point: the normal times the shape
+  !> function, for ties the component of the displacement at the end of the arm.
+  pure function pair_slave_part(self, q, j, shape) result(part)
+    class(contact_pair_t), intent(in) :: self
+    !> The point.
+    integer, intent(in) :: q
+    !> Number of the node in the facet.
+    integer, intent(in) :: j
+    !> Shape function of the node at the point [].
+    real(dp), intent(in) :: shape
+    !> By components of the displacement (dimension) [].
+    real(dp) :: part(self%dimension)
+    part = self%normal(:, q)*shape
+    if (.not. allocated(self%arm_shape)) return
+    part = part + self%normal(:, q)*self%arm_shape(j, q) - &
+      dot_product(self%normal(:, q), self%arm_gradient(:, j, q))*self%arm_normal(:, q)
+  end function pair_slave_part
+
+  !> The normal of a point as the master side has it, which a tie may turn.
+  pure function pair_master_normal(self, q) result(normal)
+    class(contact_pair_t), intent(in) :: self
+    !> The point.
+    integer, intent(in) :: q
+    real(dp) :: normal(self%dimension)
+    normal = self%normal(:, q)
+    if (allocated(self%turn)) normal = matmul(normal, self%turn)
+  end function pair_master_normal
 
   !> To other ranks.
   subroutine pair_carry(self, parcel)

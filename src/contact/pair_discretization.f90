@@ -132,7 +132,11 @@ contains
     call find_depths(settings%division, slave%tree, slave%adjacency%neighbour, radius, slave%set)
     call find_depths(settings%division, master%tree, master%adjacency%neighbour, radius, master%set)
     call project_slave_points(mesh_a, surface_a, slave, mesh_b, surface_b, master, settings, radius, x, pair)
-    call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
+    if (settings%touches_in_points) then
+      call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
+    else
+      allocate (contact(0))
+    end if
     if (size(contact) > 0) then
       allocate (in_points(pair%n_points))
       call touches_in_points(contact, slave, master, pair%facet_a, pair%facet_b, pair%normal, in_points)
@@ -144,7 +148,7 @@ contains
     pair%theta = settings%theta
     pair%discretization = settings%discretization
     if (pair%n_points == 0) then
-      call explain_no_projection(pair, surface_a%name, surface_b%name, master, x, radius, error)
+      call explain_no_projection(settings, pair, surface_a%name, surface_b%name, master, x, radius, error)
       return
     end if
     call shift_origin(pair%position, -origin)
@@ -220,7 +224,9 @@ contains
   end subroutine set_given_gap
 
   !> Error for a pair without projections: a distance beyond the search radius, or the most frequent reason; and advice.
-  subroutine explain_no_projection(pair, name_a, name_b, master, x, radius, error)
+  subroutine explain_no_projection(settings, pair, name_a, name_b, master, x, radius, error)
+    !> What the user says.
+    type(pair_settings_t), intent(in) :: settings
     !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
     !> Name of the slave surface.
@@ -258,8 +264,9 @@ contains
       reason = 'no facet faces '//to_text(n_most)//' of them (n_a . n_b < -0.5)'
       advice = 'check that the two surfaces face each other'
     end if
-    call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_unprojected)// &
-                   ' integration points of surface_a '//quoted(name_a)//' has a projection on surface_b '// &
+    call set_error(error, trim(settings%group)//' '//quoted(pair%name)//': none of the '// &
+                   to_text(pair%n_unprojected)//' integration points of surface_a '//quoted(name_a)// &
+                   ' has a projection on surface_b '// &
                    quoted(name_b)//': '//reason//'; the smallest distance between the surfaces is '// &
                    to_text(smallest)//'; '//advice, exit_bad_input)
     !$omp end critical (message)

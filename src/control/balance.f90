@@ -9,6 +9,7 @@ module dotyk_control_balance
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_tie_forces, only: find_tie_forces, tie_force_t
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_support_directions, only: wrench
@@ -46,6 +47,8 @@ module dotyk_control_balance
     real(dp) :: moment_error = 0
     !> The body with the largest sum of forces.
     integer :: worst = 0
+    !> What ties transmit (n_ties).
+    type(tie_force_t), allocatable :: tie(:)
   end type balance_t
 
   public :: find_balance
@@ -57,13 +60,15 @@ module dotyk_control_balance
 contains
 
   !> Forces on all bodies. All ranks take part.
-  subroutine find_balance(problem, qp, m, solution, want_nodal, balance, error)
+  subroutine find_balance(problem, qp, m, y, solution, want_nodal, balance, error)
     !> Bodies and their ranks.
     type(contact_problem_t), intent(in) :: problem
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
     !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> Whether reactions at nodes are wanted.
@@ -98,6 +103,7 @@ contains
     do b = 1, size(item)
       call take_numbers(problem%body(b), item(b)%value, balance%body(b))
     end do
+    balance%tie = find_tie_forces(problem, m, y)
     call judge(balance)
   end subroutine find_balance
 

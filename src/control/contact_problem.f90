@@ -3,6 +3,7 @@
 module dotyk_control_contact_problem
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_control_body_ranks, only: body_ranks_t
@@ -36,6 +37,26 @@ module dotyk_control_contact_problem
     logical :: moved_far = .false.
   end type neutral_body_t
 
+  !> Surfaces of two bodies that are tied together.
+  type, public :: tied_surfaces_t
+    !> Name of the tie.
+    character(:), allocatable :: name
+    !> Rows of each component of the displacements (dimension).
+    type(contact_pair_t), allocatable :: component(:)
+    !> Slave and master surface.
+    type(surface_t) :: surface_a, surface_b
+    !> Fraction of the slave surface that is tied [].
+    real(dp) :: tied = 0
+    !> Greatest distance between the surfaces [length].
+    real(dp) :: distance = 0
+    !> Whether it is a bolt, and whether one of given tension, which slides along the normal of its cut.
+    logical :: is_bolt = .false., slides = .false.
+    !> Normal of a flat slave surface, out of its body (3) [].
+    real(dp) :: normal(3) = 0
+    !> Tension of a bolt that slides [force].
+    real(dp) :: force = 0
+  end type tied_surfaces_t
+
   !> The problem.
   type, public :: contact_problem_t
     !> Assembled (n_bodies).
@@ -54,6 +75,8 @@ module dotyk_control_contact_problem
     type(surface_t), allocatable :: surface_a(:)
     !> Master surfaces of the pairs (n_pairs).
     type(surface_t), allocatable :: surface_b(:)
+    !> Tied surfaces; their rows follow those of the pairs, tie by tie, component by component (n_ties).
+    type(tied_surfaces_t), allocatable :: tie(:)
     !> What the search for contact pairs found.
     type(pair_report_t) :: found
     !> Bodies that touch no other (n_bodies).
@@ -62,11 +85,77 @@ module dotyk_control_contact_problem
     type(neutral_body_t), allocatable :: neutral(:)
     !> BLAS threads of each solve.
     integer :: n_blas = 1
+  contains
+    procedure :: n_ties => problem_n_ties
+    procedure :: are_tied => problem_are_tied
   end type contact_problem_t
 
-  public :: first_mode, mesh_compliance
+  public :: build_rows, first_mode, mesh_compliance
 
 contains
+
+  !> Number of ties.
+  pure integer function problem_n_ties(self) result(n)
+    class(contact_problem_t), intent(in) :: self
+    n = 0
+    if (allocated(self%tie)) n = size(self%tie)
+  end function problem_n_ties
+
+  !> Whether two bodies are tied to each other.
+  pure logical function problem_are_tied(self, a, b) result(are_tied)
+    class(contact_problem_t), intent(in) :: self
+    !> Index of a body.
+    integer, intent(in) :: a
+    !> Index of the other body.
+    integer, intent(in) :: b
+    integer :: k
+    are_tied = .false.
+    do k = 1, self%n_ties()
+      associate (pair => self%tie(k)%component(1))
+        if (all([pair%body_a, pair%body_b] == [a, b]) .or. all([pair%body_b, pair%body_a] == [a, b])) are_tied = .true.
+      end associate
+    end do
+  end function problem_are_tied
+
+  !> The operator of contact pairs and ties.
+  subroutine build_rows(problem, dimension, operator, divided)
+    !> Bodies, pairs and ties.
+    type(contact_problem_t), intent(in) :: problem
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Rows of the pairs, and those of the ties after them; its pairs are the contact pairs alone.
+    type(contact_operator_t), intent(out) :: operator
+    !> Whether ranks divide the rows.
+    logical, intent(in) :: divided
+    type(contact_pair_t), allocatable :: rows(:)
+    type(surface_t), allocatable :: side_a(:), side_b(:)
+    integer :: c, k, n
+    associate (n_pairs => size(problem%pair), tie => problem%tie)
+      if (problem%n_ties() == 0) then
+        call build_operator(dimension, size(problem%body), problem%pair, problem%surface_a, problem%surface_b, &
+                            operator, divided)
+        return
+      end if
+      n = n_pairs + dimension*size(tie)
+      allocate (rows(n), side_a(n), side_b(n))
+      do k = 1, n_pairs
+        rows(k) = problem%pair(k)
+        side_a(k) = problem%surface_a(k)
+        side_b(k) = problem%surface_b(k)
+      end do
+      n = n_pairs
+      do k = 1, size(tie)
+        do c = 1, dimension
+          n = n + 1
+          rows(n) = tie(k)%component(c)
+          side_a(n) = tie(k)%surface_a
+          side_b(n) = tie(k)%surface_b
+        end do
+      end do
+      call build_operator(dimension, size(problem%body), rows, side_a, side_b, operator, divided)
+      operator%pair_first_row = operator%pair_first_row(:n_pairs + 1)
+    end associate
+  end subroutine build_rows
 
   !> Index of the first mode of each body among all modes, and one more (n_bodies + 1).
   pure function first_mode(modes) result(first)

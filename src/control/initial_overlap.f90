@@ -62,7 +62,7 @@ contains
     integer, intent(in) :: a
     !> Index of the other body, not lower.
     integer, intent(in) :: b
-    is_known = a == b .or. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
+    is_known = a == b .or. problem%are_tied(a, b) .or. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
                                max(problem%pair%body_a, problem%pair%body_b) == b)
     if (is_known .or. .not. allocated(problem%found%unnamed)) return
     is_known = any(problem%found%unnamed%body_a == a .and. problem%found%unnamed%body_b == b)

@@ -84,7 +84,8 @@ contains
     ! A scene may be factorized twice.
     if (allocated(problem%neutral)) deallocate (problem%neutral)
     allocate (problem%neutral(size(problem%body)), self%candidate(size(problem%body)))
-    if (qp%n_rows == 0) return
+    ! Those of tied bodies are motions of several bodies, which nobody looks for.
+    if (qp%n_rows == 0 .or. problem%n_ties() > 0) return
     if (.not. any([(floats(modes(b)), b=1, size(modes))])) return
     call find_deviations(problem, qp, modes, deviation, angle)
     if (.not. any(angle > flat)) return

@@ -113,6 +113,9 @@ contains
       call problem%ranks%share_greatest(box(k, :))
     end do
     call overlapping_boxes(-box(:3, :), box(4:, :), couple)
+    ! Where meshes of a tied surface do not fit, they overlap for good.
+    couple = couple(:, pack([(k, k=1, size(couple, 2))], &
+                            [(.not. problem%are_tied(couple(1, k), couple(2, k)), k=1, size(couple, 2))]))
     call check_couples(problem, solution, first_row, y, error_bound, couple, check)
   end subroutine check_penetration
 

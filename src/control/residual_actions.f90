@@ -93,6 +93,14 @@ contains
                               back(:d, :d), data%faces, data%held(:, :, :, i))
         end associate
       end do
+      do k = 1, problem%n_ties()
+        associate (tie => problem%tie(k), pair => problem%tie(k)%component(1))
+          if (pair%body_a == alike(i)) &
+            call hold_tie(problem%body(alike(i)), tie%surface_a, pair%facet_a, data%faces, data%held(:, :, :, i))
+          if (pair%body_b == alike(i)) &
+            call hold_tie(problem%body(alike(i)), tie%surface_b, pair%facet_b, data%faces, data%held(:, :, :, i))
+        end associate
+      end do
     end do
   end subroutine collect_actions
 
@@ -212,6 +220,37 @@ contains
       end do
     end subroutine add_node
   end subroutine hold_supports
+
+  !> Hold all directions of tied facets.
+  subroutine hold_tie(body, surface, facet, faces, projection)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Its tied surface.
+    type(surface_t), intent(in) :: surface
+    !> Its facet at each integration point (n_points).
+    integer, intent(in) :: facet(:)
+    !> Faces of the elements of the representative.
+    type(face_table_t), intent(in) :: faces
+    !> Projections on the held directions; set (dim, dim, n_boundary) [].
+    real(dp), intent(inout) :: projection(:, :, :)
+    logical :: is_tied(surface%n_facets)
+    integer :: c, f, q
+    is_tied = .false.
+    is_tied(facet) = .true.
+    do q = 1, surface%n_facets
+      ! Not held by this rank.
+      if (.not. is_tied(q) .or. surface%element(q) == 0) cycle
+      f = local_face(body%mesh, surface%block(q), surface%element(q), surface%node(:, q))
+      if (f == 0) cycle
+      associate (face => faces%boundary(f, faces%before(surface%block(q)) + surface%element(q)))
+        if (face == 0) cycle
+        projection(:, :, face) = 0
+        do c = 1, size(projection, 1)
+          projection(c, c, face) = 1
+        end do
+      end associate
+    end do
+  end subroutine hold_tie
 
   !> Hold the normals of the facets under contact pressure.
   subroutine hold_contact(body, pair, surface, facet, pressure, back, faces, projection)

@@ -67,7 +67,7 @@ contains
                                  problem%classes%first, side_by_side, problem%n_blas, free, problem%isolated)
       scene%n_full_solves = free%n_solves
       call coarse%init(block, scene%operator%n_rows, modes)
-      call foundation_compliance(problem%body, problem%pair, foundation)
+      call foundation_compliance(problem%body, problem%pair, scene%operator%n_rows, foundation)
       call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, &
                    free%norm_square, foundation, coarse)
       call scene%neutral%find(problem, scene%theta, modes, qp, error)

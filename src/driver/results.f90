@@ -76,11 +76,12 @@ contains
       if (allocated(error)) return
       is_known = all([(allocated(displacements(b)%displacement), b=1, size(displacements))])
       if (is_known) &
-        call find_balance(problem, solution%qp, solution%state%m, displacements, case%output%reaction, balance, error)
+        call find_balance(problem, solution%qp, solution%state%m, solution%state%y, displacements, &
+                          case%output%reaction, balance, error)
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) then
         call show_pair_results(monitor%log, problem%pair, pair_solution)
-        call show_balance(monitor%log, problem%body, balance)
+        call show_balance(monitor%log, problem, balance)
       end if
       allocate (nodal_stress(size(problem%body)))
       if (case%output%nodal_stress .and. is_known) then
@@ -95,7 +96,7 @@ contains
                         contact, balance, solution%budget, solution%penetration, error)
       if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
-      call write_forces(file, problem%body, balance)
+      call write_forces(file, problem, balance)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)
       call write_provenance(file, case, threads, monitor%watch%date)

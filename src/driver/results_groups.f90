@@ -5,8 +5,10 @@ module dotyk_driver_results_groups
   use dotyk_base_version, only: version, compiler, build_type
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
+  use dotyk_control_contact_problem, only: contact_problem_t, tied_surfaces_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_driver_arguments, only: command_line_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load_report, only: load_resultant_t
@@ -37,7 +39,7 @@ contains
     integer :: k
     do k = 1, size(pair)
       group = contact_group(pair(k)%name)
-      call file%add_contact(pair(k)%name)
+      call file%add_group(group)
       call file%put_array(group, 'position', pair(k)%row_position)
       call file%put_array(group, 'normal', pair(k)%row_normal)
       call file%put_array(group, 'weight', pair(k)%row_weight)
@@ -62,8 +64,20 @@ contains
     end do
   end subroutine write_pairs
 
-  !> Forces on the bodies: loads and supports one by one, and sums by bodies with strain energies.
-  subroutine write_forces(file, body, balance)
+  !> Forces on the bodies: loads and supports one by one, and sums by bodies with strain energies; and those of ties.
+  subroutine write_forces(file, problem, balance)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> Bodies, with the resultants of their loads, and ties.
+    type(contact_problem_t), intent(in) :: problem
+    !> Forces on them, if they are known.
+    type(balance_t), intent(in) :: balance
+    call write_body_forces(file, problem%body, balance)
+    if (problem%n_ties() > 0 .and. allocated(balance%tie)) call write_ties(file, problem%tie, balance%tie)
+  end subroutine write_forces
+
+  !> Forces on the bodies.
+  subroutine write_body_forces(file, body, balance)
     !> Results file, open.
     type(results_file_t), intent(inout) :: file
     !> Bodies, with the resultants of their loads (n_bodies).
@@ -159,7 +173,34 @@ contains
       real(dp) :: columns(3, size(value)/3)
       columns = reshape(value, shape(columns))
     end function columns
-  end subroutine write_forces
+  end subroutine write_body_forces
+
+  !> Ties and what they transmit.
+  subroutine write_ties(file, tie, force)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    !> What they transmit (n_ties).
+    type(tie_force_t), intent(in) :: force(:)
+    character(:), allocatable :: names
+    integer :: k
+    names = ''
+    do k = 1, size(tie)
+      if (k > 1) names = names//new_line('a')
+      names = names//tie(k)%name
+    end do
+    call file%add_group('ties')
+    call file%put_attribute('ties', 'names', names)
+    call file%put_array('ties', 'force', reshape([(force(k)%resultant%force, k=1, size(tie))], [3, size(tie)]))
+    call file%put_array('ties', 'moment', reshape([(force(k)%resultant%moment, k=1, size(tie))], [3, size(tie)]))
+    call file%put_array('ties', 'radial_force', [(force(k)%resultant%radial, k=1, size(tie))])
+    call file%put_array('ties', 'bolt', [(merge(1, 0, tie(k)%is_bolt), k=1, size(tie))])
+    call file%put_array('ties', 'tension', [(force(k)%tension, k=1, size(tie))])
+    call file%put_array('ties', 'shortening', [(force(k)%shortening, k=1, size(tie))])
+    call file%put_array('ties', 'area_tied', [(tie(k)%tied, k=1, size(tie))])
+    call file%put_array('ties', 'distance', [(tie(k)%distance, k=1, size(tie))])
+  end subroutine write_ties
 
   !> Number of loads of a body.
   pure integer function n_loads(body) result(n)

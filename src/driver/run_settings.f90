@@ -34,7 +34,8 @@ contains
   pure logical function may_use_multigrid(case)
     !> The case, its automatic choice of the scheme replaced.
     type(case_t), intent(in) :: case
-    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
+    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto .and. &
+                        size(case%tie) == 0
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.

@@ -4,7 +4,8 @@ module dotyk_driver_scene_building
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: peak_memory, set_stage
   use dotyk_base_text, only: text_t
-  use dotyk_contact_operator, only: build_operator
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_contact_problem, only: build_rows
   use dotyk_control_factorization, only: analyze_bodies
   use dotyk_control_response_choice, only: form_split
   use dotyk_driver_body_building, only: read_bodies
@@ -16,6 +17,7 @@ module dotyk_driver_scene_building
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_pairs, only: find_pairs
+  use dotyk_model_ties, only: find_ties
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: scheme_t
@@ -88,8 +90,12 @@ contains
       call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
-                          problem%surface_b, scene%operator, divided=n_ranks() > 1)
+      call find_ties(case, problem%body, surfaces, problem%tie, error)
+      if (allocated(error)) return
+      call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)
+      ! Ties have no penalty.
+      i = scene%operator%n_rows - size(scene%theta)
+      scene%theta = [scene%theta, spread(0.0_dp, 1, i)]
       do i = 1, size(problem%body)
         associate (block => scene%operator%block(i))
           if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)

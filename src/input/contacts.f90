@@ -13,7 +13,7 @@ module dotyk_input_contacts
   use dotyk_input_wildcards, only: bodies_named, names_several, refer_to_bodies
   implicit none
   private
-  public :: read_contact
+  public :: read_contact, read_side
 
 contains
 

@@ -1,10 +1,10 @@
 !> THE table of groups and keys: checks, defaults, `--help` and docs/input.md (`dotyk --help=markdown`) come from here,
-!> those of `&solver` and `&output` from `dotyk_input_solver_keywords`.
+!> those of `&solver` and `&output` from `dotyk_input_solver_keywords`, those of `&contact`, `&tie` and `&bolt` from
+!> `dotyk_input_contact_keywords`.
 module dotyk_input_keyword_table
-  use dotyk_base_options, only: analysis_names, condition_names, default_analysis, default_condition, &
-    default_discretization, default_geometry, default_quadrature, discretization_names, geometry_names, option_name, &
-    quadrature_names
+  use dotyk_base_options, only: analysis_names, default_analysis, option_name
   use dotyk_input_attachments, only: add_mass_keys, add_spring_keys
+  use dotyk_input_contact_keywords, only: add_bolt, add_contact, add_tie
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
   use dotyk_input_solver_keywords, only: add_output, add_solver
@@ -22,7 +22,7 @@ contains
     !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
-    allocate (groups(12))
+    allocate (groups(14))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -66,10 +66,16 @@ contains
                       "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /"//lf// &
                       "&contact name='races', surface_a='ball *:ball', surface_b='* ring:race' /"//lf// &
                       "&contact auto=.true., exclude='housing - cover' /")
-    groups(11) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(11) = group('tie', any_number, 'two surfaces that are joined: equal displacements, whatever their meshes', &
+                      "&tie name='weld', surface_a='rib:foot', surface_b='plate:top' /"//lf// &
+                      "&tie name='sectors', surface_a='sector:right', surface_b='sector:left', axis=0,0,1, angle=30 /")
+    groups(12) = group('bolt', any_number, 'pretension of a bolt that two bodies make up, the halves on both sides '// &
+                       'of a flat cut; exactly one of force and shortening', &
+                       "&bolt name='M12', surface_a='shank:cut', surface_b='head:cut', force=35e3 /")
+    groups(13) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(12) = group('output', at_most_one, 'contents of the results file', &
+    groups(14) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -106,6 +112,8 @@ contains
     call add_temperature(list)
     call add_initial_stress(list)
     call add_contact(list)
+    call add_tie(list)
+    call add_bolt(list)
     call add_solver(list)
     call add_output(list)
     call move_alloc(list%row, table)
@@ -297,72 +305,4 @@ contains
     call list%add('formula', kind_formula, least=6, most=6, unit='pressure', &
                   meaning='the same as formulas; between the nodes the shape functions interpolate')
   end subroutine add_initial_stress
-
-  !> Keys of `&contact`.
-  pure subroutine add_contact(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
-    call list%begin_group('contact')
-    call list%add('name', kind_text, &
-                  meaning='name of the contact pair; required without auto; pairs that are found are called '// &
-                  '''name: body - body''')
-    call list%add('surface_a', kind_text, &
-                  meaning='slave (non-mortar) side, as ''body:surface'': its vertices or quadrature points carry '// &
-                  'the contact pressures; choose the surface with the finer mesh, else the curved surface or '// &
-                  'that of the softer body; of a curved and a planar surface in 3D choose the curved one, above '// &
-                  'all where a body floats; required without auto; * and ? are wildcards: in the body, for a pair '// &
-                  'of each two bodies whose surfaces are near each other; in the surface, for the union of all '// &
-                  'physical groups of the body (faces in none do not count)')
-    call list%add('surface_b', kind_text, &
-                  meaning='master (mortar) side, as ''body:surface'' of another body, with wildcards as in '// &
-                  'surface_a: points of surface_a are projected on it; a planar surface against a curved one '// &
-                  'should be the master; required without auto')
-    call list%add('auto', kind_logical, default='.false.', &
-                  meaning='a pair of each two bodies whose faces are near each other, and which no other &contact '// &
-                  'names; the keys of the group hold for all these pairs')
-    call list%add('exclude', kind_text, most=200, &
-                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies with all '// &
-                  'their pairs; with wildcards')
-    call list%add('gap', kind_real, unit='length', &
-                  meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
-    call list%add('gap_formula', kind_formula, unit='length', &
-                  meaning='initial gap as a formula, evaluated on surface_a')
-    call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
-                  meaning='penalty parameter of this pair; if absent, theta of &solver')
-    call list%add('theta_relative', kind_real, not_negative=.true., &
-                  meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b; size is the shortest edge of '// &
-                  'the body if it is a brick, else of the brick with the same moments of inertia')
-    call list%add('theta_mesh', kind_real, not_negative=.true., &
-                  meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
-                  'the facet')
-    call list%add('theta_formula', kind_formula, unit='length/pressure', &
-                  meaning='penalty parameter as a formula, evaluated on surface_a; contact rows take its weighted mean')
-    call list%add('layer', kind_logical, default='.false.', &
-                  meaning='theta of this pair is the compliance of a real elastic (Winkler) layer: it is given, '// &
-                  'positive, kept by the error budget, and no part of the penalty error')
-    call list%add('search_radius', kind_real, unit='length', positive=.true., &
-                  meaning='largest distance between a point and its projection; if absent, the size of the '// &
-                  'smaller body (its diameter); points beyond it are normal where '// &
-                  'surface_a is closed')
-    call list%add('discretization', kind_name, names=discretization_names, &
-                  default=option_name(discretization_names, default_discretization), &
-                  meaning='contact constraints: mortar, dual (biorthogonal) mortar with one weighted gap per '// &
-                  'vertex of surface_a, stable for every theta; quadrature, one gap per quadrature point, with a '// &
-                  'penalty, (18) literally; if absent and layer=.true., quadrature')
-    call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
-                  meaning='surface geometry for gaps and normals: smooth, patches with continuous normals over '// &
-                  'the facets (planes stay flat, and edges between faces of the CAD model sharp); elements, '// &
-                  'the facets of the mesh')
-    call list%add('quadrature', kind_name, names=quadrature_names, &
-                  default=option_name(quadrature_names, default_quadrature), &
-                  meaning='quadrature points: segments, on the mortar segments (overlaps of facets of the two '// &
-                  'surfaces), exact on flat faces with any meshes; plain, on whole facets of surface_a')
-    call list%add('condition', kind_name, names=condition_names, &
-                  default=option_name(condition_names, default_condition), &
-                  meaning='interface condition in scheme=''robin'': robin, each body on springs 1/theta; '// &
-                  'neumann, each body under the last contact pressure')
-    call list%add('robin_gap', kind_real, unit='length', &
-                  meaning='initial gap up to which constraints of this pair have springs; if absent, robin_gap of '// &
-                  '&solver')
-  end subroutine add_contact
 end module dotyk_input_keyword_table

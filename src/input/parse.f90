@@ -18,6 +18,7 @@ module dotyk_input_parse
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
+  use dotyk_input_ties, only: read_ties
   use dotyk_input_solver_checks, only: check_solver_keys
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups, report
   implicit none
@@ -93,7 +94,7 @@ contains
     type(problems_t), intent(inout) :: problems
     !> The case, with file and directory; all else is set.
     type(case_t), intent(inout) :: case
-    type(names_t) :: materials, bodies, contacts
+    type(names_t) :: materials, bodies, contacts, ties
     type(group_t) :: solver, output
     type(body_input_t) :: body
     type(body_input_t), allocatable :: copies(:)
@@ -170,6 +171,9 @@ contains
     do i = 1, size(picked)
       call read_contact(groups(picked(i)), bodies, case%solver, problems, case%contact(i))
     end do
+    call gather_names(groups, 'tie', misspelled(place('tie')), problems, ties)
+    call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
+    call read_ties(groups, bodies, case%scene, case%solver, problems, case%tie)
     if (.not. is_usable(solver, 'stop_rule')) then
       case%solver%stop_rule = stop_residual
       if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. &

@@ -6,9 +6,11 @@ module dotyk_log_force_tables
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_load_tables, only: resultant_line, vector_text
+  use dotyk_log_tie_tables, only: show_tie_forces
   implicit none
   private
   public :: show_balance, show_pair_results
@@ -70,19 +72,31 @@ contains
     line = line//'least gap '//to_text(solution%least_gap, 4)//' at '//vector_text(solution%gap_position)
   end function details
 
+  !> Ties, reactions of the supports, strain energies of the bodies, and the error of the equilibrium.
+  subroutine show_balance(log, problem, balance)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies and ties.
+    type(contact_problem_t), intent(in) :: problem
+    !> Forces on them; nothing is shown where they are not known.
+    type(balance_t), intent(in) :: balance
+    if (.not. allocated(balance%body)) return
+    if (problem%n_ties() > 0) call show_tie_forces(log, problem%tie, balance%tie)
+    call show_body_forces(log, problem%body, balance)
+  end subroutine show_balance
+
   !> Reactions of the supports, strain energies of the bodies, and the error of the equilibrium.
-  subroutine show_balance(log, body, balance)
+  subroutine show_body_forces(log, body, balance)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Forces on them; nothing is shown where they are not known.
+    !> Forces on them.
     type(balance_t), intent(in) :: balance
     character(:), allocatable :: moments
     character(20) :: label
     real(dp) :: total(3), size_of, largest
     integer :: b, s, n, at(2)
-    if (.not. allocated(balance%body)) return
     n = sum([(size(balance%body(b)%support), b=1, size(body))])
     if (n > 0) call log%line('  support              reaction')
     total = 0
@@ -137,5 +151,5 @@ contains
       line = resultant_line(body(b), balance%body(b)%support(s), [balance%body(b)%force_scale, &
                                                                   balance%body(b)%moment_scale])
     end function support_line
-  end subroutine show_balance
+  end subroutine show_body_forces
 end module dotyk_log_force_tables

@@ -150,6 +150,10 @@ contains
       idle(problem%pair(k)%body_a) = .false.
       idle(problem%pair(k)%body_b) = .false.
     end do
+    do k = 1, problem%n_ties()
+      idle(problem%tie(k)%component(1)%body_a) = .false.
+      idle(problem%tie(k)%component(1)%body_b) = .false.
+    end do
     if (any(idle)) call log%line('  carry nothing    '//body_names(problem%body, idle)// &
                                  ': no load or contact force acts on '//trim(merge('them', 'it  ', count(idle) > 1)))
   end subroutine show_idle_bodies

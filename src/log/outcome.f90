@@ -90,6 +90,18 @@ contains
     ! The first of several that are moved as much.
     worst = findloc(work > (1 - something)*maxval(work), .true., 1)
     moved = work > 0 .and. (work > much*work(worst) .or. work > something*own_work)
+    if (.not. any(moved)) then
+      ! No load does work: the tensions of bolts do.
+      do b = 1, size(body)
+        work(b) = largest_displacement(modes(b), amplitude(first(b):first(b + 1) - 1))
+      end do
+      worst = maxloc(work, 1)
+      call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
+                     ': no equilibrium: the tension of a &bolt moves it, and neither supports nor contact resist: '// &
+                     modes(worst)%combination_text(amplitude(first(worst):first(worst + 1) - 1))// &
+                     '; add a &support, or a &contact that the bolt presses together', exit_not_solvable)
+      return
+    end if
     others = ''
     n_named = 0
     do b = 1, size(body)

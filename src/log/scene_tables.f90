@@ -20,6 +20,7 @@ module dotyk_log_scene_tables
   use dotyk_log_progress, only: duration
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_communication, only: n_ranks
+  use dotyk_log_tie_tables, only: show_ties
   implicit none
   private
   public :: show_title, show_scene, show_factorization, show_prediction
@@ -43,6 +44,7 @@ contains
     title = case%scene%title
     if (len(title) == 0) title = case%file
     pairs = counted(size(case%contact), 'contact pair')
+    if (size(case%tie) > 0) pairs = pairs//', '//counted(size(case%tie), 'tie')
     if (any(case%contact%searched)) pairs = 'search for contact pairs'
     ranks = ''
     if (n_ranks() > 1) ranks = counted(n_ranks(), 'rank')//' of '
@@ -73,6 +75,7 @@ contains
     call show_locking(log, case, problem%body, problem%classes)
     call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
+    if (problem%n_ties() > 0) call show_ties(log, problem%body, problem%tie)
     call show_found(log, problem)
     call log%line('')
   end subroutine show_scene
@@ -113,7 +116,7 @@ contains
       call log%line('  '//counted(size(body), 'body', 'bodies')//' in '// &
                     counted(classes%n(), 'congruence class', 'congruence classes')//': '// &
                     counted(classes%n(), 'factorization'))
-    if (size(case%contact) == 0) call log%line('  no contact pairs: one linear solve per body')
+    if (size(case%contact) + size(case%tie) == 0) call log%line('  no contact pairs: one linear solve per body')
   end subroutine show_bodies
 
   !> Names of the materials of a body, or their number where these are too long for the table.

@@ -183,13 +183,17 @@ contains
       associate (contact => case%contact(k))
         if (contact%auto) cycle
         if (contact%searched) then
-          if (any(contact%bodies_a == b)) call take_side(contact, contact%surface_a, .true.)
-          if (any(contact%bodies_b == b)) call take_side(contact, contact%surface_b, .true.)
+          if (any(contact%bodies_a == b)) call take_side(contact%line, contact%surface_a, .true.)
+          if (any(contact%bodies_b == b)) call take_side(contact%line, contact%surface_b, .true.)
         else
-          if (contact%body_a == b) call take_side(contact, contact%surface_a, .false.)
-          if (contact%body_b == b) call take_side(contact, contact%surface_b, .false.)
+          if (contact%body_a == b) call take_side(contact%line, contact%surface_a, .false.)
+          if (contact%body_b == b) call take_side(contact%line, contact%surface_b, .false.)
         end if
       end associate
+    end do
+    do k = 1, size(case%tie)
+      if (case%tie(k)%body_a == b) call take_side(case%tie(k)%line, case%tie(k)%surface_a, .false.)
+      if (case%tie(k)%body_b == b) call take_side(case%tie(k)%line, case%tie(k)%surface_b, .false.)
     end do
     call build_supports(case, mesh, b, volume, body, support_used, problems)
     allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
@@ -232,10 +236,10 @@ contains
       end do
     end subroutine place
 
-    !> Take a surface of the body for contact pairs.
-    subroutine take_side(contact, name, may_lack)
-      !> `&contact`.
-      type(contact_input_t), intent(in) :: contact
+    !> Take a surface of the body for contact pairs and ties.
+    subroutine take_side(line, name, may_lack)
+      !> Line of the namelist file.
+      integer, intent(in) :: line
       !> Name of the surface, maybe with wildcards.
       character(*), intent(in) :: name
       !> Whether the body need not have it.
@@ -247,7 +251,7 @@ contains
       end if
       call take_surface(name, surface, failed)
       if (.not. allocated(failed)) call surfaces%add(name, surface)
-      call note(contact%line, failed)
+      call note(line, failed)
     end subroutine take_side
 
     !> Take a surface of the body; messages name the body.

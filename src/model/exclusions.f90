@@ -2,12 +2,27 @@
 module dotyk_model_exclusions
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
-  use dotyk_input_case, only: exclusion_t
+  use dotyk_input_case, only: case_t, exclusion_t
   implicit none
   private
-  public :: exclusion_of, exclusion_texts
+  public :: are_tied, exclusion_of, exclusion_texts
 
 contains
+
+  !> Whether two bodies are tied to each other: no pair is searched between them.
+  pure logical function are_tied(case, a, b)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of a body.
+    integer, intent(in) :: a
+    !> Index of the other body.
+    integer, intent(in) :: b
+    are_tied = .false.
+    if (.not. allocated(case%tie)) return
+    associate (tie => case%tie)
+      are_tied = any((tie%body_a == a .and. tie%body_b == b) .or. (tie%body_a == b .and. tie%body_b == a))
+    end associate
+  end function are_tied
 
   !> The first exclusion that means two bodies; 0 where none does.
   pure integer function exclusion_of(exclude, a, b) result(i)

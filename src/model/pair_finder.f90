@@ -17,7 +17,7 @@ module dotyk_model_pair_finder
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
   use dotyk_model_distant_bodies, only: list_distant_bodies
   use dotyk_model_double_pairs, only: merge_double_pairs
-  use dotyk_model_exclusions, only: exclusion_of, exclusion_texts
+  use dotyk_model_exclusions, only: are_tied, exclusion_of, exclusion_texts
   use dotyk_model_pair_list, only: pair_list_t
   use dotyk_model_unnamed_faces, only: list_unnamed_faces, touching
   implicit none
@@ -265,7 +265,7 @@ contains
       do i = 1, size(near)
         if (.not. any(near(i)%opposite)) cycle
         associate (a => near(i)%body_a, b => near(i)%body_b)
-          if (is_excluded(given, a, b)) cycle
+          if (is_excluded(given, a, b) .or. are_tied(case, a, b)) cycle
           if (list%between(a, b, 0) > 0) then
             group%n_named = group%n_named + 1
             cycle

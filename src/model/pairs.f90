@@ -134,15 +134,17 @@ contains
   end subroutine share_searched
 
   !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
-  subroutine foundation_compliance(body, pair, foundation)
+  subroutine foundation_compliance(body, pair, n_rows, foundation)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    !> Compliance of each row (n_rows) [length/pressure].
+    !> Number of rows: those of ties, after those of the pairs, have no foundation.
+    integer, intent(in) :: n_rows
+    !> Compliance of each row; 1 for ties (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: foundation(:)
     integer :: k, n
-    allocate (foundation(sum(pair%n_rows)))
+    allocate (foundation(n_rows), source=1.0_dp)
     n = 0
     do k = 1, size(pair)
       foundation(n + 1:n + pair(k)%n_rows) = &

@@ -6,7 +6,7 @@ module dotyk_model_unnamed_faces
   use dotyk_contact_pair_report, only: unnamed_faces_t
   use dotyk_input_case, only: case_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_exclusions, only: exclusion_of
+  use dotyk_model_exclusions, only: are_tied, exclusion_of
   use dotyk_model_pair_list, only: pair_list_t
   implicit none
   private
@@ -102,6 +102,7 @@ contains
     integer, intent(in) :: b
     integer :: k
     left_out = .true.
+    if (are_tied(case, a, b)) return
     do k = 1, size(case%contact)
       if (.not. allocated(case%contact(k)%exclude)) cycle
       if (exclusion_of(case%contact(k)%exclude, case%body(a)%name, case%body(b)%name) > 0) return

@@ -13,7 +13,7 @@ module dotyk_output_results_file
   !> A results file being written.
   type, extends(fields_file_t), public :: results_file_t
   contains
-    procedure :: add_contact => results_add_contact
+    procedure :: add_group => results_add_group
     procedure, private :: put_text, put_integer, put_long, put_real, put_logical, put_reals
     !> put_attribute(group, name, value): `group` is relative to `/dotyk`: '', 'summary', 'timing', contact_group(name).
     !> Values: text, integers (32 and 64 bits), real, logical (0 or 1), real vector. A failure is reported by `commit`.
@@ -45,13 +45,13 @@ contains
   end function contact_group
 
   !> Add the group of a contact pair; `commit` reports a failure.
-  subroutine results_add_contact(self, name)
+  subroutine results_add_group(self, group)
     class(results_file_t), intent(inout) :: self
-    !> Name of the contact pair.
-    character(*), intent(in) :: name
+    !> Path of the group below /dotyk.
+    character(*), intent(in) :: group
     if (allocated(self%failure)) return
-    call self%file%add_group(dotyk_path(contact_group(name)), self%failure)
-  end subroutine results_add_contact
+    call self%file%add_group(dotyk_path(group), self%failure)
+  end subroutine results_add_group
 
   !> Path in the file of a group below `/dotyk`.
   pure function dotyk_path(group) result(path)

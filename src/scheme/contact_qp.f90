@@ -20,7 +20,7 @@ module dotyk_scheme_contact_qp
   implicit none
   private
 
-  !> The quadratic programme. Only this module and `dotyk_scheme_restriction` write its components.
+  !> The quadratic programme. Only this module, `dotyk_scheme_restriction` and `dotyk_scheme_tied` write its components.
   type, public :: contact_qp_t
     !> Number of contact rows.
     integer :: n_rows = 0

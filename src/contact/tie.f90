@@ -1,0 +1,151 @@
+!> Surfaces that are tied together: displacements of both are equal in the weighted mean over the dual shape functions
+!> of each vertex of the slave surface, component by component (mesh tying by dual mortar rows: M. Puso, Int. J. Numer.
+!> Methods Engrg. 59, 2004).
+!>
+!> A tie is one pair for each component: its rows are those of a contact pair whose normals are the axis of the
+!> component everywhere, and whose gaps are 0, whatever lies between the surfaces. With the arm r = x' - x from a point
+!> of the slave surface to its projection, it is u_a at the end of the arm that equals u_b there: the arm moves with its
+!> facet,
+!>
+!>     u_a(x + r) = u_a + grad_s u_a . r_s - grad_s(u_a . r_n),
+!>
+!> r_s and r_n its parts along the facet and across it, so that rotations of both bodies together leave ties closed
+!> where the meshes of a curved surface do not fit.
+module dotyk_contact_tie
+  use dotyk_base_error, only: error_t
+  use dotyk_base_formula, only: formula_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: discretization_mortar, gap_constant, geometry_elements, quadrature_segments
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_pair_discretization, only: discretize_pair
+  use dotyk_linalg_dense, only: solve_dense
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions, shape_gradients
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: discretize_tie, facet_size
+
+contains
+
+  !> Discretize a tie.
+  subroutine discretize_tie(mesh_a, surface_a, mesh_b, surface_b, settings, tie, normal, distance, error, turn)
+    !> Mesh of the slave body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Mesh of the master body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
+    !> Name, bodies, search radius, axisymmetry.
+    type(pair_settings_t), intent(in) :: settings
+    !> One pair for each component (dimension).
+    type(contact_pair_t), allocatable, intent(out) :: tie(:)
+    !> Mean normal of the slave surface; of length 1 where it is flat (dimension) [].
+    real(dp), intent(out) :: normal(:)
+    !> Greatest distance of the surfaces [length].
+    real(dp), intent(out) :: distance
+    !> No point of the slave surface has a projection, or a facet has no area.
+    type(error_t), allocatable, intent(out) :: error
+    !> Rotation of the master body that brings its surface there; its mesh is rotated already (dimension, dimension) [].
+    real(dp), intent(in), optional :: turn(:, :)
+    type(pair_settings_t) :: of_tie
+    type(contact_pair_t) :: pair
+    type(formula_t) :: none
+    integer :: c
+    of_tie = settings
+    of_tie%gap_kind = gap_constant
+    of_tie%gap = 0
+    of_tie%theta = 0
+    of_tie%discretization = discretization_mortar
+    of_tie%geometry = geometry_elements
+    of_tie%quadrature = quadrature_segments
+    of_tie%touches_in_points = .false.
+    distance = 0
+    normal = 0
+    call discretize_pair(mesh_a, surface_a, mesh_b, surface_b, of_tie, none, pair, error)
+    if (allocated(error)) return
+    call set_arms(mesh_a, surface_a, mesh_b, surface_b, pair, distance, error)
+    if (allocated(error)) return
+    normal = matmul(pair%normal, pair%weight)/sum(pair%weight)
+    if (present(turn)) pair%turn = turn
+    allocate (tie(pair%dimension))
+    do c = 1, pair%dimension
+      pair%normal = 0
+      pair%normal(c, :) = 1
+      pair%row_normal = 0
+      pair%row_normal(c, :) = 1
+      tie(c) = pair
+    end do
+  end subroutine discretize_tie
+
+  !> Displacements of the slave surface at the ends of the arms, where the tractions of the tie act, as combinations of
+  !> those of the nodes of its facets.
+  subroutine set_arms(mesh_a, surface_a, mesh_b, surface_b, pair, distance, error)
+    !> Mesh of the slave body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Mesh of the master body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
+    !> Points are given; gets the parts of the arms.
+    type(contact_pair_t), intent(inout) :: pair
+    !> Length of the longest arm [length].
+    real(dp), intent(out) :: distance
+    !> A facet has no area.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: shape(max_facet_nodes), gradient(pair%dimension - 1, max_facet_nodes), r(pair%dimension)
+    real(dp) :: tangent(pair%dimension, pair%dimension - 1), metric(pair%dimension - 1, pair%dimension - 1)
+    real(dp) :: along(pair%dimension - 1, max_facet_nodes + 1)
+    integer :: q, m, j, f
+    distance = 0
+    allocate (pair%arm_shape(max_facet_nodes, pair%n_points), &
+              pair%arm_gradient(pair%dimension, max_facet_nodes, pair%n_points), &
+              pair%arm_normal(pair%dimension, pair%n_points), source=0.0_dp)
+    do q = 1, pair%n_points
+      f = pair%facet_b(q)
+      m = kind_nodes(surface_b%kind(f))
+      call shape_functions(surface_b%kind(f), pair%xi_b(:, q), shape(:m))
+      r = matmul(mesh_b%x(:, surface_b%node(:m, f)), shape(:m))
+      f = pair%facet_a(q)
+      m = kind_nodes(surface_a%kind(f))
+      call shape_functions(surface_a%kind(f), pair%xi_a(:, q), shape(:m))
+      call shape_gradients(surface_a%kind(f), pair%xi_a(:, q), gradient(:, :m))
+      associate (x => mesh_a%x(:, surface_a%node(:m, f)))
+        r = r - matmul(x, shape(:m))
+        tangent = matmul(x, transpose(gradient(:, :m)))
+      end associate
+      distance = max(distance, norm2(r))
+      pair%position(:, q) = pair%position(:, q) + r
+      metric = matmul(transpose(tangent), tangent)
+      along(:, 1) = matmul(r, tangent)
+      along(:, 2:m + 1) = gradient(:, :m)
+      call solve_dense(metric, along(:, :m + 1), error)
+      if (allocated(error)) return
+      pair%arm_normal(:, q) = r - matmul(tangent, along(:, 1))
+      do j = 1, m
+        pair%arm_shape(j, q) = dot_product(gradient(:, j), along(:, 1))
+        pair%arm_gradient(:, j, q) = matmul(tangent, along(:, j + 1))
+      end do
+    end do
+  end subroutine set_arms
+
+  !> Mean size of the facets of a surface, the side of a square of the same area [length].
+  real(dp) function facet_size(mesh, surface) result(mean)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    integer :: f
+    mean = 0
+    do f = 1, surface%n_facets
+      associate (x => mesh%x(:, surface%node(:kind_nodes(surface%kind(f)), f)))
+        mean = mean + maxval(maxval(x, dim=2) - minval(x, dim=2))
+      end associate
+    end do
+    mean = mean/max(1, surface%n_facets)
+  end function facet_size
+end module dotyk_contact_tie

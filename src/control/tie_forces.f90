@@ -1,0 +1,55 @@
+!> What ties transmit: force and moment on the slave body; tension and shortening of bolts.
+module dotyk_control_tie_forces
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  implicit none
+  private
+
+  !> Forces of one tie.
+  type, public :: tie_force_t
+    !> Force, moment about the origin, and radial force on the slave body.
+    type(pair_resultant_t) :: resultant
+    !> Of a bolt: force on the slave body along the normal of the cut, out of it [force].
+    real(dp) :: tension = 0
+    !> Of a bolt: how far its halves overlap [length].
+    real(dp) :: shortening = 0
+  end type tie_force_t
+
+  public :: find_tie_forces
+
+contains
+
+  !> Forces of all ties.
+  function find_tie_forces(problem, m, y) result(of_tie)
+    !> Bodies, pairs and ties.
+    type(contact_problem_t), intent(in) :: problem
+    !> Pressures of the contact rows and tractions of the ties after them (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d of the same rows (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> (n_ties).
+    type(tie_force_t), allocatable :: of_tie(:)
+    type(pair_resultant_t) :: part
+    integer :: c, k, n
+    allocate (of_tie(problem%n_ties()))
+    n = sum(problem%pair%n_rows)
+    do k = 1, size(of_tie)
+      associate (tie => problem%tie(k), all => of_tie(k)%resultant)
+        do c = 1, size(tie%component)
+          associate (rows => tie%component(c), last => n + tie%component(c)%n_rows)
+            part = pair_resultant(rows, problem%body(rows%body_a)%analysis == analysis_axisymmetric, m(n + 1:last))
+            all%force = all%force + part%force
+            all%moment = all%moment + part%moment
+            all%radial = all%radial + part%radial
+            of_tie(k)%shortening = of_tie(k)%shortening + &
+              tie%normal(c)*sum(rows%row_weight*(y(n + 1:last) + rows%row_gap))/sum(rows%row_weight)
+            n = last
+          end associate
+        end do
+        of_tie(k)%tension = dot_product(all%force, tie%normal)
+      end associate
+    end do
+  end function find_tie_forces
+end module dotyk_control_tie_forces

@@ -1,0 +1,90 @@
+!> Ties in the log: what is tied, and what it transmits.
+module dotyk_log_tie_tables
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, to_text
+  use dotyk_control_contact_problem, only: tied_surfaces_t
+  use dotyk_control_tie_forces, only: tie_force_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_log_load_tables, only: vector_text
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: show_ties, show_tie_forces
+
+  !> Greatest number of ties with lines of their own.
+  integer, parameter :: most_shown = 20
+  !> Slave surfaces less of which is tied get a word [].
+  real(dp), parameter :: nearly_all = 0.999_dp
+
+contains
+
+  !> What is tied.
+  subroutine show_ties(log, body, tie)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    character(20) :: label
+    integer :: k
+    if (size(tie) == 0) return
+    call log%line('')
+    call log%line('  tie                  area tied   surfaces')
+    do k = 1, min(size(tie), most_shown)
+      associate (rows => tie(k)%component(1))
+        label = tie(k)%name
+        call log%line('  '//label//' '//adjustr(padded(to_text(100*tie(k)%tied, 4)//' %'))//'   '// &
+                      side(body(rows%body_a)%name, tie(k)%surface_a)//' to '// &
+                      side(body(rows%body_b)%name, tie(k)%surface_b)//', '//to_text(tie(k)%distance, 3)// &
+                      ' apart at most')
+      end associate
+      if (tie(k)%tied < nearly_all) &
+        call log%line('    the rest of the slave area projects beside the master surface, or is farther away than '// &
+                      'search_radius')
+    end do
+    if (size(tie) > most_shown) call log%line('  ... '//counted(size(tie) - most_shown, 'more tie'))
+  end subroutine show_ties
+
+  !> A side of a tie.
+  function side(body, surface)
+    !> Name of the body.
+    character(*), intent(in) :: body
+    !> Its surface.
+    type(surface_t), intent(in) :: surface
+    character(:), allocatable :: side
+    side = body//':'//surface%name//' ('//counted(surface%n_facets, 'facet')//')'
+  end function side
+
+  !> A short text in a column.
+  pure function padded(text)
+    !> The text.
+    character(*), intent(in) :: text
+    character(9) :: padded
+    padded = text
+  end function padded
+
+  !> What ties transmit.
+  subroutine show_tie_forces(log, tie, force)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    !> What they transmit (n_ties).
+    type(tie_force_t), intent(in) :: force(:)
+    integer :: k
+    character(:), allocatable :: more
+    do k = 1, min(size(tie), most_shown)
+      associate (all => force(k)%resultant)
+        more = ''
+        if (any(abs(all%moment) > 0)) more = ', moment '//vector_text(all%moment)//' about the origin'
+        if (abs(all%radial) > 0) more = more//', radial '//to_text(all%radial, 5)//' around the circumference'
+        if (tie(k)%is_bolt) more = more//', tension '//to_text(force(k)%tension, 5)//', shortened by '// &
+                                   to_text(force(k)%shortening, 5)
+        call log%line('  '//tie(k)%name//': tie force '//vector_text(all%force)//' on the slave body'//more)
+      end associate
+    end do
+    if (size(tie) > most_shown) call log%line('  ... '//counted(size(tie) - most_shown, 'more tie'))
+  end subroutine show_tie_forces
+end module dotyk_log_tie_tables

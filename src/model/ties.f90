@@ -1,0 +1,134 @@
+!> Discretizes the ties of the input.
+module dotyk_model_ties
+  use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_rotation, only: rotation_matrix
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_tie, only: discretize_tie, facet_size
+  use dotyk_control_contact_problem, only: tied_surfaces_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t, tie_input_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t
+  implicit none
+  private
+  public :: find_ties
+
+  !> Surfaces are tied up to this distance, in facets [].
+  real(dp), parameter :: most_distant = 0.5_dp
+  !> Length of the mean of unit normals over a flat surface, at least [].
+  real(dp), parameter :: nearly_flat = 0.9999_dp
+
+contains
+
+  !> Discretize all ties; all problems are reported together.
+  subroutine find_ties(case, body, surfaces, tie, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their named surfaces (n_bodies).
+    type(body_surfaces_t), intent(in) :: surfaces(:)
+    !> The ties, in the order of the input (n_ties).
+    type(tied_surfaces_t), allocatable, intent(out) :: tie(:)
+    !> Allocated where ties cannot be discretized: all problems, one per line.
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
+    integer :: k
+    allocate (tie(size(case%tie)))
+    do k = 1, size(case%tie)
+      associate (given => case%tie(k))
+        call find_tie(given, case%scene%analysis == analysis_axisymmetric, body(given%body_a), body(given%body_b), &
+                      surfaces(given%body_a), surfaces(given%body_b), tie(k), failed)
+        call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
+      end associate
+    end do
+    call problems%raise(error)
+  end subroutine find_ties
+
+  !> Discretize one tie.
+  subroutine find_tie(given, axisymmetric, body_a, body_b, surfaces_a, surfaces_b, tie, error)
+    !> `&tie`.
+    type(tie_input_t), intent(in) :: given
+    !> Whether the bodies are axisymmetric.
+    logical, intent(in) :: axisymmetric
+    !> Body of the slave side.
+    type(body_t), intent(in) :: body_a
+    !> Body of the master side.
+    type(body_t), intent(in) :: body_b
+    !> Surfaces of the slave body.
+    type(body_surfaces_t), intent(in) :: surfaces_a
+    !> Surfaces of the master body.
+    type(body_surfaces_t), intent(in) :: surfaces_b
+    !> The tie.
+    type(tied_surfaces_t), intent(out) :: tie
+    !> The surfaces are too far from each other, or do not face each other.
+    type(error_t), allocatable, intent(out) :: error
+    type(pair_settings_t) :: settings
+    type(contact_pair_t), allocatable :: of_component(:)
+    type(body_mesh_t) :: turned
+    real(dp) :: turn(3, 3), lost
+    tie%name = given%name
+    tie%surface_a = surfaces_a%surface(surfaces_a%find(given%surface_a))
+    tie%surface_b = surfaces_b%surface(surfaces_b%find(given%surface_b))
+    settings%name = given%name
+    settings%group = merge('&bolt', '&tie ', given%is_bolt)
+    settings%body_a = given%body_a
+    settings%body_b = given%body_b
+    settings%axisymmetric = axisymmetric
+    settings%search_radius = given%search_radius
+    if (.not. settings%search_radius > 0) &
+      settings%search_radius = most_distant*min(facet_size(body_a%mesh, tie%surface_a), &
+                                                facet_size(body_b%mesh, tie%surface_b))
+    associate (d => body_a%dimension)
+      if (abs(given%angle) > 0) then
+        turn = rotation_matrix(given%axis, given%angle)
+        turned = body_b%mesh
+        turned%x = spread(given%centre(:d), 2, size(turned%x, 2)) + &
+          matmul(turn(:d, :d), turned%x - spread(given%centre(:d), 2, size(turned%x, 2)))
+        call discretize_tie(body_a%mesh, tie%surface_a, turned, tie%surface_b, settings, of_component, &
+                            tie%normal(:d), tie%distance, error, turn(:d, :d))
+      else
+        call discretize_tie(body_a%mesh, tie%surface_a, body_b%mesh, tie%surface_b, settings, of_component, &
+                            tie%normal(:d), tie%distance, error)
+      end if
+    end associate
+    if (allocated(error)) return
+    tie%is_bolt = given%is_bolt
+    if (given%is_bolt) call tighten(given, tie, of_component, error)
+    if (allocated(error)) return
+    associate (pair => of_component(1))
+      lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
+    end associate
+    tie%tied = 1 - lost
+    call move_alloc(of_component, tie%component)
+  end subroutine find_tie
+
+  !> Pull the halves of a bolt together.
+  subroutine tighten(given, bolt, rows, error)
+    !> `&bolt`.
+    type(tie_input_t), intent(in) :: given
+    !> The bolt, with the normal of its cut.
+    type(tied_surfaces_t), intent(inout) :: bolt
+    !> Its rows; their gaps are set (dimension).
+    type(contact_pair_t), intent(inout) :: rows(:)
+    !> The cut is not flat.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: c
+    if (norm2(bolt%normal) < nearly_flat) then
+      call set_error(error, '&bolt '//quoted(given%name)//': the surface '//quoted(bolt%surface_a%name)// &
+                     ' is not flat: a bolt is cut across its axis', exit_bad_input)
+      return
+    end if
+    bolt%normal = bolt%normal/norm2(bolt%normal)
+    bolt%slides = given%has_force
+    bolt%force = given%force
+    do c = 1, size(rows)
+      rows(c)%row_gap = bolt%normal(c)*given%shortening
+    end do
+  end subroutine tighten
+end module dotyk_model_ties

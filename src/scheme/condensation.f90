@@ -1,0 +1,358 @@
+!> Static condensation of ties: bodies that are tied together become one body of a smaller quadratic programme, which
+!> has the contact rows only.
+!>
+!> Ties are rows t of the QP without a sign, `y_t = 0`, beside the contact rows c. For the bodies of one group, with the
+!> compliance C, the modes G and their stiffness S,
+!>
+!>     y_c = y0_c - C_cc lambda_c - C_ct lambda_t + G_c alpha,
+!>     C_tt lambda_t - G_t alpha = y0_t - C_tc lambda_c,    G_t^T lambda_t + S alpha = e - G_c^T lambda_c.
+!>
+!> The second line is solved for any lambda_c but for the rigid body motions N of the whole group, `G_t N = 0`. With
+!> `(P, Q)` its solution for `(C_tc, G_c^T)`, and `(lambda_0, alpha_0)` that for `(y0_t, e)`, the group is a body with
+!>
+!>     C^ = C_cc - C_ct P + G_c Q,    y0^ = y0_c - C_ct lambda_0 + G_c alpha_0,    G^ = G_c N,    e^ = N^T e,
+!>
+!> and every scheme solves the programme of groups as it does that of bodies. The dual form of substructuring: C.
+!> Farhat, F.-X. Roux, Int. J. Numer. Methods Engrg. 32, 1991. Rows may be linearly dependent (ties that cross each
+!> other or run into supports): C_tt plus a small fraction of its diagonal is factorized, and solutions are refined with
+!> C_tt itself.
+module dotyk_scheme_condensation
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_blas, only: add_product, transposed_product
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
+  use dotyk_scheme_active_system, only: proximal_term
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+
+  !> A bolt of given tension: a tie whose sides come closer by an unknown shortening s along a direction n,
+  !> `y_t = s n`, until the tie transmits the force. The shortening is one more mode of the group, with
+  !> `-sum lambda_t . n` as its equilibrium.
+  type, public :: slide_t
+    !> First row, number of rows of each component, one component after the other, and number of components.
+    integer :: first = 0, n_rows = 0, dimension = 0
+    !> Direction (3) [].
+    real(dp) :: direction(3) = 0
+    !> Tension [force].
+    real(dp) :: force = 0
+  end type slide_t
+
+  !> Bodies that ties join.
+  type, public :: tied_group_t
+    !> Rows of the QP from this one on are ties.
+    integer :: first_tie = 0
+    !> The bodies, ascending (n_bodies).
+    integer, allocatable :: body(:)
+    !> Rows of the QP: ties of the group, and contact rows that touch one of its bodies; ascending (n_tie), (n_contact).
+    integer, allocatable :: tie(:), contact(:)
+    !> Modes of its bodies in the coarse space (n_body_modes); the modes of the group are these, and its slides.
+    integer, allocatable :: mode(:)
+    !> Slides among its ties.
+    type(slide_t), allocatable :: slide(:)
+    !> C_tt (n_tie, n_tie), C_tc (n_tie, n_contact), C_cc (n_contact, n_contact) [length/force].
+    real(dp), allocatable :: c_tt(:, :), c_tc(:, :), c_cc(:, :)
+    !> G_t (n_tie, n_modes), G_c (n_contact, n_modes) [].
+    real(dp), allocatable :: g_t(:, :), g_c(:, :)
+    !> S (n_modes, n_modes) [force/length].
+    real(dp), allocatable :: s(:, :)
+    !> Motions N of the whole group, as columns; each moves its rows by 1 at most (n_modes, n_free) [].
+    real(dp), allocatable :: free(:, :)
+    !> Factor of C_tt, and its diagonal (n_tie) [length/force].
+    type(dense_cholesky_t), private :: factor
+    real(dp), allocatable, private :: diagonal(:)
+    !> Inverse of `G_t^T C_tt^{-1} G_t + S` but for the motions N (n_modes, n_modes) [length/force].
+    real(dp), allocatable, private :: inverse(:, :)
+    !> What remains of resultants without those on the motions N (n_modes, n_modes) [].
+    real(dp), allocatable, private :: balance(:, :)
+  contains
+    procedure :: take_rows => group_take_rows
+    procedure :: form => group_form
+    procedure :: solve => group_solve
+    procedure :: condensed_compliance => group_condensed_compliance
+    procedure :: resultants => group_resultants
+    procedure :: shortening_work => group_shortening_work
+  end type tied_group_t
+
+  public :: find_groups
+
+  !> Eigenvalues of the stiffness of the ties against the modes, relative to those of each mode by itself, are zero
+  !> below this: motions of the whole group [].
+  real(dp), parameter :: least_eigenvalue = 1.0e-11_dp
+  !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
+  real(dp), parameter :: least_compliance = 1.0e-12_dp
+  !> Steps of iterative refinement at most, and the fraction to which a step reduces the residual where more are worth
+  !> it.
+  integer, parameter :: most_refinements = 8
+  real(dp), parameter :: worthwhile_gain = 0.1_dp
+
+contains
+
+  !> Groups of bodies that ties join, those without any tie each by itself, in the order of their first bodies.
+  subroutine find_groups(qp, first_tie, group_of, n_groups)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Rows from this one on are ties.
+    integer, intent(in) :: first_tie
+    !> Group of each body (n_bodies).
+    integer, allocatable, intent(out) :: group_of(:)
+    !> Number of groups.
+    integer, intent(out) :: n_groups
+    integer :: i, b, least, number(size(qp%block))
+    logical :: changes
+    group_of = [(b, b=1, size(qp%block))]
+    do
+      changes = .false.
+      do i = first_tie, qp%n_rows
+        associate (one => qp%coarse%body(1, i), other => qp%coarse%body(2, i))
+          if (one == 0 .or. other == 0) cycle
+          least = min(group_of(one), group_of(other))
+          if (group_of(one) == least .and. group_of(other) == least) cycle
+          group_of(one) = least
+          group_of(other) = least
+          changes = .true.
+        end associate
+      end do
+      if (.not. changes) exit
+    end do
+    n_groups = 0
+    do b = 1, size(group_of)
+      if (group_of(b) == b) then
+        n_groups = n_groups + 1
+        number(b) = n_groups
+      end if
+      group_of(b) = number(group_of(b))
+    end do
+  end subroutine find_groups
+
+  !> Find the bodies, rows and modes of a group.
+  subroutine group_take_rows(self, qp, first_tie, group_of, group, slide)
+    class(tied_group_t), intent(inout) :: self
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Rows from this one on are ties.
+    integer, intent(in) :: first_tie
+    !> Group of each body (n_bodies).
+    integer, intent(in) :: group_of(:)
+    !> Number of the group.
+    integer, intent(in) :: group
+    !> Slides of all groups (n_slides).
+    type(slide_t), intent(in) :: slide(:)
+    logical :: touches(qp%n_rows)
+    integer :: i, b, k
+    self%first_tie = first_tie
+    self%body = pack([(b, b=1, size(group_of))], group_of == group)
+    touches = .false.
+    allocate (self%mode(0))
+    do i = 1, size(self%body)
+      b = self%body(i)
+      touches(qp%block(b)%row) = .true.
+      self%mode = [self%mode, [(k, k=qp%coarse%first(b), qp%coarse%first(b + 1) - 1)]]
+    end do
+    self%contact = pack([(i, i=1, first_tie - 1)], touches(:first_tie - 1))
+    self%tie = pack([(i, i=first_tie, qp%n_rows)], touches(first_tie:))
+    self%slide = pack(slide, touches(slide%first))
+  end subroutine group_take_rows
+
+  !> Collect the compliance of the bodies, factorize that of the ties, and find the motions of the group.
+  subroutine group_form(self, qp, compliance, error)
+    !> With bodies, rows and modes.
+    class(tied_group_t), intent(inout) :: self
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Formed at all rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Allocated where the compliance of the ties has no factor: an entry is not a number.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: entries(:, :), proximal(:)
+    real(dp) :: largest
+    integer :: place(qp%n_rows), i, j, k, b, n, n_modes, failed
+    n = size(self%tie)
+    n_modes = size(self%mode) + size(self%slide)
+    place = 0
+    place(self%contact) = [(i, i=1, size(self%contact))]
+    place(self%tie) = [(i, i=1, n)]
+    allocate (self%c_tt(n, n), self%c_tc(n, size(self%contact)), self%c_cc(size(self%contact), size(self%contact)), &
+              self%g_t(n, n_modes), self%g_c(size(self%contact), n_modes), self%s(n_modes, n_modes), source=0.0_dp)
+    k = 0
+    do i = 1, size(self%body)
+      b = self%body(i)
+      associate (row => qp%block(b)%row, g => qp%coarse%block(b)%value)
+        ! Rows are ascending: contact rows come before ties.
+        j = count(row < self%first_tie)
+        call compliance%get_entries(qp, b, row, entries)
+        associate (c => place(row(:j)), t => place(row(j + 1:)), last => k + size(g, 2))
+          self%c_cc(c, c) = self%c_cc(c, c) + entries(:j, :j)
+          self%c_tc(t, c) = self%c_tc(t, c) + entries(j + 1:, :j)
+          self%c_tt(t, t) = self%c_tt(t, t) + entries(j + 1:, j + 1:)
+          self%g_c(c, k + 1:last) = g(:j, :)
+          self%g_t(t, k + 1:last) = g(j + 1:, :)
+          if (allocated(qp%coarse%stiffness)) self%s(k + 1:last, k + 1:last) = qp%coarse%stiffness(b)%value
+        end associate
+        k = k + size(g, 2)
+      end associate
+    end do
+    do i = 1, size(self%slide)
+      associate (own => self%slide(i))
+        do j = 1, own%dimension
+          self%g_t(place([(b, b=own%first + (j - 1)*own%n_rows, own%first + j*own%n_rows - 1)]), k + i) = &
+            -own%direction(j)
+        end do
+      end associate
+    end do
+    self%diagonal = [(self%c_tt(i, i), i=1, n)]
+    largest = maxval([tiny(largest), self%diagonal])
+    where (.not. self%diagonal > least_compliance*largest) self%diagonal = largest
+    proximal = proximal_term(self%diagonal, 0*self%diagonal, qp%weight(self%tie))
+    call self%factor%resize(n)
+    do i = 1, n
+      self%factor%value((i - 1)*n + 1:i*n) = self%c_tt(:, i)
+      self%factor%value((i - 1)*n + i) = self%diagonal(i) + proximal(i)
+    end do
+    call self%factor%factorize(failed)
+    if (failed > 0) then
+      call set_error(error, 'the compliance matrix of the ties is not positive definite', exit_not_solvable)
+      return
+    end if
+    if (n > 0) then
+      call find_motions(self, error)
+    else
+      allocate (self%free(n_modes, n_modes), source=0.0_dp)
+      do i = 1, n_modes
+        self%free(i, i) = 1
+      end do
+    end if
+  end subroutine group_form
+
+  !> The motions N of the whole group, and the inverse of the stiffness of the ties against all others.
+  subroutine find_motions(self, error)
+    !> Factorized.
+    type(tied_group_t), intent(inout) :: self
+    !> Allocated where LAPACK finds no eigenvalues.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: y(:, :), stiffness(:, :), root(:), values(:), vectors(:, :)
+    real(dp) :: most
+    integer :: i, n, n_free
+    n = size(self%s, 1)
+    allocate (stiffness(n, n), values(n), vectors(n, n), root(n), self%balance(n, n), self%inverse(n, n))
+    y = self%g_t
+    call self%factor%solve_columns(y)
+    call transposed_product(self%g_t, y, stiffness)
+    stiffness = (stiffness + transpose(stiffness))/2 + self%s
+    do i = 1, n
+      root(i) = sqrt(stiffness(i, i))
+      if (.not. root(i) > 0) root(i) = 1
+    end do
+    do i = 1, n
+      stiffness(:, i) = stiffness(:, i)/root/root(i)
+    end do
+    call symmetric_eigen(stiffness, values, vectors, error)
+    if (allocated(error)) return
+    n_free = count(values < least_eigenvalue)
+    self%balance = 0
+    self%inverse = 0
+    do i = n_free + 1, n
+      self%balance = self%balance + spread(root*vectors(:, i), 2, n)*spread(vectors(:, i)/root, 1, n)
+      self%inverse = self%inverse + spread(vectors(:, i)/root, 2, n)*spread(vectors(:, i)/root, 1, n)/values(i)
+    end do
+    allocate (self%free(n, n_free))
+    do i = 1, n_free
+      self%free(:, i) = vectors(:, i)/root
+      most = maxval([0.0_dp, abs(matmul(self%g_c, self%free(:, i)))])
+      if (most > least_compliance*maxval(abs(self%free(:, i)))) then
+        self%free(:, i) = self%free(:, i)/most
+      else
+        self%free(:, i) = self%free(:, i)/maxval(abs(self%free(:, i)))
+      end if
+    end do
+  end subroutine find_motions
+
+  !> Solve `C_tt lambda - G_t alpha = b, G_t^T lambda + S alpha = c` for many right-hand sides; without the resultants c
+  !> on motions of the whole group, which get amplitude 0.
+  subroutine group_solve(self, b, c, lambda, alpha, residual)
+    class(tied_group_t), intent(in) :: self
+    !> (n_tie, n) [length].
+    real(dp), intent(in), contiguous :: b(:, :)
+    !> (n_modes, n) [force].
+    real(dp), intent(in), contiguous :: c(:, :)
+    !> (n_tie, n) [force].
+    real(dp), allocatable, intent(out) :: lambda(:, :)
+    !> (n_modes, n) [length].
+    real(dp), allocatable, intent(out) :: alpha(:, :)
+    !> What the ties still open by, the largest of all (1) [length].
+    real(dp), intent(out), optional :: residual
+    real(dp), allocatable :: r_b(:, :), r_c(:, :), balanced(:, :), step(:, :), step_alpha(:, :), half(:, :)
+    real(dp) :: left, previous
+    integer :: k
+    allocate (lambda(size(b, 1), size(b, 2)), alpha(size(c, 1), size(c, 2)), source=0.0_dp)
+    allocate (half(size(c, 1), size(c, 2)), balanced(size(c, 1), size(c, 2)), step_alpha(size(c, 1), size(c, 2)), &
+              source=0.0_dp)
+    call add_product(1.0_dp, self%balance, c, balanced)
+    r_b = b
+    r_c = balanced
+    previous = huge(previous)
+    do k = 1, most_refinements
+      step = r_b
+      call self%factor%solve_columns(step)
+      call transposed_product(self%g_t, step, half)
+      half = r_c - half
+      step_alpha = 0
+      call add_product(1.0_dp, self%inverse, half, step_alpha)
+      step = r_b
+      call add_product(1.0_dp, self%g_t, step_alpha, step)
+      call self%factor%solve_columns(step)
+      step = lambda + step
+      step_alpha = alpha + step_alpha
+      r_b = b
+      call add_product(-1.0_dp, self%c_tt, step, r_b)
+      call add_product(1.0_dp, self%g_t, step_alpha, r_b)
+      call transposed_product(self%g_t, step, half)
+      call add_product(1.0_dp, self%s, step_alpha, half)
+      r_c = balanced - half
+      left = sum(sum(r_b**2, 2)/max(tiny(left), self%diagonal))
+      ! Where rounding dominates, residuals do not fall, and the step is not taken.
+      if (k > 1 .and. .not. left < previous) exit
+      lambda = step
+      alpha = step_alpha
+      if (present(residual)) residual = maxval([0.0_dp, abs(r_b)])
+      if (.not. left < worthwhile_gain*previous) exit
+      previous = left
+    end do
+  end subroutine group_solve
+
+  !> Forces on the modes of the group: of its bodies, and the tensions of its slides.
+  pure function group_resultants(self, of_bodies) result(resultants)
+    class(tied_group_t), intent(in) :: self
+    !> On all modes of the bodies (coarse%n) [force].
+    real(dp), intent(in) :: of_bodies(:)
+    !> (n_modes) [force]
+    real(dp), allocatable :: resultants(:)
+    resultants = [of_bodies(self%mode), self%slide%force]
+  end function group_resultants
+
+  !> Work of the tensions on the slides.
+  pure real(dp) function group_shortening_work(self, alpha) result(work)
+    class(tied_group_t), intent(in) :: self
+    !> Amplitudes of the modes of the group (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    work = dot_product(self%slide%force, alpha(size(self%mode) + 1:))
+  end function group_shortening_work
+
+  !> C^, the compliance of the contact rows with closed ties.
+  function group_condensed_compliance(self) result(compliance)
+    class(tied_group_t), intent(in) :: self
+    !> Symmetric (n_contact, n_contact) [length/force].
+    real(dp), allocatable :: compliance(:, :)
+    real(dp), allocatable :: p(:, :), q(:, :), product(:, :)
+    compliance = self%c_cc
+    if (size(self%tie) == 0 .or. size(compliance) == 0) return
+    call self%solve(self%c_tc, transpose(self%g_c), p, q)
+    allocate (product, mold=compliance)
+    call transposed_product(self%c_tc, p, product)
+    compliance = compliance - product
+    call add_product(1.0_dp, self%g_c, q, compliance)
+    compliance = (compliance + transpose(compliance))/2
+  end function group_condensed_compliance
+end module dotyk_scheme_condensation

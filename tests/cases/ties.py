@@ -1,0 +1,220 @@
+"""Ties, bolts and cyclic symmetry: patch tests on meshes that do not fit, one body cut in two, closed forms."""
+import pathlib
+import sys
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import blocks  # noqa: E402
+import cylinder  # noqa: E402
+from dotyk_case import Case, main  # noqa: E402
+
+YOUNG, POISSON = 1e5, 0.3
+GRADIENT = np.array([[1e-3, 2e-3, 2e-3], [3e-3, -1e-3, 1e-3], [2e-3, -1e-3, 4e-3]])
+MATERIAL = "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)
+
+
+def material(poisson=POISSON):
+    return "&material name='steel', young=%r, poisson=%r /" % (YOUNG, poisson)
+
+
+class Ties(Case):
+    def two_blocks(self, kind_low, kind_up, n_low, n_up):
+        """A block on another one, with meshes that do not fit."""
+        d = blocks.dimension(kind_low)
+        self.write("low.geo", blocks.block_geo(kind_low, n_low))
+        self.write("up.geo", blocks.block_geo(kind_up, n_up, (0, 0, 1)[3 - d:]))
+        return ["&scene mesh='low.geo'%s /" % (", analysis='plane_strain'" if d == 2 else ""),
+                "&body name='low', volume='block', material='steel'%s /",
+                "&body name='up', volume='block', material='steel', mesh='up.geo'%s /"]
+
+    def solve(self, name, lines, code=0):
+        """Log, summary and results of a scene."""
+        self.write(name + ".nml", "\n".join(lines) + "\n")
+        log = self.dotyk(name + ".nml", code=code)
+        if code:
+            return log
+        file = self.results(name + ".vtkhdf")
+        return log, dict(file["dotyk/summary"].attrs), file
+
+    def test_patch(self):
+        """Displacements that are linear in the position are exact, whatever meshes meet."""
+        for low, up, n_low, n_up in (("tri3", "quad8", 3, 4), ("hex8", "tet4", 2, 3), ("tet10", "hex20", 2, 3)):
+            with self.subTest(low=low, up=up):
+                d = blocks.dimension(low)
+                a = GRADIENT[:d, :d]
+                lines = self.two_blocks(low, up, n_low, n_up)
+                formula = ", ".join("'%s'" % " + ".join("(%r)*%s" % (v, x) for v, x in zip(row.tolist(), "xyz")) for row in a)
+                free = "sides x" if d == 2 else "sides *"
+                lines = [lines[0], MATERIAL, *(line % "" for line in lines[1:])]
+                for body, surface in ("low", "bottom"), ("low", free), ("up", "top"), ("up", free):
+                    lines.append("&support body='%s', surface='%s', fix='%s', value_formula=%s /"
+                                 % (body, surface, "xyz"[:d], formula))
+                lines.append("&tie name='joint', surface_a='up:bottom', surface_b='low:top' /")
+                file = self.solve("patch", lines)[2]
+                x, u = file["VTKHDF/Points"][:, :d], file["VTKHDF/PointData/displacement"][:, :d]
+                self.assertLess(np.abs(u - x @ a.T).max(), 1e-12 * np.abs(u).max())
+
+    def test_tension(self):
+        """A bar of two tied blocks, turned, which slides on a plane: stress and energy are exact, and the two bodies float
+        together."""
+        lines = self.two_blocks("tet10", "hex20", 2, 3)
+        placed = ", at=5,1,0, axis=1,2,3, angle=33"
+        log, summary, file = self.solve("bar", [
+            lines[0], MATERIAL, *(line % placed for line in lines[1:]), "&support body='low', surface='bottom', fix='n' /",
+            "&load body='up', surface='top', pressure=-100 /",
+            "&tie name='joint', surface_a='up:bottom', surface_b='low:top' /"])
+        self.assertAlmostEqual(summary["energy_norm"]**2 / 2 / (100**2 / (2 * YOUNG) * 2), 1, delta=1e-10)
+        force = file["dotyk/ties/force"][0]
+        self.assertAlmostEqual(np.linalg.norm(force) / 100, 1, delta=1e-10)
+        self.assertAlmostEqual(-(force @ file["dotyk/loads/force"][0]) / 100**2, 1, delta=1e-10)
+        self.assertIn("indeterminate    'low', 'up': translation along", log)
+        self.assertNotIn("carry nothing", log)
+        self.assertLess(summary["error_discretization"], 1e-9)
+
+    def test_tube(self):
+        """Two tubes, one in the other, with meshes that do not fit: Lame's energy, and its order."""
+        errors = []
+        for n in 1, 2:
+            for name, kind, inner, outer, m in ("inner", "quad8", 1.0, 1.5, 2 * n), ("outer", "tri6", 1.5, 2.0, 3 * n):
+                self.write(name + ".geo", cylinder.geometry(kind, m, inner=inner, outer=outer))
+            lines = ["&scene mesh='inner.geo', analysis='plane_strain' /", MATERIAL]
+            for name in "inner", "outer":
+                lines.append("&body name='%s', volume='tube', mesh='%s.geo', material='steel' /" % (name, name))
+                lines += cylinder.held(name, "plane_strain")
+            summary = self.solve("tube", [*lines, "&load body='inner', surface='inside', pressure=100 /",
+                                          "&tie name='joint', surface_a='outer:inside', surface_b='inner:outside' /"])[1]
+            u = (1 + POISSON) * 100 / (YOUNG * 3) * (1 - 2 * POISSON + 4)
+            errors.append(abs(summary["energy_norm"]**2 / (np.pi / 2 * 100 * u) - 1)**0.5)
+            self.assertBetween(0.6, summary["error_discretization"] / errors[-1], 2.0)
+        self.assertBetween(3.0, errors[0] / errors[1], 5.5)
+
+    def test_contact_beside(self):
+        """Two tied blocks lie on a plate, which the joint runs into, under a pressure that tilts them: contact below is
+        that of one block of the same mesh."""
+        found = []
+        for parts in ("left", "right"), ("both",):
+            self.write("plate.geo", blocks.block_geo("hex8", (4, 4, 2), (-0.5, -0.5, -1), (3, 2, 1)))
+            lines = ["&scene mesh='plate.geo' /", MATERIAL, "&body name='plate', volume='block', material='steel' /",
+                     "&support body='plate', surface='bottom', fix='xyz' /"]
+            for name, n, x, width in ("left", 2, 0, 1), ("right", 2, 1, 1), ("both", 4, 0, 2):
+                if name not in parts:
+                    continue
+                text = blocks.block_geo("hex8", (n, 2, 2), (x, 0, 0), (width, 1, 1))
+                self.write(name + ".geo", text + 'Physical Surface("joint") = {Surface In BoundingBox '
+                           "{0.99, -1, -1, 1.01, 2, 2}};\n")
+                lines += ["&body name='%s', volume='block', material='steel', mesh='%s.geo' /" % (name, name),
+                          "&load body='%s', surface='top', pressure_formula='100*(1+x)' /" % name,
+                          "&contact name='%s', surface_a='%s:bottom', surface_b='plate:top', theta=0 /" % (name, name)]
+            if len(parts) == 2:
+                lines.append("&tie name='joint', surface_a='left:joint', surface_b='right:joint' /")
+            file = self.solve("beside", lines)[2]
+            found.append([file["dotyk/summary"].attrs["energy_norm"]**2,
+                          sum(file["dotyk/contact"][name].attrs["force"][2] for name in parts)])
+        self.assertAlmostEqual(found[0][0] / found[1][0], 1, delta=2e-3)
+        np.testing.assert_allclose([force for _, force in found], 400, rtol=1e-9)
+
+    def test_bolt(self):
+        """A bar between walls, cut by a bolt: tension and shortening as F L = E A s, given either of them."""
+        lines = self.two_blocks("tet10", "hex20", 2, 3)
+        placed = ", at=5,1,0, axis=1,2,3, angle=33"
+        for key, value in ("force", 50.0), ("shortening", 1e-3):
+            summary, file = self.solve("bolt", [
+                lines[0], material(0.0), *(line % placed for line in lines[1:]),
+                "&support body='low', surface='bottom', fix='nt' /", "&support body='up', surface='top', fix='nt' /",
+                "&bolt name='bolt', surface_a='up:bottom', surface_b='low:top', %s=%r /" % (key, value)])[1:]
+            self.assertAlmostEqual(file["dotyk/ties/tension"][0], 50, delta=1e-8)
+            self.assertAlmostEqual(file["dotyk/ties/shortening"][0], 1e-3, delta=1e-13)
+            self.assertAlmostEqual(summary["energy_norm"]**2, 0.05, delta=1e-11)
+        self.assertAlmostEqual(summary["energy"], 0.025, delta=1e-11)
+
+    def test_clamp(self):
+        """A bolt of two floating halves, of three tied blocks each, clamps a plate by contact: its tension is the contact
+        force. The joint stiffness is that of springs in series where nothing bends: all in pure tension or pressure."""
+        self.write("plate.geo", blocks.block_geo("hex8", (2, 2, 2), (0, 0, 0), (1, 1, 1)))
+        self.write("cap.geo", blocks.block_geo("hex8", (3, 1, 1), (0, 0, 1), (3, 1, 0.5)))
+        self.write("base.geo", blocks.block_geo("hex8", (3, 1, 1), (0, 0, -0.5), (3, 1, 0.5)))
+        self.write("half.geo", blocks.block_geo("tet4", (2, 2, 1), (2, 0, 0), (1, 1, 0.5)))
+        lines = ["&scene mesh='plate.geo' /", material(0.0), "&body name='plate', volume='block', material='steel' /"]
+        for name, mesh, place in (("cap", "cap", ""), ("base", "base", ""), ("low", "half", ""),
+                                  ("up", "half", ", at=0,0,0.5")):
+            lines.append("&body name='%s', volume='block', material='steel', mesh='%s.geo'%s /" % (name, mesh, place))
+        lines += ["&tie name='above', surface_a='up:top', surface_b='cap:bottom' /",
+                  "&tie name='below', surface_a='low:bottom', surface_b='base:top' /",
+                  "&bolt name='bolt', surface_a='low:top', surface_b='up:bottom', force=50 /",
+                  "&contact name='top', surface_a='plate:top', surface_b='cap:bottom', theta=0 /",
+                  "&contact name='bottom', surface_a='plate:bottom', surface_b='base:top', theta=0 /",
+                  # Guides: caps that do not tilt.
+                  "&support body='cap', surface='sides *', fix='xy' /", "&support body='base', surface='sides *', fix='xy' /",
+                  "&support body='base', surface='bottom', fix='xyz' /", "&support body='cap', surface='top', fix='xy' /"]
+        file = self.solve("clamp", lines)[2]
+        self.assertEqual(file["dotyk/ties"].attrs["names"], b"above\nbelow\nbolt")
+        np.testing.assert_allclose(file["dotyk/ties/tension"][2], 50, rtol=1e-9)
+        np.testing.assert_allclose(file["dotyk/ties/force"][:, 2], [50, -50, 50], rtol=1e-9)
+        for name, sign in ("top", -1), ("bottom", 1):
+            np.testing.assert_allclose(file["dotyk/contact"][name].attrs["force"][2], sign * 50, rtol=1e-9)
+        # Plate and bolt, each of length 1 and area 1, and caps that bend.
+        self.assertGreater(file["dotyk/ties/shortening"][2], 2 * 50 / YOUNG)
+
+    def test_cyclic(self):
+        """A sector of a ring, pressed into an outer ring, stands for all of them: the energy is that of the whole ring, on
+        the same mesh of linear elements, where ties hold in each node."""
+        def sector(n, whole):
+            text = ""
+            sectors = 6 if whole else 1
+            for i, (name, a, b) in enumerate((("inner", 1, 1.5), ("outer", 1.5, 2))):
+                p, faces, ins, outs = 1000 * (i + 1), [], [], []
+                text += "Point(%d) = {%r, 0, 0};\nw%d_0() = Extrude {%r, 0, 0} { Point{%d}; Layers{%d}; };\n" % (
+                    p, a, i, b - a, p, n)
+                for s in range(sectors):
+                    text += ("f%d_%d() = Extrude {{0, 0, 1}, {0, 0, 0}, Pi/3} { Curve{w%d_%d(%d)}; Layers{%d}; Recombine; };\n"
+                             "w%d_%d() = {f%d_%d(0)};\n" % (i, s, i, s, 1 if s == 0 else 0, 3 * n, i, s + 1, i, s))
+                    faces.append("f%d_%d(1)" % (i, s))
+                    ins.append("Abs(f%d_%d(3))" % (i, s))
+                    outs.append("Abs(f%d_%d(2))" % (i, s))
+                for kind, what, entities in (("Surface", name, faces), ("Curve", name + " in", ins),
+                                             ("Curve", name + " out", outs)):
+                    text += 'Physical %s("%s") = {%s};\n' % (kind, what, ", ".join(entities))
+                if not whole:
+                    text += ('Physical Curve("%s a") = {w%d_0(1)};\nPhysical Curve("%s b") = {Abs(f%d_0(0))};\n'
+                             % (name, i, name, i))
+            return text + ("Coherence Mesh;\n" if whole else "")
+        energy = []
+        for whole in False, True:
+            self.write("ring.geo", sector(2, whole))
+            lines = ["&scene mesh='ring.geo', analysis='plane_stress' /", MATERIAL,
+                     "&contact name='fit', surface_a='inner:inner out', surface_b='outer:outer in', gap=-1e-3, theta=0, geometry='elements' /",
+                     "&load body='inner', surface='inner in', pressure=100 /"]
+            for name in "inner", "outer":
+                lines.append("&body name='%s', volume='%s', material='steel' /" % (name, name))
+                if not whole:
+                    lines.append("&tie name='%s', surface_a='%s:%s a', surface_b='%s:%s b', angle=-60 /"
+                                 % (name, name, name, name, name))
+            summary = self.solve("ring", [*lines, "&solver tolerance=1e-10 /"])[1]
+            energy.append(summary["energy_norm"]**2 * (1 if whole else 6))
+        self.assertAlmostEqual(energy[0] / energy[1], 1, delta=1e-9)
+
+    def test_refused(self):
+        lines = self.two_blocks("hex8", "hex8", 1, 2)
+        lines = [lines[0], MATERIAL, *(line % "" for line in lines[1:]), "&support body='low', surface='bottom', fix='xyz' /"]
+        tie = "&tie name='joint', surface_a='up:bottom', surface_b='low:top'%s /"
+        for extra, code, texts in (
+                ([tie.replace("low:top", "low:bottom") % ""], 2, ("case.nml:6: &tie 'joint': none of the",)),
+                ([tie.replace("up:bottom", "low:bottom") % ""], 2, ("&tie needs two different bodies, got 'low' twice",)),
+                ([tie % ", axis=0,0,1"], 2, ("axis is given without an angle",)),
+                ([tie % "", "&solver response='multigrid' /"], 2, ("response='multigrid' knows no ties",)),
+                ([tie % "", "&solver scheme='neumann', theta_mesh=0.1 /"], 2, ("scheme='neumann' knows no ties",)),
+                ([(tie % "").replace("tie", "bolt")], 2, ("'force' or 'shortening' is missing",)),
+                ([(tie % ", force=1, shortening=1").replace("tie", "bolt")], 2, ("only one can be meant",)),
+                ([(tie % ", force=1").replace("tie", "bolt")], 3, ("no equilibrium",)),
+                ([tie % "", "&support body='low', surface='top', fix='xyz' /",
+                  "&support body='up', surface='bottom', fix='xyz', value=1,0,0 /"], 3, ("ties cannot be closed",))):
+            with self.subTest(extra=extra):
+                log = self.solve("case", [*lines, *extra], code=code)
+                for text in texts:
+                    self.assertIn(text, log)
+                self.assertFalse((self.folder / "case.vtkhdf").exists())
+
+
+if __name__ == "__main__":
+    main()
