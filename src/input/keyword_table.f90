@@ -164,7 +164,8 @@ contains
                   meaning='anisotropic: upper triangle of the elasticity matrix by rows, order 11 22 33 23 13 12 '// &
                   'of its axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
     call list%add('young_formula', kind_formula, &
-                  'modulus field: dimensionless factor of the elasticity matrix as a formula')
+                  'modulus field: dimensionless factor of the elasticity matrix as a formula; with young=1 it is '// &
+                  'Young''s modulus itself')
     call list%add('density', kind_real, unit='mass/volume', positive=.true., &
                   meaning='density, for angular_velocity of &load')
     call list%add('expansion', kind_real, most=3, unit='1/temperature', &
