@@ -1,0 +1,154 @@
+#!/usr/bin/python3
+"""tools/inp2dotyk.py: decks of CalculiX become scenes, whose answers are exact; what is not carried over is said."""
+import re
+import subprocess
+import sys
+
+import dotyk_case
+from decks import CUBE, HEXAHEDRON, SHAPES, corners
+
+TOOL = dotyk_case.ROOT / "tools" / "inp2dotyk.py"
+YOUNG, AREA = 200.0, 1.0
+# A unit cube on another one, 0.001 apart: nodes 11 to 18, element 2.
+UPPER = "".join("%d, %g, %g, %g\n" % (11 + i, x, y, z + 1.001) for i, (x, y, z) in enumerate(HEXAHEDRON))
+TWO = (CUBE + UPPER + "*ELEMENT, TYPE=C3D8, ELSET=Eall\n1, 1,2,3,4,5,6,7,8\n2, 11,12,13,14,15,16,17,18\n*NSET, NSET=foot\n1, 2, 3, 4\n"
+       "*NSET, NSET=head, GENERATE\n15, 18\n*NSET, NSET=Nupper, GENERATE\n11,18\n*NSET, NSET=Nlower, GENERATE\n1,8\n*BOUNDARY\nfoot, 1, 3\n"
+       "Nlower, 1, 2\nNupper, 1, 2\n*MATERIAL, NAME=M\n*ELASTIC\n200., 0.\n%s*SOLID SECTION, ELSET=Eall, MATERIAL=M\n*SURFACE, NAME=low\n1, S2\n"
+       "*SURFACE, NAME=up\n2, S1\n*SURFACE, NAME=top\n2, S2\n*SURFACE INTERACTION, NAME=I\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=%s\n"
+       "*CONTACT PAIR, INTERACTION=I, TYPE=SURFACE TO SURFACE\nup, low\n*STEP\n*STATIC\n%s*NODE PRINT, NSET=head\nU\n*END STEP\n")
+
+
+class Inp2Dotyk(dotyk_case.Case):
+    def convert(self, text, code=0):
+        """The namelist of a deck, and what the tool says."""
+        self.write("deck.inp", text)
+        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp"], cwd=self.folder, text=True, capture_output=True)
+        self.assertEqual(done.returncode, code, done.stderr)
+        return (self.folder / "deck.nml").read_text() if code < 2 else "", done.stderr
+
+    def shortening(self, text, code=0):
+        """Mean displacement of the top of the upper cube, downwards."""
+        self.convert(text, code)
+        self.dotyk("deck.nml")
+        file = self.results("deck.vtkhdf")
+        tags = file["VTKHDF/PointData/node_tag"][:]
+        return -file["VTKHDF/PointData/displacement"][:][(tags >= 15) & (tags <= 18), 2].mean()
+
+    def test_column(self):
+        """Gap, penalty 1/K, and one force as nodal forces, pressure and pressure of a surface."""
+        exact = 0.001 + 2*4/(YOUNG*AREA)
+        for load in ("*CLOAD\nhead, 3, -1.\n", "*DLOAD\n2, P2, 4.\n", "*DSLOAD\ntop, P, 4.0D0\n"):
+            with self.subTest(load):
+                self.assertAlmostEqual(self.shortening(TWO % ("", "HARD", load)), exact, delta=1e-10)
+                self.assertAlmostEqual(self.shortening(TWO % ("", "LINEAR\n1.E4, 1.", load)), exact + 4e-4, delta=1e-10)
+
+    def test_given_displacement(self):
+        self.assertAlmostEqual(self.shortening(TWO % ("", "HARD", "*BOUNDARY\nhead, 3, 3, -0.02\n")), 0.02, delta=1e-12)
+        self.assertIn("fix='xyz', value=0, 0, -0.02 /", (self.folder / "deck.nml").read_text())
+
+    def test_loads_of_volumes(self):
+        """Gravity, rotation about x through the foot, and heat: by hand."""
+        density = "*DENSITY\n2.\n*EXPANSION\n1.e-3\n"
+        # rho g (L^2/2 of the lower one, and the upper one's weight, and its own)/E
+        self.assertAlmostEqual(self.shortening(TWO % (density, "HARD", "*DLOAD\nEall, GRAV, 10., 0., 0., -2.\n")),
+                               0.001 + 2*10*(0.5 + 1 + 0.5)/YOUNG, delta=1e-10)
+        text, _ = self.convert(TWO % (density, "HARD", "*DLOAD\nEall, CENTRIF, 4., 0.5, 0.5, 0., 0., 0., 3.\n"))
+        self.assertIn("&load body='body_1', angular_velocity=0, 0, 2, centre=0.5, 0.5, 0 /", text)
+        self.assertIn("density=2, expansion=0.001 /", text)
+        heat = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNall, 20.\n"
+        deck = TWO.replace("*NODE\n", "*NODE, NSET=Nall\n") % (density, "HARD", "*TEMPERATURE\nNall, 30.\n*CLOAD\nhead, 3, -1.\n")
+        self.assertAlmostEqual(self.shortening(deck.replace("*STEP\n", heat + "*STEP\n")), 0.001 + 2*4/YOUNG - 2*10*1e-3, delta=1e-10)
+        # only where all nodes of a body have one temperature
+        text, said = self.convert(deck.replace("*STEP\n", heat + "foot, 25.\n*STEP\n"), code=1)
+        self.assertIn("temperatures of body body_1 that differ from node to node", said)
+
+    def test_forces_of_quadratic_elements(self):
+        """Nodal forces of a uniform traction: -1/12 and 1/3 of a face with eight nodes, 0 and 1/3 of one with six."""
+        for kind, shape, corner, side, area in (("C3D20", "hex", -1/12, 1/3, 1.0), ("C3D10", "tet", 0.0, 1/3, 0.5)):
+            x = [HEXAHEDRON[i] for i in (range(8) if shape == "hex" else (0, 1, 3, 4))]
+            edges = corners(SHAPES[shape][0])
+            x += [tuple((x[a][k] + x[b][k])/2 for k in range(3)) for a, b in edges]
+            n = len(x)
+            face = [i for i in range(n) if x[i][2] == 0]
+            force = "".join("%d, 1, %.9f\n" % (i + 1, 7*(corner if i < (8 if shape == "hex" else 4) else side)) for i in face)
+            nodes = [i + 1 for i in range(n)]
+            deck = ("*NODE\n" + "".join("%d, %g, %g, %g\n" % (i + 1, *p) for i, p in enumerate(x)) + "*ELEMENT, TYPE=%s, ELSET=E\n1, " % kind +
+                    ",\n".join(", ".join(map(str, nodes[i:i + 10])) for i in range(0, n, 10)) +
+                    "\n*MATERIAL, NAME=M\n*ELASTIC\n1, 0.3\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*STEP\n*STATIC\n*CLOAD\n" + force + "*END STEP\n")
+            if shape == "tet":
+                # nodes without force are no part of what is loaded
+                self.assertIn("forces in direction x on 3 nodes of body E that are no whole face", self.convert(deck, code=1)[1])
+                continue
+            found = re.search(r"&load body='E', surface='force_1_x', traction=(\S+), 0, 0 /", self.convert(deck)[0])
+            self.assertAlmostEqual(float(found.group(1)), 7/area, delta=1e-6)
+
+    def test_materials(self):
+        """Orthotropic and anisotropic constants, and engineering ones of the same material, give one answer."""
+        young, poisson, shear = (200.0, 100.0, 50.0), (0.2, 0.1, 0.15), (60.0, 40.0, 30.0)
+        import numpy as np
+        compliance = np.diag([1/e for e in young])
+        for (i, j), nu in zip(((0, 1), (0, 2), (1, 2)), poisson):
+            compliance[i, j] = compliance[j, i] = -nu/young[i]
+        d = np.linalg.inv(compliance)
+        ortho = [d[0, 0], d[0, 1], d[1, 1], d[0, 2], d[1, 2], d[2, 2], *shear]
+        rows = np.zeros((6, 6))
+        rows[:3, :3] = d
+        rows[range(3, 6), range(3, 6)] = shear
+        aniso = [rows[i, j] for j in range(6) for i in range(j + 1)]
+
+        def lines(values):
+            return "\n".join(", ".join("%.10g" % v for v in values[i:i + 8]) for i in range(0, len(values), 8)) + "\n"
+
+        orientation = "*ORIENTATION, NAME=O\n0., 1., 0., 0., 0., 1.\n"
+        for section in ("", ", ORIENTATION=O"):
+            answers = []
+            for elastic in (", TYPE=ENGINEERING CONSTANTS\n" + lines([*young, *poisson, *shear]), ", TYPE=ORTHO\n" + lines(ortho),
+                            ", TYPE=ANISO\n" + lines(aniso)):
+                deck = TWO % ("", "HARD", "*CLOAD\nhead, 3, -1.\n")
+                deck = deck.replace("*ELASTIC\n200., 0.\n", "*ELASTIC" + elastic).replace("MATERIAL=M\n", "MATERIAL=M%s\n" % section)
+                answers.append(self.shortening(deck.replace("*MATERIAL", orientation + "*MATERIAL")))
+            for other in answers[1:]:
+                self.assertAlmostEqual(other/answers[0], 1, delta=1e-8)
+            # sides held: the stiffness of the axis along z
+            self.assertAlmostEqual(answers[0], 0.001 + 2*4/d[1, 1] if section else 0.001 + 2*4/d[2, 2], delta=1e-8)
+
+    def test_what_is_not_carried_over(self):
+        """Each in a comment and on the standard error; exit code 1."""
+        deck = TWO % ("*PLASTIC\n1., 0.\n", "EXPONENTIAL\n1., 2.\n*FRICTION\n0.1, 1000.", "*CLOAD\n18, 3, -1.\n*BOUNDARY\n5, 3\n")
+        deck = deck.replace("*STEP\n", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP, NLGEOM\n", 1) + "*STEP\n*STATIC\n*END STEP\n"
+        text, said = self.convert(deck, code=1)
+        for message in ("material M: *PLASTIC; dotyk is linear elastic", "pressure-overclosure EXPONENTIAL: taken for hard contact",
+                        "friction: contact is frictionless", "*EQUATION", "NLGEOM: displacements are small", "1 further steps",
+                        "forces in direction z on 1 nodes of body body_2 that are no whole face (18), in all -1",
+                        "direction z of 1 nodes on no whole face with it (5)"):
+            self.assertIn(message, said)
+            self.assertIn(message, text)
+        self.assertEqual(said.count("\n"), text.count("! Not carried over"))
+        text, said = self.convert(TWO % ("", "TIED", "*TIE, NAME=t\nup, low\n"), code=1)
+        self.assertIn("pressure-overclosure TIED: the surfaces are not joined", said)
+        self.assertIn("*TIE of up, low: the surfaces are not joined", said)
+        self.assertNotIn("&contact", text)
+
+    def test_refused(self):
+        for text, message in ((TWO.replace("C3D8", "S8") % ("", "HARD", ""), "S8"), (TWO % ("", "HARD", "*DSLOAD\nnone, P, 1.\n"), "NONE"),
+                              ("*INCLUDE, INPUT=none.inp\n", "none.inp"), (TWO % ("", "HARD", "*CLOAD\nnone, 1, 1.\n"), "there is no set 'none'"),
+                              ("*PART, NAME=p\n" + CUBE, "parts and instances")):
+            self.assertIn(message, self.convert(text, code=2)[1])
+
+    def test_plane(self):
+        """Two squares under a pressure on an edge, axisymmetric and plane: analysis, supports and loads by edges."""
+        x = [(1, 0), (2, 0), (2, 1), (1, 1), (1, 1), (2, 1), (2, 2), (1, 2)]
+        for kind, analysis in (("CPE4", "plane_strain"), ("CPS4", "plane_stress"), ("CAX4", "axisymmetric")):
+            deck = ("*NODE\n" + "".join("%d, %g, %g\n" % (i + 1, *p) for i, p in enumerate(x)) + "*ELEMENT, TYPE=%s, ELSET=a\n1, 1,2,3,4\n" % kind +
+                    "*ELEMENT, TYPE=%s, ELSET=b\n2, 5,6,7,8\n*MATERIAL, NAME=M\n*ELASTIC\n10, 0\n*SOLID SECTION, ELSET=a, MATERIAL=M\n1.\n"
+                    "*SOLID SECTION, ELSET=b, MATERIAL=M\n*SURFACE, NAME=s\na, S3\n*SURFACE, NAME=t\nb, S1\n*CONTACT PAIR, INTERACTION=I\nt, s\n"
+                    "*SURFACE INTERACTION, NAME=I\n*BOUNDARY\n1, 2\n2, 2\n1, 1\n4, 1\n5, 1\n8, 1\n*STEP\n*STATIC\n*DLOAD\nb, P3, 2.\n*END STEP\n" % kind)
+            text, _ = self.convert(deck)
+            self.assertIn("analysis='%s'" % analysis, text)
+            self.dotyk("deck.nml")
+            u = self.results("deck.vtkhdf")["VTKHDF/PointData/displacement"][:]
+            self.assertAlmostEqual(u[:, 1].min(), -2*2/10, delta=1e-9)
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
