@@ -293,6 +293,9 @@ class Results:
             pairs = zip(np.broadcast_to(young, self.n_bodies), np.broadcast_to(poisson, self.n_bodies))
             self.stiffness = [isotropic(e, v) for e, v in pairs]
         else:
+            for _, group in scene.bodies():
+                if not isinstance(group['material'], str):
+                    group.fail('energy_norm knows bodies of one material', 'material')
             self.stiffness = [stiffness_of(scene.find('material', name=group['material'])) for _, group in scene.bodies()]
         self.dimension = 3 if self.analysis == '3d' else 2
         self.rows = {'3d': [0, 1, 2, 3, 4, 5], 'axisymmetric': [0, 1, 2, 5]}.get(self.analysis, [0, 1, 5])
