@@ -156,10 +156,16 @@ contains
                                         numbers(at_springs))
         end if
       end associate
+      if (body%constraint%rigid%is_set) then
+        ! What balances the other forces is a reaction along held motions only; no node has it.
+        of_support(:, 1) = body%constraint%rigid%reaction(of_support(:, 1))
+        reaction = 0
+      end if
       scale = 0
       call add_forces(mesh, load, numbers(at_load:at_contact - 1), scale)
       call add_forces(mesh, contact, numbers(at_contact:at_reaction - 1), scale, node)
       call add_forces(mesh, reaction, numbers(at_reaction:at_supports - 1), scale)
+      if (body%constraint%rigid%is_set) numbers(at_reaction:at_supports - 1) = of_support(:, 1)
       numbers(at_scales:at_load - 1) = scale
       numbers(at_supports:) = reshape(of_support, [6*n])
     end associate

@@ -59,7 +59,7 @@ contains
     logical :: large(size(body))
     integer :: b
     allocate (form(size(body)), source=form_direct)
-    if (.not. allowed) return
+    if (.not. allowed .or. any([(body(b)%constraint%rigid%is_set, b=1, size(body))])) return
     large = .false.
     do b = 1, size(body)
       if (.not. classes%is_representative(b)) cycle

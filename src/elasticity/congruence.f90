@@ -69,7 +69,9 @@ contains
     integer :: i, d, n
     d = body%dimension
     n = body%mesh%n_nodes()
-    self%usable = .not. any([(body%material(i)%has_modulus_field(), i=1, size(body%material))])
+    ! Rigid bodies have no factor to share.
+    self%usable = .not. (any([(body%material(i)%has_modulus_field(), i=1, size(body%material))]) .or. &
+                         body%constraint%rigid%is_set)
     self%dimension = d
     self%analysis = body%analysis
     self%n_nodes = n

@@ -8,6 +8,7 @@ module dotyk_elasticity_constraint
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_elasticity_foundation, only: foundation_t
+  use dotyk_elasticity_rigid_hold, only: rigid_hold_t
   implicit none
   private
 
@@ -25,6 +26,8 @@ module dotyk_elasticity_constraint
     real(dp), allocatable :: frame(:, :, :)
     !> Springs on surfaces: elastic supports.
     type(foundation_t) :: foundation
+    !> How the body is held where it is rigid: then no equation is left.
+    type(rigid_hold_t) :: rigid
   contains
     procedure :: init => constraint_init
     procedure :: number_equations => constraint_number_equations
@@ -143,5 +146,6 @@ contains
     call parcel%carry(self%frame_of)
     call parcel%carry(self%frame)
     call self%foundation%carry(parcel)
+    call self%rigid%carry(parcel)
   end subroutine constraint_carry
 end module dotyk_elasticity_constraint

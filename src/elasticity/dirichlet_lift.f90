@@ -39,7 +39,7 @@ contains
     type(sparse_symmetric_t) :: stiffness
     integer, allocatable :: start(:), neighbour(:)
     real(dp) :: volume, mean_modulus_factor
-    if (.not. any(abs(constraint%prescribed) > 0)) return
+    if (size(rhs) == 0 .or. .not. any(abs(constraint%prescribed) > 0)) return
     call extract_elements(mesh, any(abs(constraint%prescribed) > 0, dim=1), submesh)
     call node_graph(submesh, start, neighbour)
     call build_pattern(mesh%dimension, constraint%equation, start, neighbour, positions, stiffness)

@@ -197,7 +197,7 @@ contains
     do i = 1, size(x, 2)
       u = 0
       if (component(i) == p) u = rigid_displacement(coefficient, centre, radius, x(:, i))
-      if (any(constraint%equation(:, i) == 0)) then
+      if (any(constraint%equation(:, i) == 0) .and. .not. constraint%rigid%is_set) then
         ! Only rounding is set to zero here, but it would be multiplied by large support forces.
         if (constraint%frame_of(i) > 0) u = matmul(u, constraint%frame(:, :, constraint%frame_of(i)))
         where (constraint%equation(:, i) == 0) u = 0

@@ -215,6 +215,7 @@ contains
       end do
     end do
     held_displacement = held_displacement(:m, :)
+    if (constraint%rigid%is_set) call constraint%rigid%add_rows(centre, radius, exists, held_displacement)
     call add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, held_displacement)
     call gather_rows(mesh, held_displacement)
     least = least_hold*sqrt(1 + sum(held_displacement**2))

@@ -11,11 +11,12 @@ module dotyk_input_attachments
   use dotyk_input_keywords, only: keyword_list_t, kind_real, kind_text
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
+  use dotyk_input_rigid_bodies, only: add_rigid_keys, read_rigid_bodies
   use dotyk_input_values, only: is_given, is_usable, names_t, pick_groups, real_of, report, text_of
   use dotyk_input_wildcards, only: append_places, names_several, refer_to_bodies
   implicit none
   private
-  public :: add_mass_keys, add_spring_keys, read_masses, read_springs
+  public :: add_mass_keys, add_rigid_keys, add_spring_keys, read_masses, read_rigid_bodies, read_springs
 
 contains
 

@@ -146,6 +146,20 @@ module dotyk_input_case
     logical :: of_mass = .false.
   end type load_input_t
 
+  !> `&rigid_body`.
+  type, public :: rigid_input_t
+    !> Line of the group.
+    integer :: line = 0
+    !> Index of the body.
+    integer :: body = 0
+    !> Whether the displacements x, y, z of the point and the rotations about it are held (6).
+    logical :: held(6) = .false.
+    !> Their values (6) [length, radian].
+    real(dp) :: motion(6) = 0
+    !> The point (3) [length].
+    real(dp) :: point(3) = 0
+  end type rigid_input_t
+
   !> `&temperature` or `&initial_stress`.
   type, public :: field_input_t
     !> Line of the group.
@@ -329,6 +343,8 @@ module dotyk_input_case
     type(support_input_t), allocatable :: support(:)
     !> Loads in the order of the file, then those of point masses (n_loads).
     type(load_input_t), allocatable :: load(:)
+    !> Rigid bodies (n_rigid).
+    type(rigid_input_t), allocatable :: rigid(:)
     !> Temperatures in the order of the file, no two of one body (n_temperatures).
     type(field_input_t), allocatable :: temperature(:)
     !> Initial stresses likewise (n_initial_stresses).

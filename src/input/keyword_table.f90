@@ -3,7 +3,7 @@
 !> `dotyk_input_contact_keywords`.
 module dotyk_input_keyword_table
   use dotyk_base_options, only: analysis_names, default_analysis, option_name
-  use dotyk_input_attachments, only: add_mass_keys, add_spring_keys
+  use dotyk_input_attachments, only: add_mass_keys, add_rigid_keys, add_spring_keys
   use dotyk_input_contact_keywords, only: add_bolt, add_contact, add_tie
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
@@ -22,7 +22,7 @@ contains
     !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
-    allocate (groups(14))
+    allocate (groups(15))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -44,38 +44,42 @@ contains
                       'exactly one of modulus and stiffness', &
                       "&spring body='slab', surface='bottom', fix='n', modulus=50e6 /"//lf// &
                       "&spring body='motor', surface='foot *', fix='xyz', stiffness=2e6 /")
-    groups(6) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
+    groups(6) = group('rigid_body', any_number, 'makes a body rigid: six motions (three in the plane, one about '// &
+                      'an axis), held, moved or free', &
+                      "&rigid_body body='punch', fix='xyz rx ry rz', value=0,0,-1e-4 /"//lf// &
+                      "&rigid_body body='ball', fix='x y' /")
+    groups(7) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
                       'force_density or their formulas, acceleration, angular_velocity, or force and moment', &
                       "&load body='block', surface='side', pressure=1e6 /"//lf// &
                       "&load body='shaft', surface='end', force=0,0,-2e3, moment=0,0,150 /"//lf// &
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
                       "&load body='*', acceleration=0,0,-9.81 /"//lf// &
                       "&load body='disc', angular_velocity=0,0,314, centre=0.2,0,0 /")
-    groups(7) = group('mass', any_number, 'a point mass that a body surface carries: its weight under acceleration, '// &
+    groups(8) = group('mass', any_number, 'a point mass that a body surface carries: its weight under acceleration, '// &
                       'its centrifugal force under angular_velocity', &
                       "&mass body='frame', surface='seat', mass=75, point=0.3,0,1.1 /")
-    groups(8) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
+    groups(9) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
                       'its material expands; exactly one of value and formula', &
                       "&temperature body='ring', value=120 /"//lf// &
                       "&temperature body='wall *', formula='20 + 80*x/0.3' /")
-    groups(9) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
+    groups(10) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
                       'of value and formula', &
                       "&initial_stress body='ground', formula='9e3*y', '18e3*y', '9e3*y', '0', '0', '0' /")
-    groups(10) = group('contact', any_number, 'a pair of surfaces that may touch', &
+    groups(11) = group('contact', any_number, 'a pair of surfaces that may touch', &
                       "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
                       "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /"//lf// &
                       "&contact name='races', surface_a='ball *:ball', surface_b='* ring:race' /"//lf// &
                       "&contact auto=.true., exclude='housing - cover' /")
-    groups(11) = group('tie', any_number, 'two surfaces that are joined: equal displacements, whatever their meshes', &
+    groups(12) = group('tie', any_number, 'two surfaces that are joined: equal displacements, whatever their meshes', &
                       "&tie name='weld', surface_a='rib:foot', surface_b='plate:top' /"//lf// &
                       "&tie name='sectors', surface_a='sector:right', surface_b='sector:left', axis=0,0,1, angle=30 /")
-    groups(12) = group('bolt', any_number, 'pretension of a bolt that two bodies make up, the halves on both sides '// &
+    groups(13) = group('bolt', any_number, 'pretension of a bolt that two bodies make up, the halves on both sides '// &
                        'of a flat cut; exactly one of force and shortening', &
                        "&bolt name='M12', surface_a='shank:cut', surface_b='head:cut', force=35e3 /")
-    groups(13) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(14) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(14) = group('output', at_most_one, 'contents of the results file', &
+    groups(15) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -107,6 +111,7 @@ contains
     call add_body(list)
     call add_support(list)
     call add_spring_keys(list)
+    call add_rigid_keys(list)
     call add_load(list)
     call add_mass_keys(list)
     call add_temperature(list)

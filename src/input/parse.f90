@@ -4,7 +4,7 @@ module dotyk_input_parse
   use dotyk_base_files, only: is_cad_file
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
-  use dotyk_input_attachments, only: read_masses, read_springs
+  use dotyk_input_attachments, only: read_masses, read_rigid_bodies, read_springs
   use dotyk_input_bodies, only: read_body, read_material
   use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
   use dotyk_input_boundary, only: append_places, check_densities, read_load, read_support
@@ -166,6 +166,7 @@ contains
     deallocate (group_of, body_of)
     call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)
     call read_initial_stresses(groups, bodies, case%scene, problems, case%initial_stress)
+    call read_rigid_bodies(groups, bodies, problems, case)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)

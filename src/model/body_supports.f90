@@ -1,12 +1,14 @@
 !> Supports of a body from the input: prescribed displacements and springs.
 module dotyk_model_body_supports
-  use dotyk_base_error, only: add_context, error_t, problem_list_t
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_constraint, only: held
   use dotyk_elasticity_foundation, only: surface_area
   use dotyk_elasticity_support, only: collect_supports, support_t
-  use dotyk_input_case, only: case_t, support_input_t
+  use dotyk_input_case, only: case_t, rigid_input_t, support_input_t
+  use dotyk_mesh_body_mesh, only: connected_components
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_loads, only: check_formula
@@ -14,6 +16,9 @@ module dotyk_model_body_supports
   implicit none
   private
   public :: build_supports, load_names, support_names
+
+  !> Young's modulus of rigid bodies for scales, such as penalty parameters: above that of any other body [pressure].
+  real(dp), parameter :: rigid_young = 1.0e100_dp
 
 contains
 
@@ -71,6 +76,14 @@ contains
       end associate
     end do
     if (problems%count > before) return
+    i = 0
+    if (allocated(case%rigid)) i = findloc(case%rigid%body, b, dim=1)
+    if (i > 0) then
+      call hold_rigid(case%rigid(i), body, failed)
+      if (allocated(failed)) &
+        call problems%add_error(failed, case%file//':'//to_text(case%rigid(i)%line)//': body '//quoted(body%name)//': ')
+      return
+    end if
     call gather_fixed(case%support, of, surface, body, gathered)
     call collect_supports(body%mesh, body%analysis, gathered, body%constraint, failed, body%directions)
     if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
@@ -78,6 +91,45 @@ contains
       if (case%support(of(i))%is_spring) call add_spring(case%support(of(i)), surface(i), body)
     end do
   end subroutine build_supports
+
+  !> Give all nodes of a rigid body the displacements of its held motions.
+  subroutine hold_rigid(given, body, error)
+    !> `&rigid_body`.
+    type(rigid_input_t), intent(in) :: given
+    !> The body with its mesh; gets its constraint.
+    type(body_t), intent(inout) :: body
+    !> Allocated where it is in pieces.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: component(:)
+    integer :: i, n, n_components
+    n = body%mesh%n_nodes()
+    allocate (component(n))
+    call connected_components(body%mesh, component, n_components)
+    if (n_components > 1) then
+      call set_error(error, 'it has '//to_text(n_components)//' pieces, which would move as one: make each a body', &
+                     exit_bad_input)
+      return
+    end if
+    body%material%least_young = rigid_young
+    call body%constraint%init(body%dimension, n)
+    associate (constraint => body%constraint)
+      constraint%rigid%is_set = .true.
+      constraint%rigid%held = given%held
+      constraint%rigid%motion = given%motion
+      constraint%rigid%point = given%point
+      constraint%equation = held
+      call constraint%number_equations()
+      do i = 1, n
+        constraint%prescribed(:, i) = constraint%rigid%displacement(body%mesh%x(:, i))
+      end do
+    end associate
+    ! One support has the reaction.
+    allocate (body%directions%place(1), body%directions%direction(body%dimension, n))
+    body%directions%place(1)%s = 'rigid body'
+    body%directions%node = [(i, i=1, n)]
+    body%directions%source = [(1, i=1, n)]
+    body%directions%direction = 0
+  end subroutine hold_rigid
 
   !> Supports with prescribed displacements.
   subroutine gather_fixed(support, of, surface, body, gathered)

@@ -1,10 +1,10 @@
 !> Discretizes the contact pairs of the input.
 module dotyk_model_pairs
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
+  use dotyk_base_error, only: error_slot_t, error_t, exit_bad_input, problem_list_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_progress, only: add_progress, expect_progress
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_exchange, only: share_pairs
   use dotyk_contact_pair_report, only: pair_report_t
@@ -67,6 +67,16 @@ contains
     end do
     !$omp end parallel do
     call form_pairs(case, body, surfaces, surface_a, surface_b, found, error)
+    if (allocated(error)) return
+    do k = 1, size(case%contact)
+      associate (given => case%contact(k))
+        if (body(given%body_a)%constraint%rigid%is_set .and. body(given%body_b)%constraint%rigid%is_set) &
+          call problems%add(case%file//':'//to_text(given%line)//': contact pair '//quoted(given%name)// &
+                            ': both bodies are rigid: no stiffness determines the forces between them; exclude the pair', &
+                            exit_bad_input)
+      end associate
+    end do
+    call problems%raise(error)
     if (allocated(error)) return
     allocate (pair(size(case%contact)), failed(size(case%contact)))
     ! Bodies in parts have properties that are sums over ranks: all ranks come to each of their pairs.

@@ -57,9 +57,12 @@ contains
     !> Allocated where METIS or CHOLMOD has no memory, METIS refuses the graph, or the factor exceeds 64-bit integers.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: node_order(:), permutation(:)
-    integer :: k
-    allocate (self%mode(body%constraint%n_equations, modes%n))
-    do k = 1, modes%n
+    integer :: k, n
+    n = modes%n
+    ! A rigid body has no equations.
+    if (body%constraint%n_equations == 0) n = 0
+    allocate (self%mode(body%constraint%n_equations, n))
+    do k = 1, n
       call body%constraint%reduce(modes%shape(:, :, k), self%mode(:, k))
     end do
     call choose_fixing_equations(self%mode, self%fixing_equation)

@@ -1,0 +1,178 @@
+!> Reads `&rigid_body` from checked groups: bodies of which nothing but rigid motions is left.
+module dotyk_input_rigid_bodies
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric, response_multigrid
+  use dotyk_base_text, only: lower, shown, to_text
+  use dotyk_input_boundary, only: read_vector
+  use dotyk_input_case, only: case_t, rigid_input_t
+  use dotyk_input_keywords, only: keyword_list_t, kind_real, kind_text
+  use dotyk_input_problems, only: problems_t
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, pick_groups, reals_of, report, text_of
+  use dotyk_input_wildcards, only: append_places, refer_to_bodies
+  implicit none
+  private
+  public :: add_rigid_keys, read_rigid_bodies
+
+  !> Names of the motions in `fix`.
+  character(2), parameter :: names(6) = ['x ', 'y ', 'z ', 'rx', 'ry', 'rz']
+
+contains
+
+  !> Keys of `&rigid_body`.
+  pure subroutine add_rigid_keys(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('rigid_body')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body, with wildcards: each of several bodies is rigid of its own')
+    call list%add('fix', kind_text, may_be_empty=.true., &
+                  meaning='motions that are held: of x, y, z (displacement of the point) and rx, ry, rz (rotation '// &
+                  'about axes through it), as in ''xyz rx ry''; x, y, rz in the plane, y in axisymmetry. Others '// &
+                  'are free: loads, &load force and moment among them, move the body against its contact; all are free '// &
+                  'if absent')
+    call list%add('value', kind_real, least=2, most=3, unit='length', &
+                  meaning='displacement of the point along held directions; 0 if absent')
+    call list%add('rotation', kind_real, most=3, unit='radian', &
+                  meaning='small rotation about held axes; one value in two dimensions; 0 if absent')
+    call list%add('point', kind_real, least=2, most=3, unit='length', &
+                  meaning='point about which the body rotates; the origin if absent')
+  end subroutine add_rigid_keys
+
+  !> Read all `&rigid_body`, and refuse what rigid bodies do not have.
+  subroutine read_rigid_bodies(groups, bodies, problems, case)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The case with all other groups; gets the rigid bodies.
+    type(case_t), intent(inout) :: case
+    type(rigid_input_t), allocatable :: rigid(:)
+    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
+    integer :: i
+    call pick_groups(groups, 'rigid_body', picked)
+    allocate (rigid(size(picked)), group_of(0), body_of(0))
+    do i = 1, size(picked)
+      call refer_to_bodies(groups(picked(i)), 'body', text_of(groups(picked(i)), 'body'), bodies, problems, matched)
+      call read_rigid(groups(picked(i)), case%scene%dimension, case%scene%analysis, problems, rigid(i))
+      call append_places(i, matched, group_of, body_of)
+    end do
+    allocate (case%rigid(size(group_of)))
+    do i = 1, size(group_of)
+      case%rigid(i) = rigid(group_of(i))
+      case%rigid(i)%body = body_of(i)
+      if (body_of(i) == 0) cycle
+      if (any(case%rigid(:i - 1)%body == body_of(i))) &
+        call problems%add(rigid(group_of(i))%line, '&rigid_body: body '//shown(bodies%name(body_of(i))%s)// &
+                          ' is rigid already: one group per body')
+    end do
+    if (size(case%rigid) == 0) return
+    if (case%solver%response == response_multigrid) &
+      call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &
+                        'response=''multigrid'': remove that')
+    do i = 1, size(case%support)
+      call refuse(case%support(i)%line, case%support(i)%body, &
+                  trim(merge('&spring ', '&support', case%support(i)%is_spring)), 'its motions are held by fix of &rigid_body')
+    end do
+    do i = 1, size(case%temperature)
+      call refuse(case%temperature(i)%line, case%temperature(i)%body, '&temperature', 'it does not expand')
+    end do
+    do i = 1, size(case%initial_stress)
+      call refuse(case%initial_stress(i)%line, case%initial_stress(i)%body, '&initial_stress', 'it has no stress')
+    end do
+
+  contains
+
+    !> Report a group of a rigid body.
+    subroutine refuse(line, body, group, reason)
+      !> Its line.
+      integer, intent(in) :: line
+      !> Its body; 0 for none.
+      integer, intent(in) :: body
+      !> Its name, and what is wrong.
+      character(*), intent(in) :: group, reason
+      if (body == 0) return
+      if (any(case%rigid%body == body)) &
+        call problems%add(line, group//': body '//shown(bodies%name(body)%s)//' is rigid: '//reason)
+    end subroutine refuse
+  end subroutine read_rigid_bodies
+
+  !> Read one `&rigid_body`.
+  subroutine read_rigid(group, dimension, analysis, problems, rigid)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
+    integer, intent(in) :: dimension
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The motions; incomplete where the group has mistakes.
+    type(rigid_input_t), intent(out) :: rigid
+    real(dp), allocatable :: rotation(:)
+    character(:), allocatable :: key
+    logical :: exists(6)
+    integer :: k
+    rigid%line = group%line
+    exists = .true.
+    if (dimension == 2) exists = [.true., .true., .false., .false., .false., .true.]
+    if (analysis == analysis_axisymmetric) exists = [.false., .true., .false., .false., .false., .false.]
+    if (is_usable(group, 'fix')) call parse_motions(group, text_of(group, 'fix'), exists, problems, rigid%held)
+    call read_vector(group, 'value', .false., dimension, problems, rigid%motion(1:3))
+    call read_vector(group, 'point', .false., dimension, problems, rigid%point)
+    call reals_of(group, 'rotation', rotation)
+    if (size(rotation) == 3) then
+      rigid%motion(4:6) = rotation
+    else if (size(rotation) == 1 .and. dimension == 2) then
+      rigid%motion(6) = rotation(1)
+    else if (size(rotation) > 0) then
+      call report(problems, group, 'rotation', 'rotation needs 3 values'//trim(merge(' or that about z', &
+                  '                ', dimension == 2))//', got '//to_text(count_of(group, 'rotation')))
+    end if
+    do k = 1, 6
+      if (rigid%held(k) .or. .not. abs(rigid%motion(k)) > 0) cycle
+      key = trim(merge('value   ', 'rotation', k <= 3))
+      call report(problems, group, key, key//' has '//to_text(rigid%motion(k))//' for '//trim(names(k))// &
+                  ', but fix does not name it')
+    end do
+  end subroutine read_rigid
+
+  !> Read the names of motions.
+  subroutine parse_motions(group, text, exists, problems, held)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Names; blanks and commas may separate them.
+    character(*), intent(in) :: text
+    !> Whether each motion exists in the analysis (6).
+    logical, intent(in) :: exists(6)
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> Whether each motion is named (6).
+    logical, intent(out) :: held(6)
+    character(:), allocatable :: word
+    integer :: i, k
+    held = .false.
+    i = 1
+    do while (i <= len(text))
+      if (text(i:i) == ' ' .or. text(i:i) == ',') then
+        i = i + 1
+        cycle
+      end if
+      word = lower(text(i:i))
+      if (word == 'r') word = lower(text(i:min(i + 1, len(text))))
+      k = findloc(names == word, .true., dim=1)
+      if (k == 0) then
+        call report(problems, group, 'fix', 'fix: unknown motion '//shown(text(i:))// &
+                    ' (motions are x, y, z, rx, ry, rz)')
+        return
+      else if (.not. exists(k)) then
+        call report(problems, group, 'fix', 'fix: there is no motion '//word//' in this analysis')
+        return
+      end if
+      held(k) = .true.
+      i = i + len(word)
+    end do
+  end subroutine parse_motions
+end module dotyk_input_rigid_bodies
