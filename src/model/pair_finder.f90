@@ -261,6 +261,7 @@ contains
       integer, intent(in) :: k
       type(surface_t) :: patch_a, patch_b
       integer, allocatable :: facet_a(:), facet_b(:)
+      logical :: first
       integer :: i
       do i = 1, size(near)
         if (.not. any(near(i)%opposite)) cycle
@@ -276,8 +277,12 @@ contains
           call grow_patch(surfaces(b)%boundary, graph(b), faces(b), pack(near(i)%facet_b, near(i)%opposite), facet_b)
           call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
           call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
-          if (first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &
-                             faces(b), near(i)%facet_b, body(b)%young())) then
+          first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &
+                                 faces(b), near(i)%facet_b, body(b)%young())
+          ! Multipliers of a rigid body would be more than what yields.
+          if (body(a)%constraint%rigid%is_set .neqv. body(b)%constraint%rigid%is_set) &
+            first = body(b)%constraint%rigid%is_set
+          if (first) then
             call add_found(given, k, a, b, patch_a, 0, patch_b, 0)
           else
             call add_found(given, k, b, a, patch_b, 0, patch_a, 0)

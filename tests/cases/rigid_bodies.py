@@ -118,6 +118,14 @@ class RigidBodies(dotyk_case.Case):
             u = self.results("case.vtkhdf")["VTKHDF/PointData/displacement"][-27:]
             force.append(np.concatenate([own["contact/joint"].attrs["force"], own["contact/joint"].attrs["moment"],
                                          [own["contact/joint"].attrs["peak_pressure"]], 100 * u[:, 2]]))
+        # A finer rigid mesh is the master side of pairs that are found.
+        self.write("punch.geo", block_geo("hex8", 12, (0.5, 0.6, 1.0), (1.0, 1.0, 1.0)))
+        self.scene(["&body name='low', mesh='low.geo', volume='block', material='steel' /",
+                    "&body name='punch', mesh='punch.geo', volume='block', material='stiff' /",
+                    "&support body='low', surface='bottom', fix='xyz' /", free + "\n&rigid_body body='punch' /",
+                    "&contact auto=.true. /"], poisson=0.3)
+        np.testing.assert_allclose(self.results("case.vtkhdf")["dotyk/contact/low - punch"].attrs["force"], (0, 0, -1),
+                                   atol=1e-8)
         for elastic, rigid in (force[:2], force[2:]):
             np.testing.assert_allclose(rigid, elastic, atol=1e-5 * np.abs(elastic).max())
         np.testing.assert_allclose(force[3][:3], (0, 0, -1), atol=1e-8)
