@@ -166,7 +166,6 @@ contains
     deallocate (group_of, body_of)
     call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)
     call read_initial_stresses(groups, bodies, case%scene, problems, case%initial_stress)
-    call read_rigid_bodies(groups, bodies, problems, case)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)
@@ -175,6 +174,7 @@ contains
     call gather_names(groups, 'tie', misspelled(place('tie')), problems, ties)
     call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
     call read_ties(groups, bodies, case%scene, case%solver, problems, case%tie)
+    call read_rigid_bodies(groups, bodies, problems, case)
     if (.not. is_usable(solver, 'stop_rule')) then
       case%solver%stop_rule = stop_residual
       if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. &

@@ -49,6 +49,7 @@ contains
     type(problems_t), intent(inout) :: problems
     !> The case with all other groups; gets the rigid bodies.
     type(case_t), intent(inout) :: case
+    character(*), parameter :: no_ties = 'ties of rigid bodies are not built; hold the surface of the other body'
     type(rigid_input_t), allocatable :: rigid(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     integer :: i
@@ -78,6 +79,10 @@ contains
     end do
     do i = 1, size(case%temperature)
       call refuse(case%temperature(i)%line, case%temperature(i)%body, '&temperature', 'it does not expand')
+    end do
+    do i = 1, size(case%tie)
+      call refuse(case%tie(i)%line, case%tie(i)%body_a, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt)), no_ties)
+      call refuse(case%tie(i)%line, case%tie(i)%body_b, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt)), no_ties)
     end do
     do i = 1, size(case%initial_stress)
       call refuse(case%initial_stress(i)%line, case%initial_stress(i)%body, '&initial_stress', 'it has no stress')
