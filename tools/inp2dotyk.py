@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Writes a first scene of dotyk from a deck of CalculiX or Abaqus: bodies, materials, supports, loads and contact pairs of its first step.
+"""Writes a first scene of dotyk from a deck of CalculiX or Abaqus: bodies, materials, supports, loads, ties and contact pairs of its first
+step.
 
 usage: tools/inp2dotyk.py DECK.inp [-o SCENE.nml]
 
@@ -583,7 +584,6 @@ class Scene:
             elif current and card.keyword == "surfacebehavior":
                 kind = card.get("pressure-overclosure", "hard").lower()
                 if kind == "tied":
-                    self.leave(card.place, "pressure-overclosure TIED: the surfaces are not joined")
                     behaviour[current] = None
                 elif kind == "linear":
                     behaviour[current] = ", theta=%.12g" % (1/number(card.data[0][0]))
@@ -595,27 +595,35 @@ class Scene:
             if "adjust" in card.parameters:
                 self.leave(card.place, "ADJUST: the gap of the mesh is taken; `gap=0` of &contact closes it")
             keys = behaviour.get(card.get("interaction").upper(), "")
-            for slave, master in (fields[:2] for fields in card.data if keys is not None):
-                sides = []
-                for name in (slave, master):
-                    spelled, found = self.deck.faces_of_surface(name)
-                    if not found:
-                        self.leave(card.place, "surface %s: its nodes are no whole face" % spelled)
-                    sides.append([(b, spelled) for b in found])
-                for a, one in sides[0]:
-                    for b, other in sides[1]:
-                        if a == b:
-                            self.leave(card.place, "contact of body %s with itself" % self.body(a))
-                            continue
-                        name = "%s - %s" % (one, other) + (" %d-%d" % (a + 1, b + 1) if len(sides[0])*len(sides[1]) > 1 else "")
-                        self.lines.append("&contact name=%s, surface_a=%s, surface_b=%s%s /" % (
-                            quoted(name), quoted("%s:%s" % (self.body(a), one)), quoted("%s:%s" % (self.body(b), other)),
-                            keys))
+            for slave, master in (fields[:2] for fields in card.data):
+                self.pairs(card, "tie" if keys is None else "contact", slave, master, keys or "")
+        for card in self.of("tie"):
+            if set(card.parameters) & {"cyclicsymmetry", "multistage"}:
+                self.leave(card.place, "*TIE with cyclic symmetry: see angle of &tie")
+                continue
+            radius = card.get("positiontolerance")
+            for slave, master in (fields[:2] for fields in card.data):
+                self.pairs(card, "tie", slave, master, ", search_radius=%.12g" % number(radius) if radius and number(radius) > 0 else "")
+
+    def pairs(self, card, group, slave, master, keys):
+        """&contact or &tie of two surfaces, one for each two bodies that have them."""
+        sides = []
+        for name in (slave, master):
+            spelled, found = self.deck.faces_of_surface(name)
+            if not found:
+                self.leave(card.place, "surface %s: its nodes are no whole face" % spelled)
+            sides.append([(b, spelled) for b in found])
+        for a, one in sides[0]:
+            for b, other in sides[1]:
+                if a == b:
+                    self.leave(card.place, "%s of body %s with itself" % (group, self.body(a)))
+                    continue
+                name = "%s - %s" % (one, other) + (" %d-%d" % (a + 1, b + 1) if len(sides[0])*len(sides[1]) > 1 else "")
+                self.lines.append("&%s name=%s, surface_a=%s, surface_b=%s%s /" % (
+                    group, quoted(name), quoted("%s:%s" % (self.body(a), one)), quoted("%s:%s" % (self.body(b), other)), keys))
 
     def others(self):
         """What nobody reads."""
-        for card in self.of("tie"):
-            self.leave(card.place, "*TIE of %s: the surfaces are not joined" % ", ".join(field for fields in card.data for field in fields))
         for card in self.cards:
             if card.keyword and card.keyword not in SILENT | {"transform", "plastic", "hyperelastic", "hyperfoam", "creep", "usermaterial",
                                                               "cyclichardening", "depvar"}:

@@ -45,11 +45,11 @@ contains
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
       call add_unions(case, case%body(first)%mesh, mesh)
+      call show_volumes(mesh, case%scene%dimension, log)
       if (is_cad_file(case%body(first)%mesh)) then
         call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
                       'centre, and normal where plane')
       else
-        call show_volumes(mesh, case%scene%dimension, log)
         call log%line('  surfaces of '//case%body(first)%mesh//' in its own coordinates: about their '// &
                       trim(merge('area  ', 'length', case%scene%dimension == 3))//', centre, and normal where plane')
       end if
@@ -79,7 +79,7 @@ contains
     end function seen
   end subroutine show_cad_faces
 
-  !> List the volumes of a mesh.
+  !> List the volumes of a mesh; of a CAD file, the solids that have names.
   subroutine show_volumes(mesh, dimension, log)
     !> The mesh.
     type(mesh_t), intent(in) :: mesh
@@ -91,8 +91,13 @@ contains
     logical :: wanted(size(mesh%group))
     integer :: i, b, n
     call group_names(mesh, dimension, names)
-    call log%line('  element sets of '//mesh%file)
+    if (.not. is_cad_file(mesh%file)) then
+      call log%line('  element sets of '//mesh%file)
+    else if (any([(index(names(i)%s, 'solid ') /= 1, i=1, size(names))])) then
+      call log%line('  solids of '//mesh%file//' by their names')
+    end if
     do i = 1, size(names)
+      if (is_cad_file(mesh%file) .and. index(names(i)%s, 'solid ') == 1) cycle
       wanted = groups_named(mesh, names(i)%s, dimension)
       n = 0
       do b = 1, size(mesh%block)

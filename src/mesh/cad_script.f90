@@ -1,16 +1,19 @@
 !> The script that gmsh reads after a CAD file: element sizes, and the physical groups `solid 1`, `solid 2`, ... and
-!> `face 1`, `face 2`, ..., numbered as gmsh does.
+!> `face 1`, `face 2`, ..., numbered as gmsh does; and solids by their names in the file, with numbers where several
+!> have the same.
 module dotyk_mesh_cad_script
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   implicit none
   private
-  public :: cad_script
+  public :: cad_script, script_of_solid
 
   !> Elements along the largest extent of a solid, where no size is given, and around a circle.
   integer, parameter :: along_solid = 12, around_circle = 16
   !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
   integer, parameter :: most_along_solid = 1000
+  !> Solids beyond which names are not read: they are compared with each other.
+  integer, parameter :: most_named = 1000
 
 contains
 
@@ -50,9 +53,57 @@ contains
       text = text//'  MeshSize{ PointsOf{ Volume{solid(i)}; } } = extent/'//to_text(along_solid)//';'//lf// &
         'EndFor'//lf
     end if
-    text = text//'face() = Surface{:};'//lf// &
+    text = text//names_of_solids()//'face() = Surface{:};'//lf// &
       'For i In {0:#face()-1}'//lf// &
       '  Physical Surface(Sprintf("face %g", face(i))) = {face(i)};'//lf// &
       'EndFor'//lf
   end function cad_script
+
+  !> Groups of the solids by their names in the file: the last part of gmsh's label, `Shapes/Assembly/Bolt`. Names that
+  !> translators make up are none, nor are those that look like numbers of solids.
+  function names_of_solids() result(text)
+    character(:), allocatable :: text
+    character, parameter :: lf = new_line('a')
+    text = 'For i In {0:#solid()-1}'//lf// &
+      '  name = Str(StrRelative(StrCat("/", Volume{solid(i)})));'//lf// &
+      '  same = 0; place = 0;'//lf// &
+      '  If (StrLen(name) > 0 && #solid() <= '//to_text(most_named)//')'//lf// &
+      '    For k In {0:#solid()-1}'//lf// &
+      '      If (StrCmp(StrRelative(StrCat("/", Volume{solid(k)})), name) == 0)'//lf// &
+      '        same += 1;'//lf// &
+      '        place = (k <= i) ? same : place;'//lf// &
+      '      EndIf'//lf// &
+      '    EndFor'//lf// &
+      '  EndIf'//lf// &
+      '  If (same > 1)'//lf// &
+      '    name = Str(StrCat(name, Sprintf(" %g", place)));'//lf// &
+      '    For k In {0:#solid()-1}'//lf// &
+      '      If (StrCmp(StrRelative(StrCat("/", Volume{solid(k)})), name) == 0)'//lf// &
+      '        same = 0;'//lf// &
+      '      EndIf'//lf// &
+      '    EndFor'//lf// &
+      '  EndIf'//lf// &
+      '  If (same > 0 && StrFind(name, "Open CASCADE") == 0 && StrFind(name, "solid ") == 0)'//lf// &
+      '    Physical Volume(Str(name)) = {solid(i)};'//lf// &
+      '  EndIf'//lf// &
+      'EndFor'//lf
+  end function names_of_solids
+
+  !> What comes before the script for one solid alone.
+  function script_of_solid(number) result(text)
+    !> Its number in the file, from 1.
+    integer, intent(in) :: number
+    character(:), allocatable :: text
+    character, parameter :: lf = new_line('a')
+    text = 'solid() = Volume{:};'//lf// &
+      'If (#solid() < '//to_text(number)//')'//lf// &
+      '  Error("no more solids");'//lf// &
+      '  Exit;'//lf// &
+      'EndIf'//lf// &
+      'For i In {0:#solid()-1}'//lf// &
+      '  If (i != '//to_text(number - 1)//')'//lf// &
+      '    Recursive Delete { Volume{solid(i)}; }'//lf// &
+      '  EndIf'//lf// &
+      'EndFor'//lf
+  end function script_of_solid
 end module dotyk_mesh_cad_script

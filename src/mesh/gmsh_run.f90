@@ -14,7 +14,7 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_cad_script, only: cad_script
+  use dotyk_mesh_cad_script, only: cad_script, script_of_solid
   use dotyk_mesh_geometry_sources, only: geometry_sources_t
   use dotyk_mesh_mesh_cache, only: find_cache
   implicit none
@@ -38,6 +38,8 @@ module dotyk_mesh_gmsh_run
   integer, parameter :: status_not_executable = 126, status_not_found = 127
   !> Greatest number of lines of the gmsh log in a message.
   integer, parameter :: max_lines = 6
+  !> Exit status of the shell for a program that crashed, and the greatest number of solids that are tried for it.
+  integer, parameter :: status_crashed = 128, most_tried = 40
 
 contains
 
@@ -264,10 +266,13 @@ contains
     if (len(script) > 0) then
       call write_new(temporary//'.geo', script)
       more = ' '//shell_quoted(temporary//'.geo')
+      ! Solids get the names of the file.
+      path = ' -setnumber Geometry.OCCImportLabels 1 '//shell_quoted(path)
+    else
+      path = ' '//shell_quoted(path)
     end if
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
-                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path)//more, temporary//'.log', status, &
-                     confined=no_shell)
+                     shell_quoted(temporary//'.msh')//path//more, temporary//'.log', status, confined=no_shell)
     if (len(script) > 0) call remove_file(temporary//'.geo')
     if (interrupted()) then
       call remove_file(temporary//'.log')
@@ -286,6 +291,8 @@ contains
     call read_log(log, errors, counts)
     if (status /= 0 .or. len(errors) > 0) then
       if (len(errors) == 0) errors = new_line('a')//'  exit status '//to_text(status)
+      if (status >= status_crashed .and. len(script) > 0) &
+        errors = errors//crash_text(path, dimension, script, temporary, no_shell)
       call set_error(error, geo_file//': gmsh could not mesh it'//trim(merge(' under --no-shell', '                 ', &
                      no_shell))//':'//errors//new_line('a')//'  (full log: '//base//'.log)')
     else if (index(counts, ' 0 elements') > 0) then
@@ -298,6 +305,36 @@ contains
     end if
     if (allocated(error)) call remove_file(temporary//'.msh')
   end subroutine run_gmsh
+
+  !> What is to be said where gmsh crashed on a CAD file: the solid at which it does so, found by one after another.
+  function crash_text(path, dimension, script, temporary, no_shell) result(text)
+    !> Path of the file with the options before it, for the shell.
+    character(*), intent(in) :: path
+    !> Largest dimension of the elements.
+    integer, intent(in) :: dimension
+    !> What gmsh reads after it.
+    character(*), intent(in) :: script
+    !> Path of temporary files without extension.
+    character(*), intent(in) :: temporary
+    !> Whether gmsh may start no program and write no other file.
+    logical, intent(in) :: no_shell
+    character(:), allocatable :: text
+    integer :: i, status
+    text = new_line('a')//'  gmsh crashed'
+    do i = 1, most_tried
+      call write_new(temporary//'.geo', script_of_solid(i)//script)
+      call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -o '//shell_quoted(temporary//'.msh')// &
+                       path//' '//shell_quoted(temporary//'.geo'), temporary//'.log', status, confined=no_shell)
+      call remove_file(temporary//'.geo')
+      call remove_file(temporary//'.msh')
+      call remove_file(temporary//'.log')
+      if (interrupted()) return
+      if (status >= status_crashed) text = text//' at solid '//to_text(i)
+      if (status /= 0) exit
+    end do
+    text = text//', as it does where a curved face ends in a point, such as the apex of a cone: blunt or cut the '// &
+           'solid there, try another mesh_size or mesh_order=1, or mesh it by a .geo file'
+  end function crash_text
 
   !> Extract errors and counts from the gmsh log.
   subroutine read_log(log, errors, counts)

@@ -64,6 +64,37 @@ class Cad(dotyk_case.Case):
         self.assertIn(", (40, ", text)
         self.assertEqual(text.count("      face "), 15)
 
+    def test_names_of_solids(self):
+        """Names of the file beside numbers; those that several solids have get numbers."""
+        self.parts()
+        text = (self.folder / "parts.step").read_text()
+        names = iter(["all", "Pin", "Block", "Pin"])
+        text = re.sub(r"PRODUCT\('[^']*',\s*'[^']*'", lambda _: "PRODUCT('%s',''" % next(names), text)
+        self.assertEqual(list(names), [])
+        self.write("parts.step", text)
+        scene = SCENE % ("step", ", mesh_order=1")
+        for old, new in (("name='part *', volume='solid *'", "name='part 1', volume='Pin 1'"), (", repeat=2 /", " /\n&body name='part 2', volume='Block', "
+                         "material='steel' /\n&body name='pin', volume='Pin 2', material='steel' /")):
+            self.assertIn(old, scene)
+            scene = scene.replace(old, new)
+        self.write("case.nml", scene)
+        listed = self.dotyk("case.nml", "--check")
+        self.assertRegex(listed, r"  solids of parts.step by their names\n    Pin 1 +\d+ elements\n    Block +\d+ elements\n    Pin 2 +\d+ elements\n")
+        self.assertIn("    'part 2', Block\n      face 7 ", listed)
+        self.write("case.nml", scene.replace("'Block'", "'Blok'"))
+        self.assertIn("(did you mean 'Block'?)", self.dotyk("case.nml", code=2))
+
+    def test_crash_of_gmsh(self):
+        """The solid at which gmsh crashes is named: a gmsh that does so for the second one."""
+        self.parts()
+        fake = self.write("gmsh.sh", "#!/bin/sh\ncase \"$1\" in --version) exec gmsh --version;; esac\nfor last; do :; done\n"
+                          "grep -q 'i != 0' \"$last\" && exec gmsh \"$@\"\nkill -SEGV $$\n")
+        fake.chmod(0o755)
+        self.write("case.nml", SCENE % ("step", ", mesh_order=1"))
+        text = self.dotyk("case.nml", code=2, DOTYK_GMSH=str(fake))
+        self.assertRegex(text, r"parts.step: gmsh could not mesh it:\n  exit status 1\d\d\n  gmsh crashed at solid 2, as it does where a curved face "
+                               r"ends in a point, such as the apex of a cone")
+
     def test_what_is_refused(self):
         self.parts()
         text = SCENE % ("step", "")

@@ -124,10 +124,18 @@ class Inp2Dotyk(dotyk_case.Case):
             self.assertIn(message, said)
             self.assertIn(message, text)
         self.assertEqual(said.count("\n"), text.count("! Not carried over"))
-        text, said = self.convert(TWO % ("", "TIED", "*TIE, NAME=t\nup, low\n"), code=1)
-        self.assertIn("pressure-overclosure TIED: the surfaces are not joined", said)
-        self.assertIn("*TIE of up, low: the surfaces are not joined", said)
-        self.assertNotIn("&contact", text)
+
+    def test_ties(self):
+        """Joined by *TIE, or by tied contact: pulled as one bar."""
+        for behaviour, tie in (("TIED", ""), ("HARD", "*TIE, NAME=t, POSITION TOLERANCE=0.01\nup, low\n")):
+            deck = (TWO % ("", behaviour, "*CLOAD\nhead, 3, 1.\n")).replace("*STEP\n", tie + "*STEP\n")
+            if tie:
+                deck = deck.replace("*CONTACT PAIR, INTERACTION=I, TYPE=SURFACE TO SURFACE\nup, low\n", "")
+            self.assertAlmostEqual(self.shortening(deck), -2*4/YOUNG, delta=1e-9)
+        self.assertIn("&tie name='up - low', surface_a='body_2:up', surface_b='body_1:low', search_radius=0.01 /",
+                      (self.folder / "deck.nml").read_text())
+        said = self.convert(TWO % ("", "HARD", "*TIE, NAME=t, CYCLIC SYMMETRY\nup, low\n"), code=1)[1]
+        self.assertIn("*TIE with cyclic symmetry", said)
 
     def test_refused(self):
         for text, message in ((TWO.replace("C3D8", "S8") % ("", "HARD", ""), "S8"), (TWO % ("", "HARD", "*DSLOAD\nnone, P, 1.\n"), "NONE"),
