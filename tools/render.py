@@ -39,6 +39,7 @@ def arguments():
     add = parser.add_argument
     add("file", help="results file (.vtkhdf)")
     add("-o", "--output", help="picture (.png); default: the results file's name with .png")
+    add("--case", help="load case by name; default: the first one")
     add("--field", default="von_mises", help="von_mises (default), contact_pressure, displacement (its magnitude), or "
         "any number or vector of the file; 'none': one colour a body")
     add("--scale", default="auto", help="factor on the displacements; 'auto' (default): the largest one is seen as 5 "
@@ -85,6 +86,28 @@ def read_grid(path):
     if grid.GetNumberOfCells() == 0:
         sys.exit("render: '%s' has no elements" % path)
     return grid
+
+
+def take_case(grid, path, name):
+    """The fields of a load case in place of those of the first one: VTK before 9.3 reads no steps of time."""
+    import h5py
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    with h5py.File(path) as file:
+        if "dotyk/cases" not in file:
+            sys.exit("render: '%s' has no load cases" % path)
+        names = file["dotyk/cases"].attrs["names"]
+        names = (names.decode() if isinstance(names, bytes) else str(names)).split("\n")
+        if name not in names:
+            sys.exit("render: no load case '%s'; there are %s" % (name, ", ".join(names)))
+        steps = file["VTKHDF/Steps"]
+        for place, data, n in (("PointData", grid.GetPointData(), grid.GetNumberOfPoints()),
+                               ("CellData", grid.GetCellData(), grid.GetNumberOfCells())):
+            for field, values in file["VTKHDF"][place].items():
+                first = steps["%sOffsets/%s" % (place, field)][names.index(name)]
+                array = numpy_to_vtk(values[first:first + n], deep=True)
+                array.SetName(field)
+                data.AddArray(array)
 
 
 def round_factor(factor):
@@ -374,6 +397,8 @@ def render(options):
                                              vtkTextActor, vtkWindowToImageFilter)
 
     grid = read_grid(options.file)
+    if options.case:
+        take_case(grid, options.file, options.case)
     n_bodies = int(grid.GetCellData().GetArray("body").GetRange()[1])
     if options.bodies:
         grid = only_bodies(grid, [int(number) for number in options.bodies.split(",")])

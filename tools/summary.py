@@ -42,6 +42,22 @@ def print_attributes(title, record, without=()):
         print("  %-26s %s" % (name, text_of(attributes[name])))
 
 
+def cases_of(results):
+    """Results of all load cases of a file, or of the file where it has none."""
+    return [results.case(name) for name in results.cases] if len(results.cases) > 1 else [results]
+
+
+def print_results(results):
+    """Summary and contacts of a load case."""
+    print_attributes("summary", results.summary)
+    for name, pair in results.pairs.items():
+        print_attributes("contact '%s'" % name, pair)
+        for field in ("pressure", "pressure_projected", "gap"):
+            values = pair.get(field, ())
+            if len(values):
+                print("  %-26s %.6g to %.6g in %d rows" % (field, values.min(), values.max(), len(values)))
+
+
 def print_file(path, with_input):
     """All of one file."""
     with dotyk.Results(path) as results:
@@ -49,46 +65,51 @@ def print_file(path, with_input):
         print("%s: %d bodies, %d nodes, %d elements" % (
             path, len(bodies), sum(body.n_nodes for body in bodies), sum(body.n_cells for body in bodies)))
         print_attributes("run", results.run, without=("input",))
-        print_attributes("summary", results.summary)
-        for name, pair in results.pairs.items():
-            print_attributes("contact '%s'" % name, pair)
-            for field in ("pressure", "pressure_projected", "gap"):
-                values = pair.get(field, ())
-                if len(values):
-                    print("  %-26s %.6g to %.6g in %d rows" % (field, values.min(), values.max(), len(values)))
+        for case in cases_of(results):
+            if results.cases:
+                print("case '%s'" % case.case_name)
+            print_results(case)
         print_attributes("seconds", results.timing)
         if with_input and "input" in results.run:
             print("input\n" + text_of(results.run["input"]))
 
 
-def csv_rows(path, table):
-    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads or bodies."""
-    columns, rows = ["file", "name"], []
-    with dotyk.Results(path) as results:
-        if table == "contacts":
-            names, sources = list(results.pairs), [pair.attributes for pair in results.pairs.values()]
-        else:
-            record = results.record(table)
-            names = record.attributes.get("names", "").splitlines()
-            arrays = {name: record[name] for name in record if name not in record.attributes}
-            sources = [{name: array[i] for name, array in arrays.items()} for i in range(len(names))]
-        for name, source in zip(names, sources):
-            row = [path, name]
-            for key in sorted(source, key=lambda key: (key != "body", not key.endswith("force"), key)):
-                values = np.atleast_1d(source[key])
-                if len(columns) < len(row) + len(values):
-                    columns += [key] if len(values) == 1 else [key + "_" + axis for axis in "xyz"]
-                row += ["%.12g" % (value + 0.0) for value in values]  # no -0
-            rows.append(row)
+def csv_rows(path, table, with_cases):
+    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads or bodies; with the load cases if
+    wanted."""
+    columns, rows = ["file", *["case"] * with_cases, "name"], []
+    with dotyk.Results(path) as whole:
+        for results in cases_of(whole):
+            if table == "contacts":
+                names, sources = list(results.pairs), [pair.attributes for pair in results.pairs.values()]
+            else:
+                record = results.record(table)
+                names = record.attributes.get("names", "").splitlines()
+                arrays = {name: record[name] for name in record if name not in record.attributes}
+                sources = [{name: array[i] for name, array in arrays.items()} for i in range(len(names))]
+            for name, source in zip(names, sources):
+                row = [path, *[results.case_name or ""] * with_cases, name]
+                for key in sorted(source, key=lambda key: (key != "body", not key.endswith("force"), key)):
+                    values = np.atleast_1d(source[key])
+                    if len(columns) < len(row) + len(values):
+                        columns += [key] if len(values) == 1 else [key + "_" + axis for axis in "xyz"]
+                    row += ["%.12g" % (value + 0.0) for value in values]  # no -0
+                rows.append(row)
     return columns, rows
+
+
+def has_cases(path):
+    """Whether a file has load cases."""
+    with dotyk.Results(path) as results:
+        return bool(results.cases)
 
 
 def print_csv(paths, table):
     """The table of all files, with one line of titles."""
     writer = csv.writer(sys.stdout, lineterminator="\n")
-    titles = None
+    titles, with_cases = None, any(has_cases(path) for path in paths)
     for path in paths:
-        columns, rows = csv_rows(path, table)
+        columns, rows = csv_rows(path, table, with_cases)
         if rows and titles is None:
             titles = columns
             writer.writerow(titles)

@@ -29,7 +29,7 @@ module dotyk_contact_pair_discretization
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: discretize_pair
+  public :: discretize_pair, set_given_gap
 
 contains
 

@@ -14,7 +14,7 @@ module dotyk_contact_pair_rows
   use dotyk_ranks_division, only: division_t
   implicit none
   private
-  public :: replace_points, set_rows
+  public :: replace_points, row_gaps, set_rows
 
 contains
 
@@ -99,6 +99,30 @@ contains
       pair%row_normal(:, i) = pair%row_normal(:, i)/max(norm2(pair%row_normal(:, i)), tiny(1.0_dp))
     end do
   end subroutine set_rows
+
+  !> Gaps that the rows would have if they were made for the gaps of the points: mortar functions on facets that are
+  !> covered in part depend on the gap.
+  subroutine row_gaps(surface_a, pair, row_gap)
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Pair with its rows, made for other gaps.
+    type(contact_pair_t), intent(in) :: pair
+    !> The gaps (n_rows) [length].
+    real(dp), allocatable, intent(out) :: row_gap(:)
+    type(corner_interpolation_t) :: corners
+    type(sparse_rows_t) :: mortar
+    integer, allocatable :: row_corner(:)
+    real(dp), allocatable :: row_weight(:)
+    allocate (row_gap(pair%n_rows))
+    associate (n => pair%n_mortar_points)
+      row_gap(pair%n_mortar_rows + 1:) = pair%gap(n + 1:)
+      if (n == 0) return
+      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
+      call dual_mortar_rows(division_t(), corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
+                            pair%normal(:, 1:n), row_corner, row_weight, mortar)
+      call mortar%multiply(pair%gap(1:n), row_gap(1:pair%n_mortar_rows))
+    end associate
+  end subroutine row_gaps
 
   !> Rows of a matrix, and after them rows that each have a one in one of as many further columns.
   subroutine append_identity(matrix, n, extended)

@@ -6,7 +6,8 @@
 module dotyk_control_congruence_classes
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_congruence, only: adopt_congruent_constraint, are_congruent, congruence_invariants_t
+  use dotyk_elasticity_congruence, only: are_congruent, congruence_invariants_t
+  use dotyk_elasticity_load_cases, only: adopt_congruent_body
   use dotyk_mesh_placement, only: placement_t
   implicit none
   private
@@ -58,7 +59,7 @@ contains
         if (.not. are_congruent(body(c), invariants(c), body(b), invariants(b), motion)) cycle
         self%first(b) = c
         self%motion(b) = motion
-        call adopt_congruent_constraint(body(c)%constraint, motion, body(b)%constraint)
+        call adopt_congruent_body(body(c), motion, body(b))
         exit
       end do
     end do

@@ -4,12 +4,12 @@ module dotyk_driver_factorization
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, set_stage
-  use dotyk_control_body_operators, only: find_modes, make_operators
-  use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
+  use dotyk_control_body_operators, only: make_operators
   use dotyk_control_factorization, only: check_memory, factorize_bodies
   use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
+  use dotyk_driver_load_case, only: solve_free
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
@@ -18,7 +18,7 @@ module dotyk_driver_factorization
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_operator_t
   use dotyk_scheme_congruent_products, only: sweep_costs
-  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
@@ -26,7 +26,7 @@ module dotyk_driver_factorization
 
 contains
 
-  !> Factorize, and solve without contact: the QP and its compliance.
+  !> Factorize, and solve the load case of the bodies without contact: the QP and its compliance.
   subroutine factorize_scene(case, scheme, scene, monitor, error)
     !> The case.
     type(case_t), intent(in) :: case
@@ -40,11 +40,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(response_slot_t), allocatable :: response(:)
     type(body_operator_t), allocatable :: operators(:)
-    type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
-    type(contact_free_t) :: free
-    real(dp), allocatable :: foundation(:), cost(:)
-    integer :: b
+    real(dp), allocatable :: foundation(:), cost(:), nothing(:)
     logical :: side_by_side
     if (scene%is_split()) then
       call scene%split%factorize(scene%problem%body, scene%operator, scene%problem%report, error)
@@ -53,8 +50,6 @@ contains
     end if
     if (allocated(error)) return
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
-      call find_modes(problem%body, problem%classes, problem%ranks, block, problem%report, problem%modes, modes, error)
-      if (allocated(error)) return
       call make_operators(problem%body, problem%classes, problem%ranks, block, problem%report, scene%size_of, &
                           scene%slot, response, operators)
       if (scene%is_split()) call scene%split%take_responses(problem%body, problem%modes, response)
@@ -62,21 +57,15 @@ contains
       call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
       ! All ranks solve one body after the other.
       side_by_side = side_by_side .and. .not. scene%is_split()
-      call set_stage('solving without contact')
-      call solve_without_contact(problem%body, problem%ranks, block, scene%operator%gap, response, &
-                                 problem%classes%first, side_by_side, problem%n_blas, free, problem%isolated)
-      scene%n_full_solves = free%n_solves
-      call coarse%init(block, scene%operator%n_rows, modes)
       call foundation_compliance(problem%body, problem%pair, scene%operator%n_rows, foundation)
-      call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, &
-                   free%norm_square, foundation, coarse)
-      call scene%neutral%find(problem, scene%theta, modes, qp, error)
-      if (allocated(error)) return
-      do b = 1, size(operators)
-        call move_alloc(free%u_0(b)%value, operators(b)%free)
-        call move_alloc(free%left(b)%value, operators(b)%left)
-      end do
+      ! The rows; loads come after it.
+      call coarse%take_rows(block, scene%operator%n_rows)
+      allocate (nothing(scene%operator%n_rows), source=0.0_dp)
+      call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse)
       call compliance%init(qp, response, operators, side_by_side)
+      if (case%n_cases() > 1) scene%modes = problem%modes
+      call solve_free(scene, error)
+      if (allocated(error)) return
       if (any(scene%size_of%forms_matrix)) then
         call set_stage('forming the compliance')
         call set_blas_threads(scene%problem%n_blas)
@@ -84,6 +73,7 @@ contains
         call set_blas_threads(1)
       end if
     end associate
+    scene%is_factorized = .true.
     call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
   end subroutine factorize_scene

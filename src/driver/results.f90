@@ -24,7 +24,7 @@ module dotyk_driver_results
   use dotyk_scheme_solver_state, only: ended_time
   implicit none
   private
-  public :: prepare_output, write_results, write_on_the_way
+  public :: finish_results, prepare_output, write_results, write_on_the_way
 
 contains
 
@@ -45,10 +45,12 @@ contains
     if (.not. allocated(error)) call check_replaceable(case%scene%output, error)
   end subroutine prepare_output
 
-  !> Contact pressures by pairs, and the results file.
-  subroutine write_results(case, scene, solution, threads, monitor, error)
+  !> Contact pressures by pairs, and the results of a load case; with the last one the file is complete.
+  subroutine write_results(case, step, scene, solution, threads, monitor, file, pair_solution, error)
     !> The case.
     type(case_t), intent(in) :: case
+    !> The load case.
+    integer, intent(in) :: step
     !> The scene, factorized.
     type(scene_t), intent(in) :: scene
     !> The solution.
@@ -57,14 +59,16 @@ contains
     integer, intent(in) :: threads
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Allocated where results are not finite, or the file cannot be written.
+    !> The results file: created with the first load case.
+    type(results_file_t), intent(inout) :: file
+    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
+    type(pair_solution_t), allocatable, intent(out) :: pair_solution(:)
+    !> Allocated where results are not finite, or the file cannot be written; it is discarded.
     type(error_t), allocatable, intent(out) :: error
-    type(pair_solution_t), allocatable :: pair_solution(:)
     type(nodal_field_t), allocatable :: contact_pressure(:)
     type(contact_fields_t), allocatable :: contact(:)
     type(balance_t) :: balance
     type(nodal_stress_t), allocatable :: nodal_stress(:)
-    type(results_file_t) :: file
     integer :: b
     logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
@@ -92,20 +96,49 @@ contains
       call monitor%watch%lap(monitor%timing%recover)
       monitor%timing%total = monitor%watch%since_start()
       call set_stage('writing results')
-      call write_fields(file, case, problem%body, problem%ranks, displacements, nodal_stress, contact_pressure, &
+      call write_fields(file, case, step, problem%body, problem%ranks, displacements, nodal_stress, contact_pressure, &
                         contact, balance, solution%budget, solution%penetration, error)
       if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
       call write_forces(file, problem, balance)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)
-      call write_provenance(file, case, threads, monitor%watch%date)
       call monitor%watch%lap(monitor%timing%write)
-      monitor%timing%total = monitor%watch%since_start()
-      call write_timing(file, monitor%timing)
-      call file%commit(error)
     end associate
   end subroutine write_results
+
+  !> Finish the results file.
+  subroutine finish_results(case, n_written, threads, monitor, file, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Load cases that were written.
+    integer, intent(in) :: n_written
+    !> Number of threads.
+    integer, intent(in) :: threads
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> The results file, with all results; complete on return.
+    type(results_file_t), intent(inout) :: file
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: names
+    integer :: k
+    if (this_rank() > 0) return
+    if (case%has_cases()) then
+      names = case%load_case(1)%name
+      do k = 2, n_written
+        names = names//new_line('a')//case%load_case(k)%name
+      end do
+      call file%end_cases(names, n_written, error)
+      if (allocated(error)) call file%discard()
+      if (allocated(error)) return
+    end if
+    call write_provenance(file, case, threads, monitor%watch%date)
+    call monitor%watch%lap(monitor%timing%write)
+    monitor%timing%total = monitor%watch%since_start()
+    call write_timing(file, monitor%timing)
+    call file%commit(error)
+  end subroutine finish_results
 
   !> Write the results of a run that continues. A failure is no reason to end it.
   subroutine write_on_the_way(case, scene, solution, threads, monitor, has_warned)
@@ -122,7 +155,10 @@ contains
     !> Whether a failure has been reported, which happens once.
     logical, intent(inout) :: has_warned
     type(error_t), allocatable :: error
-    call write_results(case, scene, solution, threads, monitor, error)
+    type(results_file_t) :: file
+    type(pair_solution_t), allocatable :: pair_solution(:)
+    call write_results(case, 1, scene, solution, threads, monitor, file, pair_solution, error)
+    if (.not. allocated(error)) call finish_results(case, 1, threads, monitor, file, error)
     if (this_rank() > 0) return
     if (.not. allocated(error)) then
       call monitor%log%line('  written          '//case%scene%output//' after '// &

@@ -26,13 +26,15 @@ module dotyk_driver_results_fields
 
 contains
 
-  !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, case, body, ranks, solution, nodal_stress, contact_pressure, contact, balance, &
+  !> Create the file with the first load case; meshes, displacements, contact pressures and stresses of all bodies.
+  subroutine write_fields(file, case, step, body, ranks, solution, nodal_stress, contact_pressure, contact, balance, &
                           budget, penetration, error)
     !> Results file; open on return, on the first rank.
     type(results_file_t), intent(inout) :: file
     !> The case, with the fields to write.
     type(case_t), intent(in) :: case
+    !> The load case; the first one creates the file.
+    integer, intent(in) :: step
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Which rank computes which bodies.
@@ -63,18 +65,22 @@ contains
       n_cells(b) = body(b)%mesh%n_whole_elements()
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
-    if (this_rank() == 0) &
+    if (this_rank() == 0 .and. step == 1) &
       call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
                        case%output%stress, case%output%contact, case%output%error, &
-                       case%output%reaction, case%output%nodal_stress, error)
+                       case%output%reaction, case%output%nodal_stress, error, &
+                       merge(case%n_cases(), 0, case%has_cases()))
+    if (may_write() .and. case%has_cases()) call file%begin_case(step, case%load_case(step)%name, error)
     ! All ranks take part to the end, even where the first one cannot write.
     do b = 1, size(body)
       call fields%init(body(b), ranks, b)
-      call fields%mesh(body(b)%mesh, mesh)
-      do k = 1, size(mesh%block)
-        mesh%block(k)%material = case%body(b)%material(mesh%block(k)%material)
-      end do
-      if (may_write()) call file%write_part(b, mesh, error)
+      if (step == 1) then
+        call fields%mesh(body(b)%mesh, mesh)
+        do k = 1, size(mesh%block)
+          mesh%block(k)%material = case%body(b)%material(mesh%block(k)%material)
+        end do
+        if (may_write()) call file%write_part(b, mesh, error)
+      end if
       if (case%output%displacement) then
         call fields%of_nodes(solution(b)%displacement, values)
         if (may_write()) call file%write_displacement(b, values, error)

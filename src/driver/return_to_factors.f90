@@ -105,6 +105,7 @@ contains
         if (allocated(scene%slot(b)%multigrid)) call scene%slot(b)%multigrid%destroy()
       end do
       call scene%compliance%destroy()
+      scene%is_factorized = .false.
       size_of%is_slow = scene%size_of%is_slow
       size_of%steps = scene%size_of%steps
       call move_alloc(modes, problem%modes)

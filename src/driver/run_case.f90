@@ -1,26 +1,24 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_error, only: error_t, exit_converged, set_error
   use dotyk_base_memory, only: set_stage
-  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_base_text, only: to_text
   use dotyk_control_parallel, only: use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_cad_faces, only: show_cad_faces
+  use dotyk_driver_case_check, only: check_cases
+  use dotyk_driver_load_cases, only: solve_cases
   use dotyk_driver_prediction, only: predict_run
-  use dotyk_driver_results, only: prepare_output, write_results
-  use dotyk_driver_penetration, only: check_bodies, check_placement
-  use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions
+  use dotyk_driver_results, only: prepare_output
+  use dotyk_driver_penetration, only: check_placement
+  use dotyk_driver_run_settings, only: choose_scheme, set_pair_conditions
   use dotyk_driver_scene_building, only: build_scene, scene_t
-  use dotyk_driver_solution, only: solve_scene
-  use dotyk_driver_warm_start, only: read_pressures
   use dotyk_input_case, only: case_t
   use dotyk_input_parse, only: read_case
-  use dotyk_log_outcome, only: note_modes
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
-  use dotyk_log_summary, only: show_solution
+  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: run_case
@@ -46,6 +44,10 @@ contains
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)
+    if (allocated(error)) return
+    if (case%has_cases() .and. n_ranks() > 1) &
+      call set_error(error, case%file//':'//to_text(case%load_case(1)%line)//': &case: load cases are for one '// &
+                     'process; start the program without mpirun, or each case in a scene of its own')
     if (allocated(error)) return
     case%no_shell = arguments%no_shell
     call choose_scheme(case, run)
@@ -82,38 +84,26 @@ contains
     type(case_t) :: case
     type(scheme_run_t) :: run
     type(scene_t) :: scene
-    type(contact_solution_t) :: solution
-    real(dp), allocatable :: pressure(:)
     case = input
     run = chosen
-    call build_scene(case, run%scheme, may_split, scene, monitor, needs_factors, error)
+    ! Bodies that are split are computed once: load cases have factors.
+    call build_scene(case, run%scheme, may_split .and. case%n_cases() == 1, scene, monitor, needs_factors, error)
     if (allocated(error) .or. needs_factors) return
     call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of, has_shown)
     if (.not. has_shown) call check_placement(scene, monitor)
     has_shown = .true.
-    if (len(arguments%restart) > 0) then
-      call read_pressures(arguments%restart, scene%problem%body, scene%problem%pair, monitor%log, pressure, error)
-      if (allocated(error)) return
-    end if
     if (arguments%check) then
       call show_cad_faces(case, monitor%log)
+      call check_cases(arguments%restart, case, scene, monitor, error)
+      if (allocated(error)) return
       call predict_run(case, run%scheme, scene, monitor, error)
       if (allocated(error)) return
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
-    if (allocated(error) .or. needs_factors) return
-    call scene%neutral%judge(scene%problem, solution%qp, solution%state)
-    call note_modes(scene%problem, solution%state, monitor%log)
-    call check_bodies(scene, solution, monitor)
-    call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
-                       monitor%timing%iterate%wall)
-    call write_results(case, scene, solution, threads, monitor, error)
-    if (allocated(error)) return
-    call monitor%show_timing()
-    call monitor%log%line('  results          '//case%scene%output)
-    if (.not. solution%state%has_converged()) code = exit_not_converged
+    call solve_cases(arguments%restart, case, run, scene, threads, monitor, needs_factors, code, error)
+    call scene%compliance%destroy()
+    call scene%split%destroy()
   end subroutine run_scene
 end module dotyk_driver_run_case

@@ -7,6 +7,8 @@ module dotyk_driver_scene
   use dotyk_control_response_choice, only: form_multigrid, form_split, operator_slot_t
   use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_elasticity_body, only: stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_model_contact_cases, only: pair_conditions_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_split_split_scene, only: split_scene_t
@@ -29,6 +31,12 @@ module dotyk_driver_scene
     type(factor_size_t), allocatable :: size_of(:)
     !> Solves with whole factors so far.
     integer :: n_full_solves = 0
+    !> Whether the factors, or what is in their place, belong to the bodies.
+    logical :: is_factorized = .false.
+    !> Rigid body modes as the supports leave them; kept where there are several load cases (n_bodies).
+    type(body_modes_t), allocatable :: modes(:)
+    !> Gaps and penalty parameters of the pairs that load cases change (n_pairs).
+    type(pair_conditions_t), allocatable :: pair_conditions(:)
     !> The quadratic programme.
     type(contact_qp_t) :: qp
     !> Its compliance.

@@ -16,6 +16,7 @@ module dotyk_driver_scene_building
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_contact_cases, only: check_contact_cases
   use dotyk_model_pairs, only: find_pairs
   use dotyk_model_ties, only: find_ties
   use dotyk_ranks_communication, only: n_ranks
@@ -90,6 +91,9 @@ contains
       call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
+      call check_contact_cases(case, problem, scene%pair_conditions, error)
+      if (allocated(error)) return
+      scene%theta = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
       call find_ties(case, problem%body, surfaces, problem%tie, error)
       if (allocated(error)) return
       call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)

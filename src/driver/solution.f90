@@ -1,5 +1,5 @@
-!> The solution of a scene: factorization, and the contact solved as often as intermediate results and neutral modes ask
-!> for.
+!> The solution of a load case: factorization where it is the first one, and the contact solved as often as intermediate
+!> results and neutral modes ask for.
 module dotyk_driver_solution
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
@@ -28,14 +28,14 @@ module dotyk_driver_solution
 
 contains
 
-  !> Factorize and solve; the compliance is destroyed. A scene of bodies that are split over ranks is to be built anew
-  !> where it needs their factors.
+  !> Factorize unless that is done, and solve. A scene of bodies that are split over ranks is to be built anew where it
+  !> needs their factors.
   subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Scheme and its settings.
     type(scheme_run_t), intent(in) :: run
-    !> The scene, built.
+    !> The scene, built, or factorized with its loads.
     type(scene_t), intent(inout) :: scene
     !> Contact pressures to start from; not allocated where there are none (n_rows) [pressure].
     real(dp), allocatable, intent(in) :: pressure(:)
@@ -57,12 +57,14 @@ contains
     has_warned = .false.
     needs_factors = .false.
     factors: do
-      before = monitor%timing%factorize%wall
-      call factorize_scene(case, run%scheme, scene, monitor, error)
-      if (allocated(error)) exit factors
-      call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
-                            case%solver%response == response_auto .and. may_use_multigrid(case), &
-                            monitor%timing%factorize%wall - before)
+      if (.not. scene%is_factorized) then
+        before = monitor%timing%factorize%wall
+        call factorize_scene(case, run%scheme, scene, monitor, error)
+        if (allocated(error)) exit factors
+        call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
+                                case%solver%response == response_auto .and. may_use_multigrid(case), &
+                                monitor%timing%factorize%wall - before)
+      end if
       now = run
       if (scene%has_multigrid()) then
         deallocate (now%scheme)
@@ -129,8 +131,6 @@ contains
     else
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
-    call scene%compliance%destroy()
-    call scene%split%destroy()
   end subroutine solve_scene
 
   !> Name the body whose modes the program holds, which the split scheme does not know how to.

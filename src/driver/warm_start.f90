@@ -11,7 +11,9 @@ module dotyk_driver_warm_start
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
   use dotyk_output_hdf5_read, only: hdf5_source_t
   use dotyk_output_results_file, only: contact_group
   use dotyk_scheme_compliance, only: compliance_t
@@ -19,7 +21,7 @@ module dotyk_driver_warm_start
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: read_pressures, start_from_pressures
+  public :: initial_pressures, start_from_pressures
 
   !> Distance between rows that counts as none, relative to the size of the scene.
   real(dp), parameter :: same_position = 1.0e-6_dp
@@ -28,10 +30,40 @@ module dotyk_driver_warm_start
 
 contains
 
+  !> Contact pressures that a load case starts from: those of an earlier run, or of the load case before.
+  subroutine initial_pressures(restart, case, k, problem, log, before, pressure, error)
+    !> Results file of the earlier run; empty where there is none.
+    character(*), intent(in) :: restart
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The load case.
+    integer, intent(in) :: k
+    !> Bodies and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Solution of the load case before; without pressures where there is none.
+    type(solver_state_t), intent(in) :: before
+    !> Not allocated where the case starts from nothing (n_rows) [pressure].
+    real(dp), allocatable, intent(out) :: pressure(:)
+    !> Allocated where the file cannot be read, or has other contact rows.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: name
+    name = ''
+    if (case%has_cases()) name = case%load_case(k)%name
+    if (len(restart) > 0) then
+      call read_pressures(restart, name, problem%body, problem%pair, log, pressure, error)
+    else if (case%has_cases()) then
+      if (case%load_case(k)%continues .and. allocated(before%m)) pressure = before%m
+    end if
+  end subroutine initial_pressures
+
   !> Read the contact pressures of a results file. All errors lead to exit code 2.
-  subroutine read_pressures(path, body, pair, log, pressure, error)
+  subroutine read_pressures(path, name, body, pair, log, pressure, error)
     !> Path of the results file.
     character(*), intent(in) :: path
+    !> Name of the load case; empty where the case has none. A file without load cases serves all of them.
+    character(*), intent(in) :: name
     !> Bodies; their meshes give the size of the scene (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Contact rows of this case (n_pairs).
@@ -43,14 +75,15 @@ contains
     !> Allocated where the file is missing, is no results file, or has other contact rows.
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_source_t) :: source
-    character(:), allocatable :: reason
+    character(:), allocatable :: reason, root
     reason = why_no_file(path)
     if (len(reason) > 0) then
       call set_error(error, '--restart: '//quoted(path)//' '//reason)
       return
     end if
     call source%open(path, error)
-    if (.not. allocated(error)) call read_pairs(source, scene_size(body), pair, pressure, error)
+    if (.not. allocated(error)) call find_root(source, name, root, error)
+    if (.not. allocated(error)) call read_pairs(source, root, scene_size(body), pair, pressure, error)
     call source%close()
     call add_context(error, '--restart: ')
     if (allocated(error)) return
@@ -75,10 +108,36 @@ contains
     scene_size = norm2(high(:d) - low(:d))
   end function scene_size
 
-  !> Compare the contact pairs of the file with those of the case, and read their pressures.
-  subroutine read_pairs(source, length, pair, pressure, error)
+  !> The group of a results file that has the results of a load case.
+  subroutine find_root(source, name, root, error)
     !> Results file, open.
     type(hdf5_source_t), intent(in) :: source
+    !> Name of the load case; empty where the case has none.
+    character(*), intent(in) :: name
+    !> Path of the group.
+    character(:), allocatable, intent(out) :: root
+    !> Allocated where the file is none of dotyk, or has load cases, but not this one.
+    type(error_t), allocatable, intent(out) :: error
+    root = '/dotyk'
+    if (.not. source%has(root)) then
+      call set_error(error, quoted(source%path)//' is not a results file of dotyk')
+    else if (source%has('/dotyk/cases')) then
+      if (len(name) == 0) then
+        call set_error(error, quoted(source%path)//' has load cases, and the case has none')
+      else if (.not. source%has('/dotyk/cases/'//name)) then
+        call set_error(error, quoted(source%path)//' has no load case '//quoted(name))
+      else
+        root = '/dotyk/cases/'//name
+      end if
+    end if
+  end subroutine find_root
+
+  !> Compare the contact pairs of the file with those of the case, and read their pressures.
+  subroutine read_pairs(source, root, length, pair, pressure, error)
+    !> Results file, open.
+    type(hdf5_source_t), intent(in) :: source
+    !> Group of the results.
+    character(*), intent(in) :: root
     !> Size of the scene [length].
     real(dp), intent(in) :: length
     !> Contact pairs of the case (n_pairs).
@@ -90,18 +149,15 @@ contains
     character(:), allocatable :: what
     integer :: k, n
     allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
-    if (.not. source%has('/dotyk')) then
-      call set_error(error, quoted(source%path)//' is not a results file of dotyk')
-      return
-    else if (source%n_members('/dotyk/contact') /= size(pair)) then
+    if (source%n_members(root//'/contact') /= size(pair)) then
       call set_error(error, quoted(source%path)//' has '// &
-                     counted(source%n_members('/dotyk/contact'), 'contact pair')// &
+                     counted(source%n_members(root//'/contact'), 'contact pair')// &
                      ', and the case has '//to_text(size(pair)))
       return
     end if
     n = 0
     do k = 1, size(pair)
-      call read_pair(source, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
+      call read_pair(source, root, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
       if (len(what) > 0) &
         call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
                        '; a warm start needs the same meshes and contact settings')
@@ -111,9 +167,11 @@ contains
   end subroutine read_pairs
 
   !> Compare one contact pair, and read its pressures.
-  subroutine read_pair(source, tolerance, pair, pressure, what, error)
+  subroutine read_pair(source, root, tolerance, pair, pressure, what, error)
     !> Results file, open.
     type(hdf5_source_t), intent(in) :: source
+    !> Group of the results.
+    character(*), intent(in) :: root
     !> Largest distance between the row of the file and that of the case [length].
     real(dp), intent(in) :: tolerance
     !> Contact pair of the case.
@@ -130,7 +188,7 @@ contains
     integer :: i
     what = ''
     pressure = 0
-    group = '/dotyk/'//contact_group(pair%name)
+    group = root//'/'//contact_group(pair%name)
     if (.not. source%has(group)) then
       what = 'pair '//quoted(pair%name)//' is missing'
       return
@@ -168,6 +226,7 @@ contains
     type(solver_state_t), intent(inout) :: state
     if (.not. any(pressure > 0)) return
     state%m = pressure
+    if (allocated(state%alpha)) deallocate (state%alpha)
     allocate (state%alpha(qp%coarse%n), state%y(qp%n_rows), source=0.0_dp)
     call compliance%multiply(qp, qp%weight*pressure, state%y)
     state%y = qp%initial_penetration - state%y

@@ -6,6 +6,7 @@ module dotyk_elasticity_body
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
+  use dotyk_elasticity_body_actions, only: body_actions_t, carry_resultants
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
   use dotyk_elasticity_initial_state, only: initial_state_t
@@ -56,6 +57,8 @@ module dotyk_elasticity_body
     type(load_resultant_t), allocatable :: resultant(:)
     !> Warnings of formulas of loads and supports that quadrature or the mesh does not resolve.
     type(text_t), allocatable :: unresolved(:)
+    !> What acts on the body in each load case; not allocated where it is the same in all of them (n_cases).
+    type(body_actions_t), allocatable :: of_case(:)
     !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
     !> Volume [volume].
@@ -69,10 +72,10 @@ module dotyk_elasticity_body
     !> Whether this rank computes each equation; allocated where all ranks compute the body together, each a part
     !> (n_equations).
     logical, allocatable :: own_equation(:)
+    !> Whether the body has loads or given displacements at nodes that this rank does not hold.
+    logical :: is_loaded_inside = .false.
     !> Number of equations of the whole body where this rank numbers those of its part.
     integer, private :: n_whole_equations = 0
-    !> Whether the body has loads or given displacements at nodes that this rank does not hold.
-    logical, private :: is_loaded_inside = .false.
   contains
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
@@ -204,6 +207,11 @@ contains
     call self%directions%hold_nodes(node)
     if (allocated(self%load)) self%load = self%load(:, node)
     call self%initial%hold_nodes(node)
+    if (allocated(self%of_case)) then
+      do i = 1, size(self%of_case)
+        call self%of_case(i)%hold_nodes(node)
+      end do
+    end if
     self%shared_node = [(i, i=1, size(node))]
   end subroutine body_hold_nodes
 
@@ -289,7 +297,7 @@ contains
     class(body_t), intent(inout) :: self
     !> The parcel.
     type(parcel_t), intent(inout) :: parcel
-    logical :: is_there
+    logical :: is_there, has_cases
     integer :: n(1), i
     call parcel%carry(self%name)
     call parcel%carry(self%analysis)
@@ -311,18 +319,18 @@ contains
     call parcel%carry(self%load)
     call self%applied%carry(parcel)
     call parcel%carry(self%density)
-    is_there = allocated(self%resultant)
-    if (is_there) n = shape(self%resultant)
-    call parcel%carry_shape(is_there, n)
-    if (is_there .and. parcel%is_read) allocate (self%resultant(n(1)))
-    if (is_there) then
-      do i = 1, n(1)
-        call self%resultant(i)%carry(parcel)
-      end do
-    end if
+    call carry_resultants(parcel, self%resultant)
     call parcel%carry(self%unresolved)
     call parcel%carry(self%shared_node)
     call parcel%carry(self%is_loaded_inside)
+    has_cases = allocated(self%of_case)
+    if (has_cases) n = shape(self%of_case)
+    call parcel%carry_shape(has_cases, n)
+    if (has_cases .and. parcel%is_read) allocate (self%of_case(n(1)))
+    if (.not. has_cases) return
+    do i = 1, n(1)
+      call self%of_case(i)%carry(parcel)
+    end do
   end subroutine body_carry
 
   !> Free the memory of the vectors.

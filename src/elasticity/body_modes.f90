@@ -35,6 +35,7 @@ module dotyk_elasticity_body_modes
     procedure :: find => modes_find
     procedure :: move => modes_move
     procedure :: rotate => modes_rotate
+    procedure :: take_loads => modes_take_loads
     procedure :: hold_nodes => modes_hold_nodes
     procedure :: carry => modes_carry
     procedure :: components => modes_components
@@ -87,6 +88,14 @@ contains
     call self%rigid%move(body%mesh, motion)
     call find_resultants(body%mesh, self%shape, body%load, self%resultant)
   end subroutine modes_move
+
+  !> Take the loads of another load case.
+  subroutine modes_take_loads(self, body)
+    class(body_modes_t), intent(inout) :: self
+    !> The body, with its loads.
+    type(body_t), intent(in) :: body
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
+  end subroutine modes_take_loads
 
   !> Keep the displacements of some nodes.
   subroutine modes_hold_nodes(self, node)

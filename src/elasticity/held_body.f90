@@ -72,5 +72,9 @@ contains
       of_element(e) = n
     end do
     call body%applied%hold(of_element)
+    if (.not. allocated(body%of_case)) return
+    do n = 1, size(body%of_case)
+      call body%of_case(n)%applied%hold(of_element)
+    end do
   end subroutine hold
 end module dotyk_elasticity_held_body

@@ -217,6 +217,9 @@ contains
       else
         cycle
       end if
+      ! The mass acts in the load cases of the acceleration.
+      if (allocated(of_mass%in_case)) deallocate (of_mass%in_case)
+      if (allocated(load(k)%in_case)) of_mass%in_case = load(k)%in_case
       load = [load, of_mass]
     end do
   end subroutine add_forces

@@ -3,7 +3,8 @@ module dotyk_input_body_fields
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: shown, to_text
-  use dotyk_input_case, only: body_input_t, field_input_t, material_input_t, scene_input_t
+  use dotyk_input_case, only: applies_in, body_input_t, field_input_t, material_input_t, scene_input_t
+  use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, names_t, pick_groups, reals_of, report, texts_of, text_of
@@ -15,9 +16,11 @@ module dotyk_input_body_fields
 contains
 
   !> Read all `&temperature`.
-  subroutine read_temperatures(groups, bodies, body, material, problems, temperature)
+  subroutine read_temperatures(groups, cases, bodies, body, material, problems, temperature)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
     !> The bodies (n_bodies).
@@ -29,7 +32,7 @@ contains
     !> One for each body that a group names (n_temperatures).
     type(field_input_t), allocatable, intent(out) :: temperature(:)
     integer :: i, k
-    call read_fields(groups, 'temperature', bodies, problems, temperature)
+    call read_fields(groups, cases, 'temperature', bodies, problems, temperature)
     do i = 1, size(temperature)
       associate (b => temperature(i)%body)
         if (b == 0) cycle
@@ -46,9 +49,11 @@ contains
   end subroutine read_temperatures
 
   !> Read all `&initial_stress`.
-  subroutine read_initial_stresses(groups, bodies, scene, problems, initial_stress)
+  subroutine read_initial_stresses(groups, cases, bodies, scene, problems, initial_stress)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
     !> The scene, for its analysis.
@@ -60,7 +65,7 @@ contains
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
     logical :: is_zero
     integer :: i, k
-    call read_fields(groups, 'initial_stress', bodies, problems, initial_stress)
+    call read_fields(groups, cases, 'initial_stress', bodies, problems, initial_stress)
     if (scene%dimension /= 2) return
     do i = 1, size(initial_stress)
       if (i > 1) then
@@ -78,9 +83,11 @@ contains
   end subroutine read_initial_stresses
 
   !> Read all groups of one name; a body that two of them name is reported.
-  subroutine read_fields(groups, name, bodies, problems, field)
+  subroutine read_fields(groups, cases, name, bodies, problems, field)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> Name of the groups.
     character(*), intent(in) :: name
     !> Names of the bodies.
@@ -91,20 +98,24 @@ contains
     type(field_input_t), allocatable, intent(out) :: field(:)
     type(field_input_t), allocatable :: of_group(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
-    integer :: i, k
+    integer :: i, j, k
     call pick_groups(groups, name, picked)
     allocate (of_group(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
         call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
         call read_field(group, problems, of_group(i))
-        do k = 1, size(matched)
-          if (.not. any(body_of == matched(k))) cycle
-          call report(problems, group, 'body', 'a second &'//name//' of body '//shown(bodies%name(matched(k))%s)// &
-                      ' (the first is in line '// &
-                      to_text(of_group(group_of(findloc(body_of, matched(k), dim=1)))%line)//')')
-          exit
-        end do
+        call cases_of(group, cases, problems, of_group(i)%in_case)
+        twice: do k = 1, size(matched)
+          do j = 1, size(body_of)
+            if (body_of(j) /= matched(k)) cycle
+            if (.not. share_a_case(of_group(i), of_group(group_of(j)), max(1, size(cases%name)))) cycle
+            call report(problems, group, 'body', 'a second &'//name//' of body '//shown(bodies%name(matched(k))%s)// &
+                        trim(merge(' in one load case', '                 ', size(cases%name) > 0))// &
+                        ' (the first is in line '//to_text(of_group(group_of(j))%line)//')')
+            exit twice
+          end do
+        end do twice
         call append_places(i, matched, group_of, body_of)
       end associate
     end do
@@ -114,6 +125,18 @@ contains
       field(i)%body = body_of(i)
     end do
   end subroutine read_fields
+
+  !> Whether two groups belong to the same load case.
+  pure logical function share_a_case(one, other, n_cases) result(share)
+    !> A group.
+    type(field_input_t), intent(in) :: one
+    !> Another group.
+    type(field_input_t), intent(in) :: other
+    !> Number of load cases.
+    integer, intent(in) :: n_cases
+    integer :: k
+    share = any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, n_cases)])
+  end function share_a_case
 
   !> Read value or formula of one group.
   subroutine read_field(group, problems, field)

@@ -12,7 +12,8 @@ module dotyk_input_case
     default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, default_quadrature, &
     default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, load_traction, &
     material_isotropic
-  use dotyk_base_text, only: text_t
+  use dotyk_base_text, only: quoted, text_t
+  use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t
   implicit none
   private
 
@@ -114,6 +115,8 @@ module dotyk_input_case
     !> [force/length] is not 0 then.
     logical :: is_spring = .false.
     real(dp) :: modulus = 0, stiffness = 0
+    !> Load cases that it belongs to; not allocated where these are all (n_cases).
+    logical, allocatable :: in_case(:)
   end type support_input_t
 
   !> `&load`.
@@ -144,6 +147,8 @@ module dotyk_input_case
     type(text_t), allocatable :: formula(:)
     !> Whether it is the force of a `&mass` under an acceleration or a rotation of its body.
     logical :: of_mass = .false.
+    !> Load cases that it belongs to; not allocated where these are all (n_cases).
+    logical, allocatable :: in_case(:)
   end type load_input_t
 
   !> `&rigid_body`.
@@ -171,6 +176,8 @@ module dotyk_input_case
     real(dp) :: value(6) = 0
     !> Formulas: 1 or 6, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
+    !> Load cases that it belongs to; not allocated where these are all (n_cases).
+    logical, allocatable :: in_case(:)
   end type field_input_t
 
   !> Pairs of bodies that no contact pair is found for.
@@ -353,9 +360,45 @@ module dotyk_input_case
     type(contact_input_t), allocatable :: contact(:)
     !> Ties in the order of the file, bolts after them (n_ties).
     type(tie_input_t), allocatable :: tie(:)
+    !> Load cases in the order of the file; of size 0 or not allocated where it has none (n_cases).
+    type(load_case_input_t), allocatable :: load_case(:)
+    !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
+    type(contact_case_input_t), allocatable :: contact_case(:)
     !> `&solver`; defaults where the file has none.
     type(solver_input_t) :: solver
     !> `&output`; defaults where the file has none.
     type(output_input_t) :: output
+  contains
+    procedure :: n_cases => case_n_cases
+    procedure :: has_cases => case_has_cases
+    procedure :: in_case_text => case_in_case_text
   end type case_t
+
+  public :: applies_in, contact_case_input_t, load_case_input_t
+
+contains
+
+  !> Number of load cases: at least one.
+  pure integer function case_n_cases(self) result(n)
+    class(case_t), intent(in) :: self
+    n = 1
+    if (self%has_cases()) n = size(self%load_case)
+  end function case_n_cases
+
+  !> Whether load cases are named.
+  pure logical function case_has_cases(self) result(has)
+    class(case_t), intent(in) :: self
+    has = allocated(self%load_case)
+    if (has) has = size(self%load_case) > 0
+  end function case_has_cases
+
+  !> " in case 'braked'", for messages; empty where load cases have no names.
+  function case_in_case_text(self, k) result(text)
+    class(case_t), intent(in) :: self
+    !> The load case.
+    integer, intent(in) :: k
+    character(:), allocatable :: text
+    text = ''
+    if (self%has_cases()) text = ' in case '//quoted(self%load_case(k)%name)
+  end function case_in_case_text
 end module dotyk_input_case

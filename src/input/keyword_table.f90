@@ -4,6 +4,7 @@
 module dotyk_input_keyword_table
   use dotyk_base_options, only: analysis_names, default_analysis, option_name
   use dotyk_input_attachments, only: add_mass_keys, add_rigid_keys, add_spring_keys
+  use dotyk_input_case_keywords, only: add_case, add_case_key, add_contact_case
   use dotyk_input_contact_keywords, only: add_bolt, add_contact, add_tie
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
@@ -22,7 +23,7 @@ contains
     !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
-    allocate (groups(15))
+    allocate (groups(17))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -76,10 +77,16 @@ contains
     groups(13) = group('bolt', any_number, 'pretension of a bolt that two bodies make up, the halves on both sides '// &
                        'of a flat cut; exactly one of force and shortening', &
                        "&bolt name='M12', surface_a='shank:cut', surface_b='head:cut', force=35e3 /")
-    groups(14) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(14) = group('case', any_number, 'a load case: loads, values of supports, temperatures, initial '// &
+                      'stresses, gaps and theta by case; without this group there is one, unnamed', &
+                      "&case name='pressed' /"//lf//"&case name='hot', history=.true. /"//lf// &
+                      "&temperature body='ring', value=120, case='hot' /")
+    groups(15) = group('contact_case', any_number, 'gap or penalty parameter of contact pairs in some load cases', &
+                       "&contact_case case='hot', contact='fit', gap=-3e-5 /")
+    groups(16) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(15) = group('output', at_most_one, 'contents of the results file', &
+    groups(17) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -119,6 +126,8 @@ contains
     call add_contact(list)
     call add_tie(list)
     call add_bolt(list)
+    call add_case(list)
+    call add_contact_case(list)
     call add_solver(list)
     call add_output(list)
     call move_alloc(list%row, table)
@@ -237,6 +246,8 @@ contains
                   'dimensions x, y or xi, n)')
     call list%add('value_formula', kind_formula, least=2, most=3, unit='length', &
                   meaning='value as formulas')
+    call add_case_key(list, 'load cases in which value holds, with wildcards; in the others the surface is held '// &
+                      'without displacement along fix, unless another &support of the same surface and fix has them')
   end subroutine add_support
 
   !> Keys of `&load`.
@@ -283,6 +294,7 @@ contains
                   meaning='total moment, likewise; in two dimensions that about z; not in axisymmetric analyses')
     call list%add('point', kind_real, least=2, most=3, unit='length', &
                   meaning='point that force and moment refer to, the centroid of the surface if not given')
+    call add_case_key(list, 'load cases with this load, with wildcards; all if absent')
   end subroutine add_load
 
   !> Keys of `&temperature`.
@@ -296,6 +308,7 @@ contains
                   meaning='temperature above that of the unstressed body')
     call list%add('formula', kind_formula, unit='temperature', &
                   meaning='the same as a formula; between the nodes the shape functions interpolate')
+    call add_case_key(list, 'load cases with this temperature, with wildcards; all if absent')
   end subroutine add_temperature
 
   !> Keys of `&initial_stress`.
@@ -310,5 +323,6 @@ contains
                   'xz are 0 in two dimensions, zz too in plane stress')
     call list%add('formula', kind_formula, least=6, most=6, unit='pressure', &
                   meaning='the same as formulas; between the nodes the shape functions interpolate')
+    call add_case_key(list, 'load cases with this stress, with wildcards; all if absent')
   end subroutine add_initial_stress
 end module dotyk_input_keyword_table

@@ -13,6 +13,7 @@ module dotyk_input_parse
   use dotyk_input_contacts, only: read_contact
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
+  use dotyk_input_load_cases, only: cases_of, read_contact_cases, read_load_cases
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
@@ -94,7 +95,7 @@ contains
     type(problems_t), intent(inout) :: problems
     !> The case, with file and directory; all else is set.
     type(case_t), intent(inout) :: case
-    type(names_t) :: materials, bodies, contacts, ties
+    type(names_t) :: materials, bodies, contacts, ties, cases
     type(group_t) :: solver, output
     type(body_input_t) :: body
     type(body_input_t), allocatable :: copies(:)
@@ -106,6 +107,8 @@ contains
     call gather_names(groups, 'material', misspelled(place('material')), problems, materials)
     call gather_names(groups, 'body', misspelled(place('body')), problems, bodies)
     call gather_names(groups, 'contact', misspelled(place('contact')), problems, contacts)
+    call gather_names(groups, 'case', misspelled(place('case')), problems, cases)
+    call read_load_cases(groups, problems, case%load_case)
 
     mesh_expected = .false.
     case%scene%mesh = ''
@@ -141,6 +144,7 @@ contains
     allocate (support(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
       call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support(i), matched)
+      call cases_of(groups(picked(i)), cases, problems, support(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%support(size(group_of)))
@@ -154,6 +158,7 @@ contains
     allocate (load(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
       call read_load(groups(picked(i)), bodies, case%scene, problems, load(i), matched)
+      call cases_of(groups(picked(i)), cases, problems, load(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%load(size(group_of)))
@@ -164,8 +169,8 @@ contains
     call read_masses(groups, bodies, case%scene, problems, case%load)
     call check_densities(case%load, case%body, case%material, problems)
     deallocate (group_of, body_of)
-    call read_temperatures(groups, bodies, case%body, case%material, problems, case%temperature)
-    call read_initial_stresses(groups, bodies, case%scene, problems, case%initial_stress)
+    call read_temperatures(groups, cases, bodies, case%body, case%material, problems, case%temperature)
+    call read_initial_stresses(groups, cases, bodies, case%scene, problems, case%initial_stress)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)
@@ -175,6 +180,15 @@ contains
     call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
     call read_ties(groups, bodies, case%scene, case%solver, problems, case%tie)
     call read_rigid_bodies(groups, bodies, problems, case)
+    call read_contact_cases(groups, cases, case%contact, case%solver, problems, case%contact_case)
+    if (size(case%tie) > 0 .and. any(case%load_case%continues)) &
+      call problems%add(case%load_case(findloc(case%load_case%continues, .true., 1))%line, '&case: history does not '// &
+                        'go together with &tie and &bolt')
+    if (case%has_cases() .and. case%output%interval > 0) &
+      call problems%add(case%output%line, '&output: interval: results of load cases are written case after case, '// &
+                        'not on the way; remove interval')
+    if (case%has_cases() .and. size(case%rigid) > 0) &
+      call problems%add(case%load_case(1)%line, '&case does not go together with &rigid_body')
     if (.not. is_usable(solver, 'stop_rule')) then
       case%solver%stop_rule = stop_residual
       if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. &

@@ -24,13 +24,15 @@ module dotyk_log_load_tables
 contains
 
   !> The resultant of each load, and the warnings.
-  subroutine show_loads(log, case, problem)
+  subroutine show_loads(log, case, problem, changed)
     !> The log.
     type(log_t), intent(inout) :: log
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies with loads, and pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> Pairs of which warnings are new, where those of the bodies are not; all are new if absent (n_pairs).
+    logical, intent(in), optional :: changed(:)
     integer :: b, k, n
     n = 0
     do b = 1, size(problem%body)
@@ -46,7 +48,7 @@ contains
     end do
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more load'))
     call show_initial_states(log, problem%body)
-    call warn_of_formulas(log, case, problem)
+    call warn_of_formulas(log, case, problem, changed)
   end subroutine show_loads
 
   !> Line of one load, or of the reaction of one support.
@@ -90,13 +92,15 @@ contains
   end function vector_text
 
   !> Warn of formulas for which two quadrature rules differ.
-  subroutine warn_of_formulas(log, case, problem)
+  subroutine warn_of_formulas(log, case, problem, changed)
     !> The log.
     type(log_t), intent(inout) :: log
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies and pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> As in `show_loads` (n_pairs).
+    logical, intent(in), optional :: changed(:)
     type(text_t), allocatable :: formula(:)
     integer :: b, k
     do b = 1, size(problem%body)
@@ -106,6 +110,7 @@ contains
             call log%line('    warning: '//body%unresolved(k)%s)
           end do
         end if
+        if (present(changed)) cycle
         do k = 1, size(body%material)
           if (.not. body%material(k)%has_modulus_field() .or. .not. problem%classes%is_representative(b)) cycle
           allocate (formula(1))
@@ -118,6 +123,9 @@ contains
     end do
     do k = 1, min(size(case%contact), size(problem%pair))
       if (case%contact(k)%gap_kind /= gap_formula) cycle
+      if (present(changed)) then
+        if (.not. changed(k)) cycle
+      end if
       allocate (formula(1))
       formula(1)%s = case%contact(k)%gap_formula
       call warn('contact '//quoted(problem%pair(k)%name)//': gap_formula', &

@@ -73,7 +73,7 @@ contains
       return
     end if
     call show_locking(log, case, problem%body, problem%classes)
-    call show_loads(log, case, problem)
+    if (.not. case%has_cases()) call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
     if (problem%n_ties() > 0) call show_ties(log, problem%body, problem%tie)
     call show_found(log, problem)

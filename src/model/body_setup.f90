@@ -2,18 +2,16 @@
 module dotyk_model_body_setup
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
-  use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: body_input_t, case_t, contact_input_t, load_input_t
+  use dotyk_input_case, only: body_input_t, case_t, contact_input_t
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_body_loads, only: acts_on_surface, add_load
-  use dotyk_model_body_supports, only: build_supports, load_names, support_names
+  use dotyk_model_body_actions, only: set_actions
+  use dotyk_model_body_supports, only: load_names, support_names
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_initial_states, only: add_initial_stress, add_temperature
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material, turn_material
@@ -195,28 +193,7 @@ contains
       if (case%tie(k)%body_a == b) call take_side(case%tie(k)%line, case%tie(k)%surface_a, .false.)
       if (case%tie(k)%body_b == b) call take_side(case%tie(k)%line, case%tie(k)%surface_b, .false.)
     end do
-    call build_supports(case, mesh, b, volume, body, support_used, problems)
-    allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
-    if (problems%count == before) call body%constraint%foundation%add_loads(body%mesh%x, body%analysis, body%load)
-    do k = 1, size(case%load)
-      if (case%load(k)%body /= b) cycle
-      if (case%load(k)%any_body .and. acts_on_surface(case%load(k))) then
-        if (.not. volume%has_surface(mesh, case%load(k)%surface)) cycle
-      end if
-      load_used(k) = .true.
-      call build_load(case%load(k), failed)
-      call note(case%load(k)%line, failed)
-    end do
-    do k = 1, size(case%temperature)
-      if (case%temperature(k)%body /= b) cycle
-      call add_temperature(case%temperature(k), body, failed)
-      call note(case%temperature(k)%line, failed)
-    end do
-    do k = 1, size(case%initial_stress)
-      if (case%initial_stress(k)%body /= b) cycle
-      call add_initial_stress(case%initial_stress(k), body, failed)
-      call note(case%initial_stress(k)%line, failed)
-    end do
+    call set_actions(case, mesh, volume, b, body, support_used, load_used, problems)
     ! All ranks have the same problems.
     if (body%mesh%is_in_parts() .and. problems%count == before) call body%take_part()
 
@@ -265,17 +242,6 @@ contains
       call volume%take_surface(mesh, name, surface, error)
       call add_context(error, 'body '//quoted(body%name)//': ')
     end subroutine take_surface
-
-    !> Add the nodal forces of one load.
-    subroutine build_load(given, failed)
-      !> `&load`.
-      type(load_input_t), intent(in) :: given
-      !> Allocated where the load cannot be used.
-      type(error_t), allocatable, intent(out) :: failed
-      type(surface_t) :: surface
-      if (acts_on_surface(given)) call take_surface(given%surface, surface, failed)
-      if (.not. allocated(failed)) call add_load(given, surface, body, failed)
-    end subroutine build_load
 
     !> Add a problem of a line of the namelist file, if there is one.
     subroutine note(line, failed)

@@ -1,13 +1,14 @@
 !> Supports of a body from the input: prescribed displacements and springs.
 module dotyk_model_body_supports
+  use dotyk_base_directions, only: directions_t
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_constraint, only: held
+  use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_foundation, only: surface_area
   use dotyk_elasticity_support, only: collect_supports, support_t
-  use dotyk_input_case, only: case_t, rigid_input_t, support_input_t
+  use dotyk_input_case, only: applies_in, case_t, rigid_input_t, support_input_t
   use dotyk_mesh_body_mesh, only: connected_components
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_surface, only: surface_t
@@ -15,7 +16,17 @@ module dotyk_model_body_supports
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
-  public :: build_supports, load_names, support_names
+
+  !> What one support of a body stands for: a `&support`, several of the same surface and `fix` that no load case has in
+  !> common, or a `&spring`.
+  type, public :: support_group_t
+    !> Their indices in the case (n).
+    integer, allocatable :: member(:)
+    !> Whether it is a spring.
+    logical :: is_spring = .false.
+  end type support_group_t
+
+  public :: gather_supports, hold_rigid, load_names, set_supports, support_names
 
   !> Young's modulus of rigid bodies for scales, such as penalty parameters: above that of any other body [pressure].
   real(dp), parameter :: rigid_young = 1.0e100_dp
@@ -38,8 +49,8 @@ contains
     name = merge('&mass', '&load', case%load%of_mass)
   end function load_names
 
-  !> Collect the supports of a body.
-  subroutine build_supports(case, mesh, b, volume, body, used, problems)
+  !> Gather the supports of a body: those of displacements, without values, and springs.
+  subroutine gather_supports(case, mesh, b, volume, body, support, group, used, problems)
     !> The case.
     type(case_t), intent(in) :: case
     !> Mesh of the body's volume.
@@ -48,19 +59,22 @@ contains
     integer, intent(in) :: b
     !> Volume of the body in the mesh; its surfaces are kept.
     type(volume_t), intent(inout) :: volume
-    !> The body with its mesh; gets its constraint.
-    type(body_t), intent(inout) :: body
+    !> The body with its mesh.
+    type(body_t), intent(in) :: body
+    !> Supports and springs (n_supports).
+    type(support_t), allocatable, intent(out) :: support(:)
+    !> What they stand for (n_supports).
+    type(support_group_t), allocatable, intent(out) :: group(:)
     !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
     logical, intent(inout) :: used(:)
     !> Problems so far; those of the supports are added.
     type(problem_list_t), intent(inout) :: problems
-    type(error_t), allocatable :: failed
     type(support_t), allocatable :: gathered(:)
-    type(surface_t), allocatable :: surface(:)
-    integer, allocatable :: of(:)
-    integer :: i, before
-    before = problems%count
-    allocate (of(0), surface(count(case%support%body == b)))
+    type(support_group_t), allocatable :: groups(:)
+    type(error_t), allocatable :: failed
+    integer :: i, g, n
+    allocate (gathered(count(case%support%body == b)), groups(count(case%support%body == b)))
+    n = 0
     do i = 1, size(case%support)
       associate (given => case%support(i))
         if (given%body /= b) cycle
@@ -68,29 +82,23 @@ contains
           if (.not. volume%has_surface(mesh, given%surface)) cycle
           used(i) = .true.
         end if
-        of = [of, i]
-        call volume%take_surface(mesh, given%surface, surface(size(of)), failed)
+        g = alternative_to(case, groups(:n), i)
+        if (g > 0) then
+          groups(g)%member = [groups(g)%member, i]
+          cycle
+        end if
+        n = n + 1
+        groups(n)%member = [i]
+        groups(n)%is_spring = given%is_spring
+        call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
+        gathered(n)%fix = given%fix
         call add_context(failed, 'body '//quoted(body%name)//': ')
-        if (allocated(failed)) &
-          call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
+        if (allocated(failed)) call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
       end associate
     end do
-    if (problems%count > before) return
-    i = 0
-    if (allocated(case%rigid)) i = findloc(case%rigid%body, b, dim=1)
-    if (i > 0) then
-      call hold_rigid(case%rigid(i), body, failed)
-      if (allocated(failed)) &
-        call problems%add_error(failed, case%file//':'//to_text(case%rigid(i)%line)//': body '//quoted(body%name)//': ')
-      return
-    end if
-    call gather_fixed(case%support, of, surface, body, gathered)
-    call collect_supports(body%mesh, body%analysis, gathered, body%constraint, failed, body%directions)
-    if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
-    do i = 1, size(of)
-      if (case%support(of(i))%is_spring) call add_spring(case%support(of(i)), surface(i), body)
-    end do
-  end subroutine build_supports
+    support = gathered(:n)
+    group = groups(:n)
+  end subroutine gather_supports
 
   !> Give all nodes of a rigid body the displacements of its held motions.
   subroutine hold_rigid(given, body, error)
@@ -131,33 +139,51 @@ contains
     body%directions%direction = 0
   end subroutine hold_rigid
 
-  !> Supports with prescribed displacements.
-  subroutine gather_fixed(support, of, surface, body, gathered)
-    !> Supports of the case (n_supports).
-    type(support_input_t), intent(in) :: support(:)
-    !> Those of the body (n).
-    integer, intent(in) :: of(:)
-    !> Their surfaces (>= n).
-    type(surface_t), intent(in) :: surface(:)
-    !> The body; formulas that vary within facets are noted.
+  !> Set prescribed displacements of a load case; in the first one equations, axes and springs, too.
+  subroutine set_supports(case, k, support, group, body, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The load case.
+    integer, intent(in) :: k
+    !> Supports and springs of the body, of `gather_supports` (n_supports).
+    type(support_t), intent(in) :: support(:)
+    !> What they stand for (n_supports).
+    type(support_group_t), intent(in) :: group(:)
+    !> The body with its mesh; formulas that vary within facets are noted.
     type(body_t), intent(inout) :: body
-    !> The supports.
-    type(support_t), allocatable, intent(out) :: gathered(:)
-    integer :: i, n
+    !> Allocated where a formula has no value at a node, or where supports contradict each other.
+    type(error_t), allocatable, intent(out) :: error
+    type(support_t), allocatable :: fixed(:)
+    type(constraint_t) :: constraint
+    integer :: g, i, n
     n = 0
-    allocate (gathered(count(.not. support(of)%is_spring)))
-    do i = 1, size(of)
-      associate (given => support(of(i)))
-        if (given%is_spring) cycle
-        n = n + 1
-        gathered(n)%surface = surface(i)
-        gathered(n)%fix = given%fix
-        gathered(n)%value = given%value
-        gathered(n)%formula = given%value_formula
-        call check_formula(body, 'the support of '//quoted(given%surface), surface(i), given%value_formula)
-      end associate
+    allocate (fixed(count(.not. group%is_spring)))
+    do g = 1, size(group)
+      if (group(g)%is_spring) cycle
+      n = n + 1
+      fixed(n)%surface = support(g)%surface
+      fixed(n)%fix = support(g)%fix
+      do i = 1, size(group(g)%member)
+        associate (given => case%support(group(g)%member(i)))
+          if (.not. applies_in(given%in_case, k)) cycle
+          fixed(n)%value = given%value
+          fixed(n)%formula = given%value_formula
+          call check_formula(body, 'the support of '//quoted(given%surface), fixed(n)%surface, given%value_formula)
+        end associate
+      end do
     end do
-  end subroutine gather_fixed
+    if (k > 1) then
+      call collect_supports(body%mesh, body%analysis, fixed, constraint, error)
+      ! Directions, and with them all else, are the same.
+      if (.not. allocated(error)) body%constraint%prescribed = constraint%prescribed
+      return
+    end if
+    call collect_supports(body%mesh, body%analysis, fixed, body%constraint, error, body%directions)
+    if (allocated(error)) return
+    do g = 1, size(group)
+      if (group(g)%is_spring) call add_spring(case%support(group(g)%member(1)), support(g)%surface, body)
+    end do
+  end subroutine set_supports
 
   !> Add a spring.
   subroutine add_spring(given, surface, body)
@@ -172,4 +198,45 @@ contains
     if (given%stiffness > 0) modulus = given%stiffness/surface_area(body%mesh%x, body%analysis, surface)
     call body%constraint%foundation%add(surface, given%fix, modulus, given%value)
   end subroutine add_spring
+
+  !> The group of supports that a support joins, as the load cases tell which of them holds; 0 for none.
+  pure integer function alternative_to(case, group, i) result(g)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Supports of the body so far (n_groups).
+    type(support_group_t), intent(in) :: group(:)
+    !> The support.
+    integer, intent(in) :: i
+    integer :: m
+    do g = 1, size(group)
+      associate (first => case%support(group(g)%member(1)), own => case%support(i))
+        if (own%is_spring .or. first%is_spring) cycle
+        if (first%surface /= own%surface .or. .not. same_directions(first%fix, own%fix)) cycle
+      end associate
+      if (all([(are_apart(group(g)%member(m), i), m=1, size(group(g)%member))])) return
+    end do
+    g = 0
+
+  contains
+
+    !> Whether no load case has both of two supports.
+    pure logical function are_apart(one, other)
+      !> A support.
+      integer, intent(in) :: one
+      !> Another one.
+      integer, intent(in) :: other
+      integer :: k
+      are_apart = .not. any([(applies_in(case%support(one)%in_case, k) .and. &
+                              applies_in(case%support(other)%in_case, k), k=1, case%n_cases())])
+    end function are_apart
+  end function alternative_to
+
+  !> Whether two supports prescribe displacements in the same directions.
+  pure logical function same_directions(one, other) result(same)
+    !> Directions of a support.
+    type(directions_t), intent(in) :: one
+    !> Those of another one.
+    type(directions_t), intent(in) :: other
+    same = (one%local .eqv. other%local) .and. all(one%fixed .eqv. other%fixed)
+  end function same_directions
 end module dotyk_model_body_supports

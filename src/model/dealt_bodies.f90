@@ -13,7 +13,8 @@ module dotyk_model_dealt_bodies
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_congruence, only: adopt_congruent_constraint, are_congruent, congruence_invariants_t
+  use dotyk_elasticity_congruence, only: are_congruent, congruence_invariants_t
+  use dotyk_elasticity_load_cases, only: adopt_congruent_body
   use dotyk_input_case, only: case_t
   use dotyk_mesh_held_part, only: surface_part
   use dotyk_mesh_placement, only: placement_t
@@ -154,7 +155,7 @@ contains
       do b = c + 1, size(owner)
         if (.not. (may_be(b) .and. is_own(owner(b)))) cycle
         is_congruent(b) = are_congruent(own%body(c), invariants(c), own%body(b), invariants(b), motion(b))
-        if (is_congruent(b)) call adopt_congruent_constraint(own%body(c)%constraint, motion(b), own%body(b)%constraint)
+        if (is_congruent(b)) call adopt_congruent_body(own%body(c), motion(b), own%body(b))
       end do
       call share(owner, is_congruent)
       call share_motions(owner, motion)

@@ -15,7 +15,7 @@ module dotyk_model_pair_search
   use dotyk_ranks_division, only: division_t
   implicit none
   private
-  public :: search_pair
+  public :: allows_zero_theta, search_pair
 
 contains
 
@@ -71,8 +71,16 @@ contains
     if (given%theta_kind == theta_mesh) then
       call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
     else if (given%theta_kind == theta_formula) then
-      call set_formula_theta(given%theta_formula, .not. given%is_layer .and. &
-                             any(case%solver%scheme == [scheme_auto, scheme_dual]), pair, error)
+      call set_formula_theta(given%theta_formula, allows_zero_theta(case, given), pair, error)
     end if
   end subroutine search_pair
+
+  !> Whether the penalty parameter of a pair may be zero.
+  pure logical function allows_zero_theta(case, given)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> `&contact`.
+    type(contact_input_t), intent(in) :: given
+    allows_zero_theta = .not. given%is_layer .and. any(case%solver%scheme == [scheme_auto, scheme_dual])
+  end function allows_zero_theta
 end module dotyk_model_pair_search

@@ -9,7 +9,8 @@ module dotyk_output_fields_file
   use dotyk_output_cells, only: cells_of_body, cells_t, connectivity_length
   use dotyk_output_file_system, only: temporary_name
   use dotyk_output_hdf5, only: hdf5_file_t
-  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, with_three_components
+  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, create_steps, &
+    with_three_components
   implicit none
   private
 
@@ -27,10 +28,15 @@ module dotyk_output_fields_file
     integer(int64), allocatable :: first_cell(:)
     !> Connectivity entries before each part (n_parts + 1).
     integer(int64), allocatable :: first_id(:)
+    !> Steps of time for VTK, the load cases; 0: none.
+    integer :: n_steps = 0
+    !> The step that is written.
+    integer :: step = 1
     !> The first failure of a `put_...` of the results file, kept for its `commit`.
     type(error_t), allocatable :: failure
   contains
     procedure :: create => fields_create
+    procedure :: finish_steps => fields_finish_steps
     procedure :: write_part => fields_write_part
     procedure :: write_displacement => fields_write_displacement
     procedure, private :: write_nodal_reals, write_nodal_integers, write_nodal_vectors
@@ -49,7 +55,7 @@ contains
 
   !> Create the file with the layout of all parts, under a temporary name.
   subroutine fields_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-                           want_contact, want_error, want_reaction, want_nodal_stress, error)
+                           want_contact, want_error, want_reaction, want_nodal_stress, error, n_steps)
     class(fields_file_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: path
@@ -73,20 +79,57 @@ contains
     logical, intent(in) :: want_nodal_stress
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
+    !> Steps of time, all with fields of their own on the same meshes; 0 or absent: fields without time.
+    integer, intent(in), optional :: n_steps
     if (allocated(self%failure)) deallocate (self%failure)
     self%path = path
     self%temporary = temporary_name(path)
+    self%n_steps = 0
+    if (present(n_steps)) self%n_steps = n_steps
+    self%step = 1
     self%first_point = running_sum(n_points)
     self%first_cell = running_sum(n_cells)
     self%first_id = running_sum(n_connectivity)
     call self%file%create(self%temporary, error, label=path)
-    if (.not. allocated(error)) call create_groups(self%file, error)
+    if (.not. allocated(error)) call create_groups(self%file, self%n_steps > 0, error)
     if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
     if (.not. allocated(error)) &
-      call create_fields(self%file, sum(n_points), sum(n_cells), want_displacement, want_stress, want_contact, &
-                         want_error, want_reaction, want_nodal_stress, error)
+      call create_fields(self%file, max(1, self%n_steps)*sum(n_points), max(1, self%n_steps)*sum(n_cells), &
+                         want_displacement, want_stress, want_contact, want_error, want_reaction, want_nodal_stress, &
+                         error)
     if (allocated(error)) call self%discard()
   end subroutine fields_create
+
+  !> Write what VTK needs to know of the steps of time: meshes and tags are those of the first one.
+  subroutine fields_finish_steps(self, n_written, error)
+    class(fields_file_t), intent(in) :: self
+    !> Steps that were written.
+    integer, intent(in) :: n_written
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    associate (n_parts => size(self%first_point) - 1)
+      call create_steps(self%file, n_written, n_parts, self%first_point(n_parts + 1), self%first_cell(n_parts + 1), &
+                        error)
+    end associate
+  end subroutine fields_finish_steps
+
+  !> First value of a part in the fields of the nodes.
+  pure integer(int64) function point_of(self, part) result(point)
+    !> The file.
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    point = (self%step - 1)*self%first_point(size(self%first_point)) + self%first_point(part)
+  end function point_of
+
+  !> First value of a part in the fields of the elements.
+  pure integer(int64) function cell_of(self, part) result(cell)
+    !> The file.
+    class(fields_file_t), intent(in) :: self
+    !> Index of the body.
+    integer, intent(in) :: part
+    cell = (self%step - 1)*self%first_cell(size(self%first_cell)) + self%first_cell(part)
+  end function cell_of
 
   !> Offsets of parts: 0, n(1), n(1) + n(2), ...
   pure function running_sum(n) result(total)
@@ -136,7 +179,7 @@ contains
     real(dp), intent(in), contiguous :: displacement(:, :)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/displacement', self%first_point(part), &
+    call self%file%put_part('/VTKHDF/PointData/displacement', point_of(self, part), &
                             with_three_components(displacement), error)
   end subroutine fields_write_displacement
 
@@ -151,7 +194,7 @@ contains
     real(dp), intent(in), contiguous :: values(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
   end subroutine write_nodal_reals
 
   !> Write integers at the nodes of one body.
@@ -165,7 +208,7 @@ contains
     integer(int32), intent(in), contiguous :: values(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
   end subroutine write_nodal_integers
 
   !> Write vectors at the nodes of one body.
@@ -179,7 +222,7 @@ contains
     real(dp), intent(in), contiguous :: values(:, :)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), with_three_components(values), error)
+    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), with_three_components(values), error)
   end subroutine write_nodal_vectors
 
   !> Write the stresses of one body.
@@ -194,7 +237,7 @@ contains
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: cell
-    cell = self%first_cell(part)
+    cell = cell_of(self, part)
     call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
     if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
   end subroutine fields_write_stress
@@ -212,7 +255,7 @@ contains
     real(dp), intent(in), contiguous :: principal(:, :)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/nodal_stress', self%first_point(part), stress, error)
+    call self%file%put_part('/VTKHDF/PointData/nodal_stress', point_of(self, part), stress, error)
     if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_von_mises', von_mises, error)
     if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_principal_stress', principal, error)
   end subroutine fields_write_nodal_stress
@@ -226,7 +269,7 @@ contains
     real(dp), intent(in), contiguous :: value(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/CellData/discretization_error', self%first_cell(part), value, error)
+    call self%file%put_part('/VTKHDF/CellData/discretization_error', cell_of(self, part), value, error)
   end subroutine fields_write_discretization_error
 
   !> Delete an unfinished file; nothing happens where there is none.

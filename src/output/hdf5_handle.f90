@@ -4,7 +4,8 @@ module dotyk_output_hdf5_handle
   use, intrinsic :: iso_c_binding, only: c_ptr
   use hdf5, only: h5acreate_by_name_f, h5awrite_f, h5aclose_f, h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, &
     h5dwrite_f, h5f_acc_trunc_f, h5f_close_strong_f, h5f_libver_v18_f, h5fclose_f, h5fcreate_f, h5gclose_f, &
-    h5gcreate_f, h5p_dataset_create_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, &
+    h5gcreate_f, h5gget_obj_info_idx_f, h5gn_members_f, h5lexists_f, h5p_dataset_create_f, h5p_file_access_f, &
+    h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, &
     h5pset_fill_value_f, h5pset_libver_bounds_f, h5s_scalar_f, h5s_select_set_f, h5sclose_f, h5screate_f, &
     h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_integer, h5t_std_i32le, h5t_std_i64le, &
     h5t_std_u8le, hid_t, hsize_t
@@ -33,6 +34,9 @@ module dotyk_output_hdf5_handle
     procedure :: create => file_create
     procedure :: close => file_close
     procedure :: add_group => file_add_group
+    procedure :: has => file_has
+    procedure :: n_members => file_n_members
+    procedure :: member => file_member
     procedure :: new_dataset => file_new_dataset
   end type hdf5_handle_t
 
@@ -89,6 +93,41 @@ contains
     self%is_open = .false.
     if (status < 0) call fail(self, '', error)
   end subroutine file_close
+
+  !> Whether the file has an object.
+  logical function file_has(self, name) result(has)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path in the file; its parents exist.
+    character(*), intent(in) :: name
+    integer :: status
+    call h5lexists_f(self%id, name, has, status)
+    has = has .and. status >= 0
+  end function file_has
+
+  !> Number of groups and datasets in a group.
+  integer function file_n_members(self, group) result(n)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path in the file.
+    character(*), intent(in) :: group
+    integer :: status
+    call h5gn_members_f(self%id, group, n, status)
+    if (status < 0) n = 0
+  end function file_n_members
+
+  !> Name of one of them.
+  function file_member(self, group, i) result(name)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path in the file.
+    character(*), intent(in) :: group
+    !> Its index, from 1.
+    integer, intent(in) :: i
+    character(:), allocatable :: name
+    character(80) :: text
+    integer :: kind, status
+    text = ''
+    call h5gget_obj_info_idx_f(self%id, group, i - 1, text, kind, status)
+    name = trim(text)
+  end function file_member
 
   !> Add a group to an existing one.
   subroutine file_add_group(self, name, error)

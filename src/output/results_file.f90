@@ -6,13 +6,17 @@ module dotyk_output_results_file
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_output_fields_file, only: connectivity_length, fields_file_t
   use dotyk_output_file_system, only: check_writable, replace_file
-  use dotyk_output_results_layout, only: with_three_components
+  use dotyk_output_results_layout, only: create_result_groups, with_three_components
   implicit none
   private
 
   !> A results file being written.
   type, extends(fields_file_t), public :: results_file_t
+    !> Group of the results, `/dotyk` where not allocated: a load case has its own.
+    character(:), allocatable :: root
   contains
+    procedure :: begin_case => results_begin_case
+    procedure :: end_cases => results_end_cases
     procedure :: add_group => results_add_group
     procedure, private :: put_text, put_integer, put_long, put_real, put_logical, put_reals
     !> put_attribute(group, name, value): `group` is relative to `/dotyk`: '', 'summary', 'timing', contact_group(name).
@@ -44,21 +48,54 @@ contains
     group = 'contact/'//group
   end function contact_group
 
+  !> What follows is of a load case.
+  subroutine results_begin_case(self, step, name, error)
+    class(results_file_t), intent(inout) :: self
+    !> Number of the case.
+    integer, intent(in) :: step
+    !> Its name.
+    character(*), intent(in) :: name
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    self%step = step
+    self%root = '/dotyk/cases/'//name
+    call self%file%add_group(self%root, error)
+    if (.not. allocated(error)) call create_result_groups(self%file, self%root, error)
+    if (.not. allocated(error)) call self%file%put_attribute(self%root, 'step', step, error)
+  end subroutine results_begin_case
+
+  !> What follows is of all load cases.
+  subroutine results_end_cases(self, names, n_written, error)
+    class(results_file_t), intent(inout) :: self
+    !> Names of the cases that were written, separated by line feeds.
+    character(*), intent(in) :: names
+    !> Their number.
+    integer, intent(in) :: n_written
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    deallocate (self%root)
+    call self%finish_steps(n_written, error)
+    if (.not. allocated(error)) call self%file%put_attribute('/dotyk/cases', 'names', names, error)
+  end subroutine results_end_cases
+
   !> Add the group of a contact pair; `commit` reports a failure.
   subroutine results_add_group(self, group)
     class(results_file_t), intent(inout) :: self
     !> Path of the group below /dotyk.
     character(*), intent(in) :: group
     if (allocated(self%failure)) return
-    call self%file%add_group(dotyk_path(group), self%failure)
+    call self%file%add_group(dotyk_path(self, group), self%failure)
   end subroutine results_add_group
 
   !> Path in the file of a group below `/dotyk`.
-  pure function dotyk_path(group) result(path)
+  pure function dotyk_path(self, group) result(path)
+    !> The file.
+    class(results_file_t), intent(in) :: self
     !> Path of the group below /dotyk; empty for /dotyk itself.
     character(*), intent(in) :: group
     character(:), allocatable :: path
     path = '/dotyk'
+    if (allocated(self%root)) path = self%root
     if (len(group) > 0) path = path//'/'//group
   end function dotyk_path
 
@@ -72,7 +109,7 @@ contains
     !> Its text.
     character(*), intent(in) :: value
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
+    call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_text
 
   !> Write an integer as attribute.
@@ -85,7 +122,7 @@ contains
     !> Value of the attribute.
     integer(int32), intent(in) :: value
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
+    call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_integer
 
   !> Write a 64-bit integer as attribute.
@@ -98,7 +135,7 @@ contains
     !> Value of the attribute.
     integer(int64), intent(in) :: value
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
+    call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_long
 
   !> Write a real as attribute.
@@ -111,7 +148,7 @@ contains
     !> Value of the attribute [any].
     real(dp), intent(in) :: value
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
+    call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_real
 
   !> Write a logical as attribute.
@@ -136,7 +173,7 @@ contains
     !> Values of the attribute (n) [any].
     real(dp), intent(in), contiguous :: value(:)
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
+    call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_reals
 
   !> Write a dataset of reals.
@@ -149,7 +186,7 @@ contains
     !> Values (n) [any].
     real(dp), intent(in), contiguous :: values(:)
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
+    call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_real
 
   !> Write a dataset of 32-bit integers.
@@ -162,7 +199,7 @@ contains
     !> Values (n).
     integer(int32), intent(in), contiguous :: values(:)
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
+    call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_integer
 
   !> Write a dataset of 64-bit integers.
@@ -175,7 +212,7 @@ contains
     !> Values (n).
     integer(int64), intent(in), contiguous :: values(:)
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
+    call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_long
 
   !> Write a dataset of vectors, with three components.
@@ -188,7 +225,7 @@ contains
     !> Vectors (width, n) [any].
     real(dp), intent(in), contiguous :: values(:, :)
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, with_three_components(values), self%failure)
+    call self%file%put_dataset(dotyk_path(self, group)//'/'//name, with_three_components(values), self%failure)
   end subroutine array_vectors
 
   !> Finish the file and rename it, in place of an older one; where a write has failed, the file is deleted.

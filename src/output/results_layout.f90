@@ -5,27 +5,106 @@ module dotyk_output_results_layout
   use dotyk_output_hdf5, only: hdf5_file_t, hdf5_int32, hdf5_int64, hdf5_real, hdf5_uint8
   implicit none
   private
-  public :: create_groups, create_geometry, create_fields, with_three_components
+  public :: create_groups, create_geometry, create_fields, create_result_groups, create_steps, with_three_components
 
 contains
 
   !> Create the groups and the attributes for VTK.
-  subroutine create_groups(file, error)
+  subroutine create_groups(file, has_cases, error)
     !> The results file.
     type(hdf5_file_t), intent(in) :: file
+    !> Whether it has load cases: each gets groups of its own when it is written.
+    logical, intent(in) :: has_cases
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
-                                           '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', &
-                                           '/dotyk/timing', '/dotyk/bodies', '/dotyk/supports', '/dotyk/loads']
+                                           '/dotyk', '/dotyk/timing']
     integer :: i
     do i = 1, size(names)
       call file%add_group(trim(names(i)), error)
       if (allocated(error)) return
     end do
+    if (has_cases) then
+      call file%add_group('/dotyk/cases', error)
+    else
+      call create_result_groups(file, '/dotyk', error)
+    end if
+    if (allocated(error)) return
     call file%put_attribute('/VTKHDF', 'Version', [2_int64, 0_int64], error)
     if (.not. allocated(error)) call file%put_attribute('/VTKHDF', 'Type', 'UnstructuredGrid', error)
   end subroutine create_groups
+
+  !> Create the groups of the results, those of a load case or of a file without any.
+  subroutine create_result_groups(file, root, error)
+    !> The results file.
+    type(hdf5_file_t), intent(in) :: file
+    !> Group that they are in.
+    character(*), intent(in) :: root
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    character(*), parameter :: names(*) = [character(8) :: 'summary', 'history', 'contact', 'bodies', 'supports', &
+                                           'loads']
+    integer :: i
+    do i = 1, size(names)
+      call file%add_group(root//'/'//trim(names(i)), error)
+      if (allocated(error)) return
+    end do
+  end subroutine create_result_groups
+
+  !> Create the group of the steps of time, for VTK: where each step begins in the datasets.
+  subroutine create_steps(file, n_steps, n_parts, points, cells, error)
+    !> The results file, with all fields.
+    type(hdf5_file_t), intent(in) :: file
+    !> Number of steps.
+    integer, intent(in) :: n_steps
+    !> Number of bodies.
+    integer, intent(in) :: n_parts
+    !> Number of nodes of all bodies.
+    integer(int64), intent(in) :: points
+    !> Number of elements of all bodies.
+    integer(int64), intent(in) :: cells
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    character(*), parameter :: constant(*) = [character(30) :: 'PartOffsets', 'PointOffsets', 'CellOffsets', &
+                                              'ConnectivityIdOffsets', 'PointDataOffsets/node_tag', &
+                                              'CellDataOffsets/body', 'CellDataOffsets/material', &
+                                              'CellDataOffsets/element_tag']
+    integer(int64) :: step(n_steps)
+    integer :: i
+    step = [(int(i - 1, int64), i=1, n_steps)]
+    call file%add_group('/VTKHDF/Steps', error)
+    if (.not. allocated(error)) call file%add_group('/VTKHDF/Steps/PointDataOffsets', error)
+    if (.not. allocated(error)) call file%add_group('/VTKHDF/Steps/CellDataOffsets', error)
+    if (.not. allocated(error)) call file%put_attribute('/VTKHDF/Steps', 'NSteps', int(n_steps, int64), error)
+    if (.not. allocated(error)) call file%put_dataset('/VTKHDF/Steps/Values', real(step + 1, dp), error)
+    if (.not. allocated(error)) &
+      call file%put_dataset('/VTKHDF/Steps/NumberOfParts', [(int(n_parts, int64), i=1, n_steps)], error)
+    if (allocated(error)) return
+    do i = 1, size(constant)
+      call file%put_dataset('/VTKHDF/Steps/'//trim(constant(i)), 0*step, error)
+      if (allocated(error)) return
+    end do
+    call put_offsets('PointData', points*step)
+    if (.not. allocated(error)) call put_offsets('CellData', cells*step)
+
+  contains
+
+    !> Offsets of all fields of nodes or elements, but for those that are the same in all steps.
+    subroutine put_offsets(place, offset)
+      !> Their group.
+      character(*), intent(in) :: place
+      !> First value of each step (n_steps).
+      integer(int64), intent(in), contiguous :: offset(:)
+      character(:), allocatable :: path
+      integer :: k
+      do k = 1, file%n_members('/VTKHDF/'//place)
+        path = '/VTKHDF/Steps/'//place//'Offsets/'//file%member('/VTKHDF/'//place, k)
+        if (file%has(path)) cycle
+        call file%put_dataset(path, offset, error)
+        if (allocated(error)) return
+      end do
+    end subroutine put_offsets
+  end subroutine create_steps
 
   !> Create the datasets of the geometry.
   subroutine create_geometry(file, n_points, n_cells, n_connectivity, error)

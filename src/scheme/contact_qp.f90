@@ -1,6 +1,6 @@
 !> The contact problem as a quadratic programme: the unilateral (Signorini) problem of discretized bodies. Nothing
-!> writes to it; the correction of ill-conditioned bodies shifts the initial penetration of a copy
-!> (`dotyk_control_correction`).
+!> writes to it but the next load case (`set_loads`); the correction of ill-conditioned bodies shifts the initial
+!> penetration of a copy (`dotyk_control_correction`).
 !>
 !> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`: equation
 !> (12) on the set K of equation (11), or equation (19) with the penalty of equation (18). In the Lagrange multipliers,
@@ -52,6 +52,7 @@ module dotyk_scheme_contact_qp
     real(dp) :: energy_0 = 0, norm_square_0 = 0
   contains
     procedure :: init => qp_init
+    procedure :: set_loads => qp_set_loads
     procedure :: shift_penetration => qp_shift_penetration
     procedure :: replace_modes => qp_replace_modes
     procedure :: mode_displacement => qp_mode_displacement
@@ -98,6 +99,30 @@ contains
     self%foundation = foundation
     self%coarse = coarse
   end subroutine qp_init
+
+  !> The QP of another load case: the rows are the same.
+  subroutine qp_set_loads(self, gap, initial_penetration, load_displacement, energy_0, norm_square_0, coarse)
+    !> The QP.
+    class(contact_qp_t), intent(inout) :: self
+    !> Gaps d (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> As in `init`.
+    real(dp), intent(in) :: initial_penetration(:)
+    !> As in `init`.
+    real(dp), intent(in) :: load_displacement(:)
+    !> As in `init`.
+    real(dp), intent(in) :: energy_0
+    !> As in `init`.
+    real(dp), intent(in) :: norm_square_0
+    !> As in `init`.
+    type(coarse_space_t), intent(in) :: coarse
+    self%gap = gap
+    self%initial_penetration = initial_penetration
+    self%load_displacement = load_displacement
+    self%energy_0 = energy_0
+    self%norm_square_0 = norm_square_0
+    self%coarse = coarse
+  end subroutine qp_set_loads
 
   !> The QP with other modes of the same bodies.
   subroutine qp_replace_modes(self, coarse)

@@ -86,14 +86,15 @@ class Body:
     among those of all bodies.
     """
 
-    def __init__(self, grid, name, number, nodes, cells, entries):
-        self._grid, self.name, self.number = grid, name, number
+    def __init__(self, grid, name, number, nodes, cells, entries, step=0):
+        self._grid, self.name, self.number, self._step = grid, name, number, step
         self.node_range, self.cell_range, self._entries = nodes, cells, entries
 
     def __getitem__(self, name):
         for place, part in (('PointData', self.node_range), ('CellData', self.cell_range)):
             if name in self._grid[place]:
-                return self._grid[place][name][part]
+                first = _first(self._grid, place, name, self._step)
+                return self._grid[place][name][first + part.start:first + part.stop]
         raise KeyError(_absent(self._grid, name))
 
     n_nodes = property(lambda self: self.node_range.stop - self.node_range.start, doc='Number of nodes.')
@@ -127,6 +128,27 @@ class Body:
         return "<body '%s': %d nodes, %d cells>" % (self.name, self.n_nodes, self.n_cells)
 
 
+def _first(grid, place, name, step):
+    """Where a field begins in a load case, its number from 0; None: the file has cases, and none is chosen."""
+    if 'Steps' not in grid:
+        return 0
+    offsets = grid['Steps/%sOffsets/%s' % (place, name)][:]
+    if step is None and offsets.any():
+        raise KeyError(_unchosen(grid.file))
+    return int(offsets[step or 0])
+
+
+def _case_names(file):
+    """Names of the load cases of a file; none where it has no cases."""
+    names = _plain(file['dotyk/cases'].attrs['names']) if 'dotyk/cases' in file else ''
+    return names.split('\n') if names else []
+
+
+def _unchosen(file):
+    """The message where the file has load cases, and none is chosen."""
+    return '%s has load cases: choose one by results.case(name); there are %s' % (file.filename, ', '.join(_case_names(file)))
+
+
 def _absent(grid, name):
     """The message for a field that is not in the file."""
     return "%s: no field '%s' (&output fields asks for fields); there are %s" % (
@@ -140,28 +162,55 @@ class Results:
     path: of the file. log: what the program printed, where dotyk.run made the results.
     bodies['ball'].displacement, pairs['touch'].pressure, summary['error_bound'], history['error_bound'], timing['total'],
     run['version'] and results['displacement'], which is that of all bodies, are numpy arrays, numbers and texts.
+    cases: names of the load cases, none where the scene has none; results.case('hot') has the results of one of them.
     """
 
-    def __init__(self, path, log=''):
+    def __init__(self, path, log='', case=None):
         self.path, self.log = os.fspath(path), log
         self.file = h5py.File(self.path, 'r')
+        self.cases = _case_names(self.file)
+        self.case_name = case if case is not None or len(self.cases) != 1 else self.cases[0]
+        if self.case_name is not None and self.case_name not in self.cases:
+            raise KeyError("%s: no load case '%s'; there are %s" % (self.path, case, ', '.join(self.cases) or 'none'))
+
+    def case(self, name):
+        """The results of a load case: Results with its summary, history, pairs and fields."""
+        return Results(self.path, self.log, case=name)
+
+    @property
+    def _step(self):
+        """Number of the load case from 0; None where one is to be chosen."""
+        if not self.cases:
+            return 0
+        return None if self.case_name is None else self.cases.index(self.case_name)
+
+    @property
+    def _root(self):
+        """The group with the results of the load case, or of a scene without any."""
+        if not self.cases:
+            return self.file['dotyk']
+        if self.case_name is None:
+            raise KeyError(_unchosen(self.file))
+        return self.file['dotyk/cases'][self.case_name]
 
     summary = functools.cached_property(lambda self: self.record('summary'))
     summary.__doc__ = 'How the run ended: errors, energies, numbers of iterations, ... (docs/results.md); Record.'
     history = functools.cached_property(lambda self: self.record('history'))
     history.__doc__ = 'Arrays with one entry per iteration (n_iterations): error_bound, energy, active, ...; Record.'
-    timing = functools.cached_property(lambda self: self.record('timing'))
+    timing = functools.cached_property(lambda self: Record(self.file['dotyk/timing']))
     timing.__doc__ = 'Wall times of the stages [s]; Record.'
     run = functools.cached_property(lambda self: Record(self.file['dotyk']))
     run.__doc__ = 'How the results were made: version, command_line, threads, started, input, ...; Record.'
 
     def record(self, name):
         """Another group of /dotyk by its name (docs/results.md); Record."""
-        return Record(self.file['dotyk'][name])
+        return Record(self._root[name])
 
     @property
     def converged(self):
-        """Whether the stop rule was met."""
+        """Whether the stop rule was met; of load cases none of which is chosen: in all of them."""
+        if self.cases and self.case_name is None:
+            return all(self.file['dotyk/cases'][name]['summary'].attrs['converged'] for name in self.cases)
         return bool(self.summary['converged'])
 
     @property
@@ -185,12 +234,12 @@ class Results:
             ranges.append([slice(*ends) for ends in zip([0] + ends, ends)])
         if len(names) != len(ranges[0]):
             raise ValueError('%s: %d bodies in place of the %d of its input' % (self.path, len(ranges[0]), len(names)))
-        return {name: Body(grid, name, number, *parts) for number, (name, *parts) in enumerate(zip(names, *ranges), 1)}
+        return {name: Body(grid, name, number, *parts, step=self._step) for number, (name, *parts) in enumerate(zip(names, *ranges), 1)}
 
     @functools.cached_property
     def pairs(self):
         """The contact pairs by name: {name: Pair}. A / in a name is _ here; pairs that were found are called 'name: body - body'."""
-        return {name: Pair(group) for name, group in self.file.get('dotyk/contact', {}).items()}
+        return {name: Pair(group) for name, group in self._root.get('contact', {}).items()}
 
     @property
     def nodes(self):
@@ -202,7 +251,9 @@ class Results:
         grid = self.file['VTKHDF']
         for place in ('PointData', 'CellData'):
             if name in grid[place]:
-                return grid[place][name][:]
+                first = _first(grid, place, name, self._step)
+                size = int(grid['NumberOfPoints' if place == 'PointData' else 'NumberOfCells'][:].sum())
+                return grid[place][name][first:first + size]
         raise KeyError(_absent(grid, name))
 
     def __contains__(self, name):
@@ -220,4 +271,6 @@ class Results:
         self.close()
 
     def __repr__(self):
+        if self.file and self.cases and self.case_name is None:
+            return "<results '%s': %d load cases>" % (self.path, len(self.cases))
         return "<results '%s': %s>" % (self.path, self.status if self.file else 'closed')

@@ -1,0 +1,140 @@
+!> Load cases of a scene: bodies, contact rows, factors and compliances stay as they are, and the next case gets its
+!> loads, gaps and penalty parameters.
+module dotyk_driver_load_case
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
+  use dotyk_base_interrupt, only: stop_if_interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: set_stage
+  use dotyk_base_text, only: quoted
+  use dotyk_control_body_operators, only: find_modes
+  use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_elasticity_load_cases, only: take_case
+  use dotyk_input_case, only: case_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_model_contact_cases, only: set_contact_case
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: item_t, share, share_errors
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  implicit none
+  private
+  public :: next_case, solve_free
+
+contains
+
+  !> Let another load case act on a scene that is factorized.
+  subroutine next_case(case, k, scene, monitor, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The load case.
+    integer, intent(in) :: k
+    !> Factorized; its QP is that of the load case on return.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+    associate (problem => scene%problem)
+      call set_stage('assembling')
+      problem%modes = scene%modes
+      call load_bodies(k, scene, error)
+      if (allocated(error)) return
+      call set_contact_case(case, k, scene%pair_conditions, problem, error)
+      if (allocated(error)) return
+      ! Rows of ties come after those of the pairs, and stay as they are.
+      scene%theta(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
+      scene%operator%gap(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_gap, i=1, size(problem%pair))]
+      call monitor%watch%lap(monitor%timing%assemble)
+    end associate
+    call scene%compliance%forget_displacements()
+    scene%compliance%n_sweeps = 0
+    call solve_free(scene, error)
+    if (.not. allocated(error)) call stop_if_interrupted(error)
+    call monitor%watch%lap(monitor%timing%iterate)
+  end subroutine next_case
+
+  !> Right-hand sides of the bodies, and resultants of the loads on their modes.
+  subroutine load_bodies(k, scene, error)
+    !> The load case.
+    integer, intent(in) :: k
+    !> Its bodies and modes are set.
+    type(scene_t), intent(inout) :: scene
+    !> Allocated where a right-hand side cannot be assembled; names the body.
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_slot_t), allocatable :: failed(:)
+    type(item_t), allocatable :: resultant(:)
+    integer :: b
+    call load_all(k, scene%problem, failed)
+    associate (problem => scene%problem)
+      allocate (resultant(size(problem%body)))
+      if (n_ranks() > 1) then
+        do b = 1, size(problem%body)
+          if (problem%ranks%is_own(b)) resultant(b)%value = problem%modes(b)%resultant
+        end do
+        call share_errors(problem%ranks%owner, failed)
+        call share(problem%ranks%owner, resultant)
+        do b = 1, size(problem%body)
+          if (.not. problem%ranks%is_own(b)) problem%modes(b)%resultant = resultant(b)%value
+        end do
+      end if
+      do b = 1, size(problem%body)
+        call problems%add_error(failed(b)%error, 'body '//quoted(problem%body(b)%name)//': ')
+      end do
+    end associate
+    call problems%raise(error)
+  end subroutine load_bodies
+
+  !> Each body by its rank, side by side.
+  subroutine load_all(k, problem, failed)
+    !> The load case.
+    integer, intent(in) :: k
+    !> Its bodies and modes are set.
+    type(contact_problem_t), intent(inout) :: problem
+    !> Errors of the bodies (n_bodies).
+    type(error_slot_t), allocatable, intent(out) :: failed(:)
+    integer :: b
+    allocate (failed(size(problem%body)))
+    !$omp parallel do default(none) schedule(dynamic, 1) shared(problem, k, failed)
+    do b = 1, size(problem%body)
+      if (.not. allocated(problem%body(b)%of_case)) cycle
+      call take_case(problem%body(b), k)
+      if (.not. problem%ranks%is_own(b)) cycle
+      call problem%body(b)%assemble_loads(failed(b)%error)
+      call problem%modes(b)%take_loads(problem%body(b))
+    end do
+    !$omp end parallel do
+  end subroutine load_all
+
+  !> Solve without contact: the QP of the loads that act on the bodies.
+  subroutine solve_free(scene, error)
+    !> With factors, rows of the QP and compliance.
+    type(scene_t), intent(inout) :: scene
+    !> Allocated where a mode at the contact rows is not finite, or the modes of a body cannot be decomposed.
+    type(error_t), allocatable, intent(out) :: error
+    type(contact_modes_t), allocatable :: modes(:)
+    type(coarse_space_t) :: coarse
+    type(contact_free_t) :: free
+    integer :: b
+    associate (problem => scene%problem, qp => scene%qp, compliance => scene%compliance)
+      call find_modes(problem%body, problem%classes, problem%ranks, qp%block, problem%report, problem%modes, modes, &
+                      error)
+      if (allocated(error)) return
+      call set_stage('solving without contact')
+      call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
+                                 problem%classes%first, compliance%side_by_side, problem%n_blas, free, problem%isolated)
+      scene%n_full_solves = free%n_solves
+      call coarse%init(qp%block, qp%n_rows, modes)
+      call qp%set_loads(scene%operator%gap, free%initial_penetration, free%load_displacement, free%energy, &
+                        free%norm_square, coarse)
+      call scene%neutral%find(problem, scene%theta, modes, qp, error)
+      if (allocated(error)) return
+      do b = 1, size(compliance%body)
+        call move_alloc(free%u_0(b)%value, compliance%body(b)%free)
+        call move_alloc(free%left(b)%value, compliance%body(b)%left)
+      end do
+    end associate
+  end subroutine solve_free
+end module dotyk_driver_load_case

@@ -1,0 +1,100 @@
+!> The load cases of a scene one after the other: solved, told in the log, and written to one results file. Without load
+!> cases in the input there is one.
+module dotyk_driver_load_cases
+  use dotyk_base_error, only: error_t, exit_not_converged
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_driver_load_case, only: next_case
+  use dotyk_driver_penetration, only: check_bodies
+  use dotyk_driver_results, only: finish_results, write_results
+  use dotyk_driver_run_settings, only: goal_of
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_driver_solution, only: solve_scene
+  use dotyk_driver_warm_start, only: initial_pressures
+  use dotyk_input_case, only: case_t
+  use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case, show_case_table
+  use dotyk_log_outcome, only: note_modes
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_summary, only: show_solution
+  use dotyk_model_contact_cases, only: contacts_of_case
+  use dotyk_output_results_file, only: results_file_t
+  use dotyk_scheme_solver_state, only: ended_interrupted
+  implicit none
+  private
+  public :: solve_cases
+
+contains
+
+  !> Solve one load case after the other, and write the results file.
+  subroutine solve_cases(restart, input, run, scene, threads, monitor, needs_factors, code, error)
+    !> Results file of an earlier run to start from; empty where there is none.
+    character(*), intent(in) :: restart
+    !> The case, with one contact for each pair.
+    type(case_t), intent(in) :: input
+    !> Scheme and its settings.
+    type(scheme_run_t), intent(in) :: run
+    !> The scene, built.
+    type(scene_t), intent(inout) :: scene
+    !> Number of threads.
+    integer, intent(in) :: threads
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Whether the contact needs the factors of bodies that were split: nothing is written.
+    logical, intent(out) :: needs_factors
+    !> Exit code where there is no error: that of the worst load case.
+    integer, intent(inout) :: code
+    !> Allocated where the run has no results; with its exit code.
+    type(error_t), allocatable, intent(out) :: error
+    type(case_t) :: case
+    type(contact_solution_t) :: solution
+    type(results_file_t) :: file
+    type(pair_solution_t), allocatable :: pair_solution(:)
+    type(case_row_t), allocatable :: row(:)
+    real(dp), allocatable :: pressure(:)
+    logical, allocatable :: is_changed(:)
+    real(dp) :: before
+    integer :: k, n
+    case = input
+    n = case%n_cases()
+    allocate (row(0))
+    needs_factors = .false.
+    before = 0
+    do k = 1, n
+      if (case%has_cases()) then
+        if (k > 1) call next_case(input, k, scene, monitor, error)
+        if (allocated(error)) exit
+        call contacts_of_case(input, k, case%contact, is_changed)
+        call show_case(monitor%log, case, k, scene%problem, is_changed)
+      end if
+      call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
+      if (allocated(error)) exit
+      call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
+      if (allocated(error) .or. needs_factors) exit
+      if (k == n) call scene%compliance%destroy()
+      call scene%neutral%judge(scene%problem, solution%qp, solution%state)
+      call note_modes(scene%problem, solution%state, monitor%log)
+      call check_bodies(scene, solution, monitor)
+      call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
+                         monitor%timing%iterate%wall - before)
+      before = monitor%timing%iterate%wall
+      call write_results(case, k, scene, solution, threads, monitor, file, pair_solution, error)
+      if (allocated(error)) exit
+      if (.not. solution%state%has_converged()) code = exit_not_converged
+      if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
+      if (solution%state%ended == ended_interrupted) exit
+    end do
+    if (needs_factors) return
+    if (allocated(error)) then
+      if (k > 1) call file%discard()
+      error%message = error%message//case%in_case_text(k)
+      return
+    end if
+    if (case%has_cases()) call show_case_table(monitor%log, row, n)
+    call finish_results(case, min(k, n), threads, monitor, file, error)
+    if (allocated(error)) return
+    call monitor%show_timing()
+    call monitor%log%line('  results          '//case%scene%output)
+  end subroutine solve_cases
+end module dotyk_driver_load_cases
