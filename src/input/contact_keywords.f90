@@ -83,10 +83,11 @@ contains
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('tie')
     call list%add('name', kind_text, required=.true., &
-                  meaning='name of the tie')
+                  meaning='name of the tie; where wildcards name several bodies, their number takes the place of its *')
     call list%add('surface_a', kind_text, required=.true., &
-                  meaning='slave side, as ''body:surface'': the surface with the finer mesh; in the surface, * and '// &
-                  '? are wildcards as in &contact')
+                  meaning='slave side, as ''body:surface'': the surface with the finer mesh; * and ? are '// &
+                  'wildcards: in the body, for a tie of each body that matches with the one in the same place of '// &
+                  'those of surface_b, or with a single one; in the surface as in &contact')
     call list%add('surface_b', kind_text, required=.true., &
                   meaning='master side, as ''body:surface'' of another body')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &

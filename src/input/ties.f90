@@ -3,7 +3,7 @@ module dotyk_input_ties
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, option_name, response_multigrid, response_names, scheme_auto, &
     scheme_dual, scheme_names
-  use dotyk_base_text, only: quoted, shown
+  use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_input_case, only: scene_input_t, solver_input_t, tie_input_t
   use dotyk_input_contacts, only: read_side
   use dotyk_input_problems, only: problems_t
@@ -29,21 +29,10 @@ contains
     type(problems_t), intent(inout) :: problems
     !> Ties and bolts; incomplete where groups have mistakes (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
-    integer, allocatable :: ties(:), bolts(:)
-    integer :: i
-    call pick_groups(groups, 'tie', ties)
-    call pick_groups(groups, 'bolt', bolts)
-    allocate (tie(size(ties) + size(bolts)))
-    do i = 1, size(ties)
-      call read_sides(groups(ties(i)), bodies, is_given(groups(ties(i)), 'angle'), problems, tie(i))
-      call read_turn(groups(ties(i)), scene, problems, tie(i))
-    end do
-    do i = 1, size(bolts)
-      associate (bolt => tie(size(ties) + i))
-        call read_sides(groups(bolts(i)), bodies, .false., problems, bolt)
-        call read_tension(groups(bolts(i)), problems, bolt)
-      end associate
-    end do
+    type(tie_input_t), allocatable :: ties(:), bolts(:)
+    call read_kind(groups, 'tie', bodies, scene, problems, ties)
+    call read_kind(groups, 'bolt', bodies, scene, problems, bolts)
+    tie = [ties, bolts]
     if (size(tie) == 0) return
     if (all(solver%scheme /= [scheme_auto, scheme_dual])) &
       call problems%add(solver%line, '&solver: scheme='//quoted(option_name(scheme_names, solver%scheme))// &
@@ -53,35 +42,89 @@ contains
                         ' knows no ties: leave it out')
   end subroutine read_ties
 
+  !> Read all groups of one name.
+  subroutine read_kind(groups, name, bodies, scene, problems, tie)
+    !> Groups of the file (n_groups).
+    type(group_t), intent(in) :: groups(:)
+    !> 'tie' or 'bolt'.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> The scene, for its analysis.
+    type(scene_input_t), intent(in) :: scene
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> In the order of the file; those that wildcards stand for one after the other (n_ties).
+    type(tie_input_t), allocatable, intent(out) :: tie(:)
+    type(tie_input_t) :: given
+    integer, allocatable :: picked(:), matched_a(:), matched_b(:)
+    integer :: i, k, n
+    call pick_groups(groups, name, picked)
+    allocate (tie(0))
+    do i = 1, size(picked)
+      associate (group => groups(picked(i)))
+        call read_sides(group, bodies, problems, given, matched_a, matched_b)
+        if (name == 'tie') call read_turn(group, scene, problems, given)
+        if (name == 'bolt') call read_tension(group, problems, given)
+        n = max(size(matched_a), size(matched_b))
+        do k = 1, n
+          tie = [tie, given]
+          associate (one => tie(size(tie)))
+            if (size(matched_a) > 0) one%body_a = matched_a(min(k, size(matched_a)))
+            if (size(matched_b) > 0) one%body_b = matched_b(min(k, size(matched_b)))
+            if (n > 1) one%name = numbered(given%name, k)
+            if (one%body_a /= one%body_b .or. one%body_a == 0) cycle
+            if (is_given(group, 'angle') .and. one%surface_a /= one%surface_b) cycle
+            if (is_given(group, 'angle')) then
+              call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
+            else
+              call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
+                          shown(bodies%name(one%body_a)%s)//' twice')
+            end if
+          end associate
+        end do
+      end associate
+    end do
+  end subroutine read_kind
+
+  !> Name of one of several ties.
+  pure function numbered(name, k)
+    !> Name of all; the number takes the place of its first *.
+    character(*), intent(in) :: name
+    !> The number.
+    integer, intent(in) :: k
+    character(:), allocatable :: numbered
+    integer :: star
+    star = index(name, '*')
+    if (star == 0) then
+      numbered = name//' '//to_text(k)
+    else
+      numbered = name(:star - 1)//to_text(k)//name(star + 1:)
+    end if
+  end function numbered
+
   !> Read name, surfaces and search distance.
-  subroutine read_sides(group, bodies, may_be_one, problems, tie)
+  subroutine read_sides(group, bodies, problems, tie, matched_a, matched_b)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
-    !> Whether both surfaces may be those of one body.
-    logical, intent(in) :: may_be_one
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The tie.
+    !> The tie, without its bodies.
     type(tie_input_t), intent(out) :: tie
-    integer, allocatable :: matched_a(:), matched_b(:)
-    logical :: several_a, several_b
+    !> Bodies of the slave side (n or 1).
+    integer, allocatable, intent(out) :: matched_a(:)
+    !> Bodies of the master side, each with the one of the slave side in its place (n or 1).
+    integer, allocatable, intent(out) :: matched_b(:)
+    logical :: several
     tie%line = group%line
     tie%name = text_of(group, 'name')
-    call read_side(group, 'surface_a', bodies, problems, matched_a, tie%surface_a, several_a)
-    call read_side(group, 'surface_b', bodies, problems, matched_b, tie%surface_b, several_b)
-    if (several_a) call report(problems, group, 'surface_a', 'surface_a of &'//group%name//' names one body, '// &
-                               'without wildcards')
-    if (several_b) call report(problems, group, 'surface_b', 'surface_b of &'//group%name//' names one body, '// &
-                               'without wildcards')
-    if (size(matched_a) > 0) tie%body_a = matched_a(1)
-    if (size(matched_b) > 0) tie%body_b = matched_b(1)
-    if (tie%body_a > 0 .and. tie%body_a == tie%body_b .and. .not. may_be_one) &
-      call report(problems, group, 'surface_b', '&'//group%name//' needs two different bodies, got '// &
-                  shown(bodies%name(tie%body_a)%s)//' twice')
-    if (tie%body_a > 0 .and. tie%body_a == tie%body_b .and. tie%surface_a == tie%surface_b) &
-      call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
+    call read_side(group, 'surface_a', bodies, problems, matched_a, tie%surface_a, several)
+    call read_side(group, 'surface_b', bodies, problems, matched_b, tie%surface_b, several)
+    if (min(size(matched_a), size(matched_b)) > 1 .and. size(matched_a) /= size(matched_b)) &
+      call report(problems, group, 'surface_b', 'surface_a names '//to_text(size(matched_a))//' bodies and '// &
+                  'surface_b '//to_text(size(matched_b))//': give each its own, in the same order, or one for all')
     if (is_usable(group, 'search_radius')) tie%search_radius = real_of(group, 'search_radius')
   end subroutine read_sides
 
