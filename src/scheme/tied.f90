@@ -297,15 +297,15 @@ contains
     type(solver_state_t), intent(inout) :: state
     type(mode_columns_t) :: indeterminate
     real(dp), allocatable :: lambda(:), alpha(:), z(:), of_group(:)
-    real(dp), allocatable :: forces(:, :), amplitudes(:, :), b(:, :), c(:, :), null(:, :)
+    real(dp), allocatable :: forces(:, :), amplitudes(:, :), b(:, :), c(:, :), motion(:, :)
     real(dp) :: work
     integer :: g, k
     work = 0
-    allocate (of_group(condensed%qp%coarse%n), null(qp%coarse%n, state%indeterminate%n))
+    allocate (of_group(condensed%qp%coarse%n), motion(qp%coarse%n, state%indeterminate%n))
     do k = 1, state%indeterminate%n
       call state%indeterminate%get(k, of_group)
-      null(:, k) = motions_of(of_group)
-      call indeterminate%add(null(:, k))
+      motion(:, k) = motions_of(of_group)
+      call indeterminate%add(motion(:, k))
     end do
     state%indeterminate = indeterminate
     if (allocated(state%unbounded)) state%unbounded = motions_of(state%unbounded)
@@ -330,7 +330,7 @@ contains
         end associate
       end associate
     end do
-    call remove_indeterminate(qp%coarse%scale, null, alpha)
+    call remove_indeterminate(qp%coarse%scale, motion, alpha)
     call compliance%multiply(qp, lambda, z)
     state%y = 0*z
     call qp%mode_displacement(alpha, state%y)
@@ -361,21 +361,21 @@ contains
 
   !> Leave nothing of the amplitudes along indeterminate motions: these are combinations of the modes of several bodies,
   !> of which a scheme holds one mode each.
-  subroutine remove_indeterminate(scale, null, alpha)
+  subroutine remove_indeterminate(scale, motion, alpha)
     !> Amplitudes of the modes of the bodies per amplitude (n).
     real(dp), intent(in) :: scale(:)
     !> The motions as amplitudes of the modes of the bodies, in columns; orthonormal on return (n, n_motions) [].
-    real(dp), intent(inout) :: null(:, :)
+    real(dp), intent(inout) :: motion(:, :)
     !> Amplitudes, without the scale (n) [length].
     real(dp), intent(inout) :: alpha(:)
     integer :: k, j
-    do k = 1, size(null, 2)
-      null(:, k) = null(:, k)/scale
+    do k = 1, size(motion, 2)
+      motion(:, k) = motion(:, k)/scale
       do j = 1, k - 1
-        null(:, k) = null(:, k) - dot_product(null(:, j), null(:, k))*null(:, j)
+        motion(:, k) = motion(:, k) - dot_product(motion(:, j), motion(:, k))*motion(:, j)
       end do
-      null(:, k) = null(:, k)/max(tiny(1.0_dp), norm2(null(:, k)))
-      alpha = alpha - dot_product(null(:, k), alpha)*null(:, k)
+      motion(:, k) = motion(:, k)/max(tiny(1.0_dp), norm2(motion(:, k)))
+      alpha = alpha - dot_product(motion(:, k), alpha)*motion(:, k)
     end do
   end subroutine remove_indeterminate
 end module dotyk_scheme_tied
