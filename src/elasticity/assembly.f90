@@ -28,8 +28,8 @@ module dotyk_elasticity_assembly
 
 contains
 
-  !> Add the stiffness of all elements, and of springs, to a matrix of zeros, and subtract the forces of prescribed displacements from
-  !> the right-hand side.
+  !> Add the stiffness of all elements, and of springs, to a matrix of zeros, and subtract the forces of prescribed
+  !> displacements from the right-hand side.
   subroutine assemble_stiffness(mesh, analysis, material, constraint, positions, matrix, rhs, volume, &
                                 mean_modulus_factor, error)
     !> Elements and nodes of the body.

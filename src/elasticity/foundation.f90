@@ -1,9 +1,9 @@
 !> Springs on surfaces of a body: elastic supports, a Winkler foundation.
 !>
 !> At each point of the surface springs along some directions d, global ones or those of the surface, pull the body back
-!> to the displacement g of their far ends with the traction t = -k D (u - g), D = sum d d^T and k the foundation modulus
-!> [pressure/length]. They add the matrix int N^T k D N dA to the stiffness and the forces int N^T k D g dA to the loads;
-!> in axisymmetric analyses dA is that of the full circumference.
+!> to the displacement g of their far ends with the traction t = -k D (u - g), D = sum d d^T and k the foundation
+!> modulus [pressure/length]. They add the matrix int N^T k D N dA to the stiffness and the forces int N^T k D g dA to
+!> the loads; in axisymmetric analyses dA is that of the full circumference.
 module dotyk_elasticity_foundation
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp

@@ -127,16 +127,16 @@ contains
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('mass')
     call list%add('body', kind_text, required=.true., &
-                  meaning='name of the body, with wildcards as in &support; a &load acceleration or angular_velocity '// &
-                  'acts on it')
+                  meaning='name of the body, with wildcards as in &support; a &load acceleration or '// &
+                  'angular_velocity acts on it')
     call list%add('surface', kind_text, required=.true., &
                   meaning='physical group of the surface that carries the mass, with wildcards as in &support: the '// &
                   'force is spread as that of &load force')
     call list%add('mass', kind_real, unit='mass', required=.true., positive=.true., &
                   meaning='the mass; in the plane per unit thickness. Of several bodies each has it')
     call list%add('point', kind_real, least=2, most=3, unit='length', &
-                  meaning='where the mass is, on the surface or away from it; the centroid of the surface if absent, '// &
-                  'required where the body rotates; in axisymmetry on the axis')
+                  meaning='where the mass is, on the surface or away from it; the centroid of the surface if '// &
+                  'absent, required where the body rotates; in axisymmetry on the axis')
   end subroutine add_mass_keys
 
   !> Read all `&mass` and append their forces to the loads.
@@ -176,8 +176,9 @@ contains
           of_mass%body = matched(b)
           k = size(load)
           call add_forces(group, n, mass, of_mass, scene%analysis, problems, load)
-          if (size(load) == k) call problems%add(group%line, '&mass: no &load acceleration or angular_velocity acts '// &
-                                                 'on body '//shown(bodies%name(matched(b))%s)//': the mass has no force')
+          if (size(load) == k) &
+            call problems%add(group%line, '&mass: no &load acceleration or angular_velocity acts on body '// &
+                              shown(bodies%name(matched(b))%s)//': the mass has no force')
         end do
       end associate
     end do

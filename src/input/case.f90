@@ -132,8 +132,8 @@ module dotyk_input_case
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction
-    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, force/mass, or force
-    !> of `load_total`].
+    !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, force/mass, or
+    !> force of `load_total`].
     real(dp) :: value(3) = 0
     !> Moment of `load_total` (3) [force length].
     real(dp) :: moment(3) = 0

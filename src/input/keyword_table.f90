@@ -56,8 +56,8 @@ contains
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
                       "&load body='*', acceleration=0,0,-9.81 /"//lf// &
                       "&load body='disc', angular_velocity=0,0,314, centre=0.2,0,0 /")
-    groups(8) = group('mass', any_number, 'a point mass that a body surface carries: its weight under acceleration, '// &
-                      'its centrifugal force under angular_velocity', &
+    groups(8) = group('mass', any_number, 'a point mass that a body surface carries: its weight under '// &
+                      'acceleration, its centrifugal force under angular_velocity', &
                       "&mass body='frame', surface='seat', mass=75, point=0.3,0,1.1 /")
     groups(9) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
                       'its material expands; exactly one of value and formula', &
@@ -277,8 +277,8 @@ contains
     call list%add('force_density_formula', kind_formula, least=2, most=3, unit='force/volume', &
                   meaning='force_density as formulas')
     call list%add('acceleration', kind_real, least=2, most=3, unit='force/mass', &
-                  meaning='force per mass in global axes, such as gravity: the density of the material times it is a '// &
-                  'force density, point masses (&mass) bear it, too; in axisymmetry along the axis y')
+                  meaning='force per mass in global axes, such as gravity: the density of the material times it is '// &
+                  'a force density, point masses (&mass) bear it, too; in axisymmetry along the axis y')
     call list%add('angular_velocity', kind_real, most=3, unit='1/time', &
                   meaning='rotation about an axis through centre, in radians per time: the centrifugal force, '// &
                   'density times angular_velocity squared times the distance from the axis; one value in two '// &

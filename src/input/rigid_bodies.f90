@@ -29,8 +29,8 @@ contains
     call list%add('fix', kind_text, may_be_empty=.true., &
                   meaning='motions that are held: of x, y, z (displacement of the point) and rx, ry, rz (rotation '// &
                   'about axes through it), as in ''xyz rx ry''; x, y, rz in the plane, y in axisymmetry. Others '// &
-                  'are free: loads, &load force and moment among them, move the body against its contact; all are free '// &
-                  'if absent')
+                  'are free: loads, &load force and moment among them, move the body against its contact; all are '// &
+                  'free if absent')
     call list%add('value', kind_real, least=2, most=3, unit='length', &
                   meaning='displacement of the point along held directions; 0 if absent')
     call list%add('rotation', kind_real, most=3, unit='radian', &
@@ -75,7 +75,8 @@ contains
                         'response=''multigrid'': remove that')
     do i = 1, size(case%support)
       call refuse(case%support(i)%line, case%support(i)%body, &
-                  trim(merge('&spring ', '&support', case%support(i)%is_spring)), 'its motions are held by fix of &rigid_body')
+                  trim(merge('&spring ', '&support', case%support(i)%is_spring)), &
+                  'its motions are held by fix of &rigid_body')
     end do
     do i = 1, size(case%temperature)
       call refuse(case%temperature(i)%line, case%temperature(i)%body, '&temperature', 'it does not expand')

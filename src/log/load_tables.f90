@@ -65,7 +65,8 @@ contains
     largest = 0
     if (present(scale)) largest = scale
     label = body%name//':'//resultant%place
-    line = '  '//label//repeat(' ', max(0, label_width - len(label)))//' force '//vector_text(resultant%force, largest(1))
+    line = '  '//label//repeat(' ', max(0, label_width - len(label)))//' force '// &
+           vector_text(resultant%force, largest(1))
     if (body%analysis == analysis_axisymmetric) then
       if (abs(resultant%radial) > rounding*largest(1)) &
         line = line//', radial '//to_text(resultant%radial, 5)//' around the circumference'

@@ -124,8 +124,8 @@ contains
         if (line(k + 1) == line(k)) cycle
       end if
       if (.not. one_used) &
-        call problems%add(file//':'//to_text(line(k))//': '//trim(group(k))//': none of the bodies has such a surface', &
-                          exit_bad_input)
+        call problems%add(file//':'//to_text(line(k))//': '//trim(group(k))//': none of the bodies '// &
+                          'has such a surface', exit_bad_input)
       one_used = .false.
     end do
   end subroutine refuse_unused

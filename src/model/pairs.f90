@@ -72,7 +72,8 @@ contains
       associate (given => case%contact(k))
         if (body(given%body_a)%constraint%rigid%is_set .and. body(given%body_b)%constraint%rigid%is_set) &
           call problems%add(case%file//':'//to_text(given%line)//': contact pair '//quoted(given%name)// &
-                            ': both bodies are rigid: no stiffness determines the forces between them; exclude the pair', &
+                            ': both bodies are rigid: no stiffness determines the forces between them; exclude '// &
+                            'the pair', &
                             exit_bad_input)
       end associate
     end do
