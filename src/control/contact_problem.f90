@@ -55,6 +55,10 @@ module dotyk_control_contact_problem
     real(dp) :: normal(3) = 0
     !> Tension of a bolt that slides [force].
     real(dp) :: force = 0
+    !> How far its halves overlap: given, or of the last load case in which it was tightened [length].
+    real(dp) :: shortening = 0
+  contains
+    procedure :: lock => tie_lock
   end type tied_surfaces_t
 
   !> The problem.
@@ -93,6 +97,18 @@ module dotyk_control_contact_problem
   public :: build_rows, first_mode, mesh_compliance
 
 contains
+
+  !> Lock a bolt with its shortening, or let it slide.
+  subroutine tie_lock(self, is_locked)
+    class(tied_surfaces_t), intent(inout) :: self
+    !> Whether it is locked.
+    logical, intent(in) :: is_locked
+    integer :: c
+    self%slides = .not. is_locked
+    do c = 1, size(self%component)
+      self%component(c)%row_gap = merge(self%normal(c)*self%shortening, 0.0_dp, is_locked)
+    end do
+  end subroutine tie_lock
 
   !> Number of ties.
   pure integer function problem_n_ties(self) result(n)

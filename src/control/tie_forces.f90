@@ -17,7 +17,7 @@ module dotyk_control_tie_forces
     real(dp) :: shortening = 0
   end type tie_force_t
 
-  public :: find_tie_forces
+  public :: find_tie_forces, keep_shortenings
 
 contains
 
@@ -52,4 +52,20 @@ contains
       end associate
     end do
   end function find_tie_forces
+
+  !> Keep how far bolts are shortened, for the load cases in which they are locked.
+  subroutine keep_shortenings(m, y, problem)
+    !> As in `find_tie_forces`.
+    real(dp), intent(in) :: m(:)
+    !> As in `find_tie_forces`.
+    real(dp), intent(in) :: y(:)
+    !> Its bolts that slide get their shortenings.
+    type(contact_problem_t), intent(inout) :: problem
+    type(tie_force_t), allocatable :: force(:)
+    integer :: k
+    force = find_tie_forces(problem, m, y)
+    do k = 1, size(force)
+      if (problem%tie(k)%slides) problem%tie(k)%shortening = force(k)%shortening
+    end do
+  end subroutine keep_shortenings
 end module dotyk_control_tie_forces

@@ -14,6 +14,7 @@ module dotyk_driver_load_case
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_contact_cases, only: set_contact_case
+  use dotyk_model_ties, only: set_bolts
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: item_t, share, share_errors
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
@@ -35,7 +36,7 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    integer :: i
+    integer :: c, i
     associate (problem => scene%problem)
       call set_stage('assembling')
       problem%modes = scene%modes
@@ -43,9 +44,12 @@ contains
       if (allocated(error)) return
       call set_contact_case(case, k, scene%pair_conditions, problem, error)
       if (allocated(error)) return
-      ! Rows of ties come after those of the pairs, and stay as they are.
+      if (problem%n_ties() > 0) call set_bolts(case%tie, k, problem%tie)
+      ! Rows of ties come after those of the pairs, and have no penalty.
       scene%theta(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
-      scene%operator%gap(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_gap, i=1, size(problem%pair))]
+      scene%operator%gap = [(problem%pair(i)%row_gap, i=1, size(problem%pair)), &
+                            ((problem%tie(i)%component(c)%row_gap, c=1, size(problem%tie(i)%component)), &
+                             i=1, problem%n_ties())]
       call monitor%watch%lap(monitor%timing%assemble)
     end associate
     call scene%compliance%forget_displacements()

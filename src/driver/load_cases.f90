@@ -6,6 +6,7 @@ module dotyk_driver_load_cases
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_control_tie_forces, only: keep_shortenings
   use dotyk_driver_load_case, only: next_case
   use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_results, only: finish_results, write_results
@@ -73,6 +74,7 @@ contains
       call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
       if (allocated(error) .or. needs_factors) exit
       if (k == n) call scene%compliance%destroy()
+      if (allocated(solution%state%m)) call keep_shortenings(solution%state%m, solution%state%y, scene%problem)
       call scene%neutral%judge(scene%problem, solution%qp, solution%state)
       call note_modes(scene%problem, solution%state, monitor%log)
       call check_bodies(scene, solution, monitor)

@@ -216,7 +216,8 @@ contains
 
   !> The state that a scheme starts from.
   subroutine start_from_pressures(pressure, qp, compliance, state)
-    !> Lagrange multipliers; where all are 0, the scheme starts without a state (n_rows) [pressure].
+    !> Lagrange multipliers of the contact pairs; those of ties start from 0; where all are 0, the scheme starts without
+    !> a state (n_rows of the pairs) [pressure].
     real(dp), intent(in) :: pressure(:)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
@@ -225,10 +226,10 @@ contains
     !> Initial state: pressures and penetrations, without history, L and amplitudes of rigid body modes.
     type(solver_state_t), intent(inout) :: state
     if (.not. any(pressure > 0)) return
-    state%m = pressure
+    state%m = [pressure, spread(0.0_dp, 1, qp%n_rows - size(pressure))]
     if (allocated(state%alpha)) deallocate (state%alpha)
     allocate (state%alpha(qp%coarse%n), state%y(qp%n_rows), source=0.0_dp)
-    call compliance%multiply(qp, qp%weight*pressure, state%y)
+    call compliance%multiply(qp, qp%weight*state%m, state%y)
     state%y = qp%initial_penetration - state%y
   end subroutine start_from_pressures
 end module dotyk_driver_warm_start

@@ -254,6 +254,9 @@ module dotyk_input_case
     logical :: is_bolt = .false., has_force = .false.
     !> Tension [force].
     real(dp) :: force = 0
+    !> Load cases in which `force` acts; in those after them the bolt is locked; all cases where not allocated
+    !> (n_cases).
+    logical, allocatable :: in_case(:)
     !> Length that is taken out of the bolt [length].
     real(dp) :: shortening = 0
     !> Rotation of the master side to the slave side, for cyclic symmetry: axis as written (3) [], and angle [degrees].

@@ -2,6 +2,7 @@
 module dotyk_input_contact_keywords
   use dotyk_base_options, only: condition_names, default_condition, default_discretization, default_geometry, &
     default_quadrature, discretization_names, geometry_names, option_name, quadrature_names
+  use dotyk_input_case_keywords, only: add_case_key
   use dotyk_input_keywords, only: keyword_list_t, kind_formula, kind_logical, kind_name, kind_real, kind_text
   implicit none
   private
@@ -115,6 +116,8 @@ contains
                   meaning='the same cut as the other half has it')
     call list%add('force', kind_real, unit='force', &
                   meaning='tension of the bolt: the halves are pulled together until the cut transmits it')
+    call add_case_key(list, 'load cases in which the bolt is tightened by force, with wildcards; in those after '// &
+                      'them it is locked, with the shortening that it has then; the first case if absent')
     call list%add('shortening', kind_real, unit='length', &
                   meaning='length that is taken out of the bolt: the halves overlap by it')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &

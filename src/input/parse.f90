@@ -178,12 +178,9 @@ contains
     end do
     call gather_names(groups, 'tie', misspelled(place('tie')), problems, ties)
     call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
-    call read_ties(groups, bodies, case%scene, case%solver, problems, case%tie)
+    call read_ties(groups, bodies, cases, case%scene, case%solver, problems, case%tie)
     call read_rigid_bodies(groups, bodies, problems, case)
     call read_contact_cases(groups, cases, case%contact, case%solver, problems, case%contact_case)
-    if (size(case%tie) > 0 .and. any(case%load_case%continues)) &
-      call problems%add(case%load_case(findloc(case%load_case%continues, .true., 1))%line, '&case: history does not '// &
-                        'go together with &tie and &bolt')
     if (case%has_cases() .and. case%output%interval > 0) &
       call problems%add(case%output%line, '&output: interval: results of load cases are written case after case, '// &
                         'not on the way; remove interval')

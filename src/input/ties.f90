@@ -6,6 +6,7 @@ module dotyk_input_ties
   use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_input_case, only: scene_input_t, solver_input_t, tie_input_t
   use dotyk_input_contacts, only: read_side
+  use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, is_usable, names_t, pick_groups, real_of, reals_of, report, text_of
@@ -16,11 +17,13 @@ module dotyk_input_ties
 contains
 
   !> Read all `&tie`, then all `&bolt`.
-  subroutine read_ties(groups, bodies, scene, solver, problems, tie)
+  subroutine read_ties(groups, bodies, cases, scene, solver, problems, tie)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> The scene, for its analysis.
     type(scene_input_t), intent(in) :: scene
     !> Settings of the solver.
@@ -30,8 +33,8 @@ contains
     !> Ties and bolts; incomplete where groups have mistakes (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t), allocatable :: ties(:), bolts(:)
-    call read_kind(groups, 'tie', bodies, scene, problems, ties)
-    call read_kind(groups, 'bolt', bodies, scene, problems, bolts)
+    call read_kind(groups, 'tie', bodies, cases, scene, problems, ties)
+    call read_kind(groups, 'bolt', bodies, cases, scene, problems, bolts)
     tie = [ties, bolts]
     if (size(tie) == 0) return
     if (all(solver%scheme /= [scheme_auto, scheme_dual])) &
@@ -43,13 +46,15 @@ contains
   end subroutine read_ties
 
   !> Read all groups of one name.
-  subroutine read_kind(groups, name, bodies, scene, problems, tie)
+  subroutine read_kind(groups, name, bodies, cases, scene, problems, tie)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> 'tie' or 'bolt'.
     character(*), intent(in) :: name
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> The scene, for its analysis.
     type(scene_input_t), intent(in) :: scene
     !> Problems of the file; mistakes are added.
@@ -65,7 +70,7 @@ contains
       associate (group => groups(picked(i)))
         call read_sides(group, bodies, problems, given, matched_a, matched_b)
         if (name == 'tie') call read_turn(group, scene, problems, given)
-        if (name == 'bolt') call read_tension(group, problems, given)
+        if (name == 'bolt') call read_tension(group, cases, problems, given)
         n = max(size(matched_a), size(matched_b))
         do k = 1, n
           tie = [tie, given]
@@ -160,13 +165,16 @@ contains
   end subroutine read_turn
 
   !> Read how far a bolt is tightened.
-  subroutine read_tension(group, problems, bolt)
+  subroutine read_tension(group, cases, problems, bolt)
     !> Checked group.
     type(group_t), intent(in) :: group
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     !> The bolt.
     type(tie_input_t), intent(inout) :: bolt
+    integer :: k
     bolt%is_bolt = .true.
     bolt%has_force = is_given(group, 'force')
     bolt%force = real_of(group, 'force')
@@ -176,5 +184,10 @@ contains
     else if (.not. (bolt%has_force .or. is_given(group, 'shortening'))) then
       call problems%add(group%line, '&bolt: ''force'' or ''shortening'' is missing')
     end if
+    if (is_given(group, 'case') .and. .not. bolt%has_force) &
+      call report(problems, group, 'case', 'case is for a bolt with a force: a shortening is the same in all cases')
+    call cases_of(group, cases, problems, bolt%in_case)
+    ! Tightened first, then locked.
+    if (.not. allocated(bolt%in_case) .and. size(cases%name) > 0) bolt%in_case = [(k == 1, k=1, size(cases%name))]
   end subroutine read_tension
 end module dotyk_input_ties

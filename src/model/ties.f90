@@ -10,12 +10,13 @@ module dotyk_model_ties
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, tie_input_t
+  use dotyk_input_load_case, only: applies_in
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   implicit none
   private
-  public :: find_ties
+  public :: find_ties, set_bolts
 
   !> Surfaces are tied up to this distance, in facets [].
   real(dp), parameter :: most_distant = 0.5_dp
@@ -48,6 +49,7 @@ contains
       end associate
     end do
     call problems%raise(error)
+    if (.not. allocated(error)) call set_bolts(case%tie, 1, tie)
   end subroutine find_ties
 
   !> Discretize one tie.
@@ -99,7 +101,7 @@ contains
     end associate
     if (allocated(error)) return
     tie%is_bolt = given%is_bolt
-    if (given%is_bolt) call tighten(given, tie, of_component, error)
+    if (given%is_bolt) call tighten(given, tie, error)
     if (allocated(error)) return
     associate (pair => of_component(1))
       lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
@@ -108,27 +110,36 @@ contains
     call move_alloc(of_component, tie%component)
   end subroutine find_tie
 
-  !> Pull the halves of a bolt together.
-  subroutine tighten(given, bolt, rows, error)
+  !> Find the axis of a bolt, and how it is pulled together.
+  subroutine tighten(given, bolt, error)
     !> `&bolt`.
     type(tie_input_t), intent(in) :: given
     !> The bolt, with the normal of its cut.
     type(tied_surfaces_t), intent(inout) :: bolt
-    !> Its rows; their gaps are set (dimension).
-    type(contact_pair_t), intent(inout) :: rows(:)
     !> The cut is not flat.
     type(error_t), allocatable, intent(out) :: error
-    integer :: c
     if (norm2(bolt%normal) < nearly_flat) then
       call set_error(error, '&bolt '//quoted(given%name)//': the surface '//quoted(bolt%surface_a%name)// &
                      ' is not flat: a bolt is cut across its axis', exit_bad_input)
       return
     end if
     bolt%normal = bolt%normal/norm2(bolt%normal)
-    bolt%slides = given%has_force
     bolt%force = given%force
-    do c = 1, size(rows)
-      rows(c)%row_gap = bolt%normal(c)*given%shortening
-    end do
+    bolt%shortening = given%shortening
   end subroutine tighten
+
+  !> Tighten or lock the bolts of a load case.
+  subroutine set_bolts(given, load_case, tie)
+    !> `&tie` and `&bolt` (n_ties).
+    type(tie_input_t), intent(in) :: given(:)
+    !> The load case.
+    integer, intent(in) :: load_case
+    !> The same, with the shortenings of the load case before (n_ties).
+    type(tied_surfaces_t), intent(inout) :: tie(:)
+    integer :: k
+    do k = 1, size(tie)
+      if (given(k)%is_bolt) &
+        call tie(k)%lock(.not. (given(k)%has_force .and. applies_in(given(k)%in_case, load_case)))
+    end do
+  end subroutine set_bolts
 end module dotyk_model_ties

@@ -128,6 +128,22 @@ class Ties(Case):
             self.assertAlmostEqual(summary["energy_norm"]**2, 0.05, delta=1e-11)
         self.assertAlmostEqual(summary["energy"], 0.025, delta=1e-11)
 
+    def test_locked_bolt(self):
+        """A bolt between walls is tightened, locked while a wall moves, and tightened again: tensions by E A/L."""
+        lines = self.two_blocks("tet10", "hex20", 1, 2)
+        self.write("locked.nml", "\n".join([
+            lines[0], material(0.0), *(line % "" for line in lines[1:]),
+            "&support body='low', surface='bottom', fix='nt' /",
+            "&support body='up', surface='top', fix='nt', value=0,0,1e-3, case='pulled', 'again' /",
+            "&bolt name='bolt', surface_a='up:bottom', surface_b='low:top', force=50, case='tight', 'again' /",
+            *("&case name='%s' /" % name for name in ("slack", "tight", "pulled", "again", "released"))]) + "\n")
+        self.dotyk("locked.nml")
+        cases = self.results("locked.vtkhdf")["dotyk/cases"]
+        for name, tension, shortening in (("slack", 0, 0), ("tight", 50, 1e-3), ("pulled", 100, 1e-3), ("again", 50, 0),
+                                          ("released", 0, 0)):
+            self.assertAlmostEqual(cases[name]["ties/tension"][0], tension, delta=1e-8, msg=name)
+            self.assertAlmostEqual(cases[name]["ties/shortening"][0], shortening, delta=1e-13, msg=name)
+
     def test_clamp(self):
         """A bolt of two floating halves, of three tied blocks each, clamps a plate by contact: its tension is the contact
         force. The joint stiffness is that of springs in series where nothing bends: all in pure tension or pressure."""
