@@ -1,8 +1,7 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, exit_converged, set_error
+  use dotyk_base_error, only: error_t, exit_converged
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: to_text
   use dotyk_control_parallel, only: use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
@@ -18,7 +17,6 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
-  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: run_case
@@ -44,10 +42,6 @@ contains
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)
-    if (allocated(error)) return
-    if (case%has_cases() .and. n_ranks() > 1) &
-      call set_error(error, case%file//':'//to_text(case%load_case(1)%line)//': &case: load cases are for one '// &
-                     'process; start the program without mpirun, or each case in a scene of its own')
     if (allocated(error)) return
     case%no_shell = arguments%no_shell
     call choose_scheme(case, run)
