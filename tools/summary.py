@@ -2,7 +2,7 @@
 """Prints what a results file says of the run: how it was made, how it converged, the contacts, the time.
 
 usage: tools/summary.py FILE.vtkhdf ...      --input: the input text too
-       tools/summary.py --csv contacts|supports|loads|bodies FILE.vtkhdf ...      one table, comma-separated
+       tools/summary.py --csv contacts|supports|loads|ties|bodies FILE.vtkhdf ...      one table, comma-separated
 """
 import argparse
 import csv
@@ -75,7 +75,7 @@ def print_file(path, with_input):
 
 
 def csv_rows(path, table, with_cases):
-    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads or bodies; with the load cases if
+    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads, ties or bodies; with the load cases if
     wanted."""
     columns, rows = ["file", *["case"] * with_cases, "name"], []
     with dotyk.Results(path) as whole:
@@ -83,7 +83,12 @@ def csv_rows(path, table, with_cases):
             if table == "contacts":
                 names, sources = list(results.pairs), [pair.attributes for pair in results.pairs.values()]
             else:
-                record = results.record(table)
+                try:
+                    record = results.record(table)
+                except KeyError:
+                    if table != "ties":  # A scene without any has no such group.
+                        raise
+                    continue
                 names = record.attributes.get("names", "").splitlines()
                 arrays = {name: record[name] for name in record if name not in record.attributes}
                 sources = [{name: array[i] for name, array in arrays.items()} for i in range(len(names))]
@@ -121,7 +126,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--input", action="store_true", help="print the input text too")
-    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "bodies"),
+    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "ties", "bodies"),
                         help="print one table, comma-separated: forces, moments, areas, extremes")
     options = parser.parse_args()
     if options.csv:
