@@ -2,6 +2,7 @@
 !> cases in the input there is one.
 module dotyk_driver_load_cases
   use dotyk_base_error, only: error_t, exit_not_converged
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
@@ -56,8 +57,9 @@ contains
     real(dp), allocatable :: pressure(:)
     logical, allocatable :: is_changed(:)
     real(dp) :: before
-    integer :: k, n
+    integer :: k, n, n_written
     case = input
+    n_written = 0
     n = case%n_cases()
     allocate (row(0))
     needs_factors = .false.
@@ -83,18 +85,25 @@ contains
       before = monitor%timing%iterate%wall
       call write_results(case, k, scene, solution, threads, monitor, file, pair_solution, error)
       if (allocated(error)) exit
+      n_written = k
       if (.not. solution%state%has_converged()) code = exit_not_converged
       if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
       if (solution%state%ended == ended_interrupted) exit
     end do
     if (needs_factors) return
+    if (allocated(error) .and. n_written > 0 .and. interrupted()) then
+      ! The cases that are solved are not lost.
+      deallocate (error)
+      code = exit_not_converged
+      call monitor%log%line('  interrupted'//case%in_case_text(k)//': the results are those of the cases before')
+    end if
     if (allocated(error)) then
       if (k > 1) call file%discard()
       error%message = error%message//case%in_case_text(k)
       return
     end if
     if (case%has_cases()) call show_case_table(monitor%log, row, n)
-    call finish_results(case, min(k, n), threads, monitor, file, error)
+    call finish_results(case, n_written, threads, monitor, file, error)
     if (allocated(error)) return
     call monitor%show_timing()
     call monitor%log%line('  results          '//case%scene%output)

@@ -124,7 +124,7 @@ contains
       ! The scheme does not know the line of its settings.
       if (index(error%message, '&solver') == 1) &
         call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
-      if (index(error%message, 'ties ') == 1) call add_context(error, case%file//': ')
+      if (index(error%message, 'tie ') == 1) call add_context(error, case%file//': ')
     else if (needs_factors) then
       call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor '// &
                         'on one of them')

@@ -81,6 +81,9 @@ module dotyk_scheme_condensation
   !> Eigenvalues of the stiffness of the ties against the modes, relative to those of each mode by itself, are zero
   !> below this: motions of the whole group [].
   real(dp), parameter :: least_eigenvalue = 1.0e-11_dp
+  !> Directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is none
+  !> [].
+  real(dp), parameter :: least_stiffness = 1.0e-9_dp
   !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
   real(dp), parameter :: least_compliance = 1.0e-12_dp
   !> Steps of iterative refinement at most, and the fraction to which a step reduces the residual where more are worth
@@ -234,7 +237,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: y(:, :), stiffness(:, :), root(:), values(:), vectors(:, :)
     real(dp) :: most
-    integer :: i, n, n_free
+    integer :: i, n, n_soft, n_free
     n = size(self%s, 1)
     allocate (stiffness(n, n), values(n), vectors(n, n), root(n), self%balance(n, n), self%inverse(n, n))
     y = self%g_t
@@ -250,7 +253,10 @@ contains
     end do
     call symmetric_eigen(stiffness, values, vectors, error)
     if (allocated(error)) return
-    n_free = count(values < least_eigenvalue)
+    ! What ties do not resist springs and supports may: their stiffness is exact, however small beside that of ties.
+    n_soft = count(values < least_eigenvalue)
+    call soft_directions(self%s/spread(root, 2, n)/spread(root, 1, n), vectors(:, :n_soft), values(:n_soft), n_free, error)
+    if (allocated(error)) return
     self%balance = 0
     self%inverse = 0
     do i = n_free + 1, n
@@ -269,9 +275,34 @@ contains
     end do
   end subroutine find_motions
 
+  !> Directions that ties do not resist, those that nothing resists first.
+  subroutine soft_directions(stiffness, vectors, values, n_free, error)
+    !> S in the scale of the vectors (n, n) [].
+    real(dp), intent(in) :: stiffness(:, :)
+    !> Orthonormal; another basis of their span on return (n, n_soft) [].
+    real(dp), intent(inout) :: vectors(:, :)
+    !> Stiffness against each, ascending on return (n_soft) [].
+    real(dp), intent(inout) :: values(:)
+    !> Number of those that nothing resists.
+    integer, intent(out) :: n_free
+    !> Allocated where LAPACK finds no eigenvalues.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: own(:, :), turn(:, :)
+    n_free = size(values)
+    if (n_free == 0) return
+    own = matmul(transpose(vectors), matmul(stiffness, vectors))
+    if (.not. maxval(abs(own)) > 0) return
+    own = (own + transpose(own))/2
+    allocate (turn, mold=own)
+    call symmetric_eigen(own, values, turn, error)
+    if (allocated(error)) return
+    vectors = matmul(vectors, turn)
+    n_free = count(values < least_stiffness*values(size(values)))
+  end subroutine soft_directions
+
   !> Solve `C_tt lambda - G_t alpha = b, G_t^T lambda + S alpha = c` for many right-hand sides; without the resultants c
   !> on motions of the whole group, which get amplitude 0.
-  subroutine group_solve(self, b, c, lambda, alpha, residual)
+  subroutine group_solve(self, b, c, lambda, alpha, residual, energy, worst)
     class(tied_group_t), intent(in) :: self
     !> (n_tie, n) [length].
     real(dp), intent(in), contiguous :: b(:, :)
@@ -283,7 +314,12 @@ contains
     real(dp), allocatable, intent(out) :: alpha(:, :)
     !> What the ties still open by, the largest of all (1) [length].
     real(dp), intent(out), optional :: residual
-    real(dp), allocatable :: r_b(:, :), r_c(:, :), balanced(:, :), step(:, :), step_alpha(:, :), half(:, :)
+    !> Twice the strain energy that it takes to close them, and to balance the forces that are left [energy].
+    real(dp), intent(out), optional :: energy
+    !> Place among the ties of the row that opens most.
+    integer, intent(out), optional :: worst
+    real(dp), allocatable :: r_b(:, :), r_c(:, :), balanced(:, :), step(:, :), step_alpha(:, :), half(:, :), &
+      closing(:, :)
     real(dp) :: left, previous
     integer :: k
     allocate (lambda(size(b, 1), size(b, 2)), alpha(size(c, 1), size(c, 2)), source=0.0_dp)
@@ -311,12 +347,18 @@ contains
       call transposed_product(self%g_t, step, half)
       call add_product(1.0_dp, self%s, step_alpha, half)
       r_c = balanced - half
-      left = sum(sum(r_b**2, 2)/max(tiny(left), self%diagonal))
+      left = sum(sum(r_b**2, 2)/max(tiny(left), self%diagonal)) + sum(r_c*matmul(self%inverse, r_c))
       ! Where rounding dominates, residuals do not fall, and the step is not taken.
       if (k > 1 .and. .not. left < previous) exit
       lambda = step
       alpha = step_alpha
       if (present(residual)) residual = maxval([0.0_dp, abs(r_b)])
+      if (present(worst)) worst = maxloc(maxval(abs(r_b), 2), 1)
+      if (present(energy)) then
+        closing = r_b
+        call self%factor%solve_columns(closing)
+        energy = sum(r_b*closing) + sum(r_c*matmul(self%inverse, r_c))
+      end if
       if (.not. left < worthwhile_gain*previous) exit
       previous = left
     end do

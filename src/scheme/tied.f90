@@ -3,7 +3,7 @@
 module dotyk_scheme_tied
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_condensation, only: find_groups, slide_t, tied_group_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -11,7 +11,7 @@ module dotyk_scheme_tied
   use dotyk_scheme_mode_columns, only: mode_columns_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_stalled, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
   private
@@ -24,6 +24,9 @@ module dotyk_scheme_tied
     integer :: first_tie = 1
     !> Bolts of given tension (n_slides).
     type(slide_t), allocatable :: slide(:)
+    !> First row of each tie, and its name (n_ties).
+    integer, allocatable :: first_row(:)
+    type(text_t), allocatable :: name(:)
   contains
     procedure :: solve => tied_solve
     procedure :: needs_held_bodies => tied_needs_held_bodies
@@ -47,6 +50,8 @@ module dotyk_scheme_tied
   !> Ties that stay open by more than this fraction of what they or their forces would open contradict each other or
   !> supports.
   real(dp), parameter :: most_open = 1.0e-6_dp
+  !> Rounding of the displacements of a group that moves, over `most_open` [].
+  real(dp), parameter :: rounding_of_motion = 1.0e3_dp*epsilon(1.0_dp)/most_open
   !> Resultants on several bodies below this fraction of those of each are rounding.
   real(dp), parameter :: rounding_of_sums = 1.0e-12_dp
 
@@ -109,7 +114,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(condensed_t) :: condensed
     call compliance%form(qp)
-    call condense(qp, compliance, self%first_tie, self%slide, condensed, error)
+    call condense(self, qp, compliance, condensed, error)
     if (allocated(error)) return
     associate (n => self%first_tie - 1)
       if (allocated(state%m)) then
@@ -120,19 +125,17 @@ contains
       call self%of_groups%solve(condensed%qp, condensed%compliance, theta(:n), settings, monitor, state, error)
     end associate
     if (allocated(error)) return
-    call expand(qp, compliance, condensed, state)
+    call expand(qp, compliance, condensed, settings%tolerance, state)
   end subroutine tied_solve
 
   !> The programme of the groups.
-  subroutine condense(qp, compliance, first_tie, slide, condensed, error)
+  subroutine condense(self, qp, compliance, condensed, error)
+    !> The scheme, with the ties.
+    type(tied_t), intent(in) :: self
     !> Contact rows, ties after them.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Rows from this one on are ties.
-    integer, intent(in) :: first_tie
-    !> Bolts of given tension (n_slides).
-    type(slide_t), intent(in) :: slide(:)
     !> The programme.
     type(condensed_t), intent(out) :: condensed
     !> As in `tied_solve`.
@@ -141,16 +144,16 @@ contains
     real(dp) :: work
     integer :: n_groups, g, i
     work = 0
-    call find_groups(qp, first_tie, condensed%group_of, n_groups)
+    call find_groups(qp, self%first_tie, condensed%group_of, n_groups)
     allocate (condensed%group(n_groups))
     allocate (lambda(qp%n_rows), of_loads(qp%n_rows), alpha(qp%coarse%n), alpha_of_loads(qp%coarse%n), &
               source=0.0_dp)
     do g = 1, n_groups
       associate (group => condensed%group(g))
-        call group%take_rows(qp, first_tie, condensed%group_of, g, slide)
+        call group%take_rows(qp, self%first_tie, condensed%group_of, g, self%slide)
         call group%form(qp, compliance, error)
         if (allocated(error)) return
-        call tie_without_contact(group, qp, lambda, alpha, of_loads, alpha_of_loads, work, error)
+        call tie_without_contact(self, group, qp, lambda, alpha, of_loads, alpha_of_loads, work, error)
         if (allocated(error)) return
       end associate
     end do
@@ -162,7 +165,7 @@ contains
     call qp%mode_displacement(alpha_of_loads, load_work)
     call compliance%multiply(qp, of_loads, z)
     load_work = qp%load_displacement - z + load_work
-    associate (small => condensed%qp, n => first_tie - 1)
+    associate (small => condensed%qp, n => self%first_tie - 1)
       small%n_rows = n
       small%dimension = qp%dimension
       small%pair_first_row = qp%pair_first_row
@@ -192,7 +195,9 @@ contains
   end subroutine condense
 
   !> Forces of the ties of a group, and amplitudes of its modes, without contact.
-  subroutine tie_without_contact(group, qp, lambda, alpha, of_loads, alpha_of_loads, work, error)
+  subroutine tie_without_contact(self, group, qp, lambda, alpha, of_loads, alpha_of_loads, work, error)
+    !> The scheme, with the ties.
+    type(tied_t), intent(in) :: self
     !> The group, formed.
     type(tied_group_t), intent(in) :: group
     !> Contact rows, ties after them.
@@ -211,17 +216,21 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: c(size(group%s, 1), 2), b(size(group%tie), 2), open, most
     real(dp), allocatable :: forces(:, :), amplitudes(:, :)
+    integer :: worst
     if (size(group%tie) == 0) return
     c(:, 1) = group%resultants(qp%coarse%resultant)
     c(:, 2) = c(:, 1)
     if (allocated(qp%coarse%lift)) c(:, 2) = group%resultants(qp%coarse%resultant - qp%coarse%lift)
     b(:, 1) = qp%initial_penetration(group%tie)
     b(:, 2) = qp%load_displacement(group%tie)
-    call group%solve(b, c, forces, amplitudes, open)
+    call group%solve(b, c, forces, amplitudes, open, worst=worst)
     most = max(maxval(abs(b)), maxval(abs(matmul(group%c_tt, forces))))
+    ! Large motions of the whole group, on soft springs, leave their rounding.
+    most = max(most, rounding_of_motion*maxval(matmul(abs(group%g_t), abs(amplitudes))))
     if (open > most_open*most) then
-      call set_error(error, 'ties cannot be closed: '//to_text(open, 2)//' of '//to_text(most, 2)//' remain open; '// &
-                     'supports with different displacements hold both sides, or ties contradict each other', &
+      call set_error(error, 'tie '//quoted(self%name(count(self%first_row <= group%tie(worst)))%s)//' cannot be '// &
+                     'closed: '//to_text(open, 2)//' of '//to_text(most, 2)//' remain open; supports '// &
+                     'with different displacements hold both sides, or ties contradict each other', &
                      exit_not_solvable)
       return
     end if
@@ -286,21 +295,24 @@ contains
   end subroutine take_modes
 
   !> The state of the bodies from that of the groups.
-  subroutine expand(qp, compliance, condensed, state)
+  subroutine expand(qp, compliance, condensed, tolerance, state)
     !> Contact rows, ties after them.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies.
     class(compliance_t), intent(inout) :: compliance
     !> The programme of the groups.
     type(condensed_t), intent(in) :: condensed
+    !> Error that is allowed, relative in the energy norm [].
+    real(dp), intent(in) :: tolerance
     !> That of the groups in, of the bodies out.
     type(solver_state_t), intent(inout) :: state
     type(mode_columns_t) :: indeterminate
     real(dp), allocatable :: lambda(:), alpha(:), z(:), of_group(:)
     real(dp), allocatable :: forces(:, :), amplitudes(:, :), b(:, :), c(:, :), motion(:, :)
-    real(dp) :: work
+    real(dp) :: work, energy, left, norm
     integer :: g, k
     work = 0
+    left = 0
     allocate (of_group(condensed%qp%coarse%n), motion(qp%coarse%n, state%indeterminate%n))
     do k = 1, state%indeterminate%n
       call state%indeterminate%get(k, of_group)
@@ -322,7 +334,8 @@ contains
         b = reshape(qp%initial_penetration(group%tie) - matmul(group%c_tc, lambda(group%contact)), [size(group%tie), 1])
         c = reshape(group%resultants(qp%coarse%resultant) - matmul(lambda(group%contact), group%g_c), &
                     [size(group%s, 1), 1])
-        call group%solve(b, c, forces, amplitudes)
+        call group%solve(b, c, forces, amplitudes, energy=energy)
+        left = left + energy
         lambda(group%tie) = forces(:, 1)
         alpha(group%mode) = alpha(group%mode) + amplitudes(:size(group%mode), 1)
         associate (beta => state%alpha(condensed%qp%coarse%first(g):condensed%qp%coarse%first(g + 1) - 1))
@@ -337,8 +350,13 @@ contains
     state%y = qp%initial_penetration - z + state%y
     state%m = lambda/qp%weight
     state%alpha = qp%coarse%scale*alpha
+    norm = qp%energy_norm(state%m, state%y, alpha)
+    ! The bound of the scheme is that of closed ties.
+    if (state%error_bound < huge(norm) .and. norm > 0) state%error_bound = state%error_bound + sqrt(left)/norm
+    if (state%history%n > 0) state%history%error_bound(state%history%n) = state%error_bound
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) state%ended = ended_stalled
     if (abs(work) > 0) &
-      state%terms = [qp%energy_norm(state%m, state%y, alpha)**2/2, qp%load_work(state%m, alpha) + work]
+      state%terms = [norm**2/2, qp%load_work(state%m, alpha) + work]
 
   contains
 

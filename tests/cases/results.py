@@ -222,6 +222,11 @@ class Results(dotyk_case.Case):
         for name in ("summary", "history", "timing", "bodies", "supports", "loads"):
             found["/dotyk/" + name] = {*file["dotyk"][name], *file["dotyk"][name].attrs}
         found["/dotyk/contact/NAME"] = {*file["dotyk/contact/joint"], *file["dotyk/contact/joint"].attrs}
+        self.write("tied.nml", re.sub(r"&contact[^/]*(surface_a=\S+ *surface_b='[^']*')[^/]*/", r"&tie name='joint', \1 /",
+                                      (self.folder / "column.nml").read_text()))
+        self.dotyk("tied.nml")
+        ties = self.results("tied.vtkhdf")["dotyk/ties"]
+        found["/dotyk/ties"] = {*ties, *ties.attrs}
         self.maxDiff = None
         self.assertEqual(described, found)
 

@@ -128,6 +128,19 @@ class Ties(Case):
             self.assertAlmostEqual(summary["energy_norm"]**2, 0.05, delta=1e-11)
         self.assertAlmostEqual(summary["energy"], 0.025, delta=1e-11)
 
+    def test_soft_springs(self):
+        """Tied blocks on springs far softer than they are: the displacement is F/k, which the bound knows."""
+        for stiffness in 1e-3, 1e-6:
+            lines = self.two_blocks("hex8", "hex8", 2, 3)
+            _, summary, file = self.solve("soft", [
+                lines[0], MATERIAL, *(line % "" for line in lines[1:]),
+                "&spring body='low', surface='bottom', fix='xyz', stiffness=%r /" % stiffness,
+                "&load body='up', surface='top', pressure=1e-6 /",
+                "&tie name='joint', surface_a='up:bottom', surface_b='low:top' /"])
+            u = file["VTKHDF/PointData/displacement"][:, 2]
+            np.testing.assert_allclose(u, -1e-6 / stiffness, rtol=1e-6)
+            self.assertLess(summary["error_bound"], 1e-7)
+
     def test_locked_bolt(self):
         """A bolt between walls is tightened, locked while a wall moves, and tightened again: tensions by E A/L."""
         lines = self.two_blocks("tet10", "hex20", 1, 2)
@@ -224,7 +237,7 @@ class Ties(Case):
                 ([(tie % ", force=1, shortening=1").replace("tie", "bolt")], 2, ("only one can be meant",)),
                 ([(tie % ", force=1").replace("tie", "bolt")], 3, ("no equilibrium",)),
                 ([tie % "", "&support body='low', surface='top', fix='xyz' /",
-                  "&support body='up', surface='bottom', fix='xyz', value=1,0,0 /"], 3, ("ties cannot be closed",))):
+                  "&support body='up', surface='bottom', fix='xyz', value=1,0,0 /"], 3, ("case.nml: tie 'joint' cannot be closed",))):
             with self.subTest(extra=extra):
                 log = self.solve("case", [*lines, *extra], code=code)
                 for text in texts:
