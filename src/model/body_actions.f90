@@ -2,6 +2,7 @@
 !> case.
 module dotyk_model_body_actions
   use dotyk_base_error, only: add_context, error_t, problem_list_t
+  use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load_cases, only: clear_actions, keep_case, take_case
@@ -16,6 +17,10 @@ module dotyk_model_body_actions
   implicit none
   private
   public :: set_actions
+
+  !> Resultants of centrifugal forces of floating bodies, relative to their size, that are taken for the accuracy of the
+  !> mesh: in scenes without contact, where the accuracy is that of facets on circles, and in others [].
+  real(dp), parameter :: alone = 1.0e-3_dp, in_contact = 1.0e-6_dp
 
 contains
 
@@ -123,7 +128,9 @@ contains
       type(error_t), allocatable, intent(out) :: failed
       type(surface_t) :: surface
       if (acts_on_surface(given)) call take_surface(given%surface, surface, failed)
-      if (.not. allocated(failed)) call add_load(given, surface, body, failed)
+      ! In contact, a small resultant may be what is asked for; alone, the scene would have no equilibrium.
+      if (.not. allocated(failed)) &
+        call add_load(given, surface, merge(alone, in_contact, size(case%contact) == 0), body, failed)
     end subroutine set_load
 
     !> Add a problem of a line of the namelist file, if there is one.

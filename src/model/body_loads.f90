@@ -6,6 +6,7 @@ module dotyk_model_body_loads
   use dotyk_base_options, only: load_acceleration, load_angular_velocity, load_force_density, load_names, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_centrifugal_balance, only: balance_centrifugal_force
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
     notable_difference, resultant_of
@@ -26,12 +27,14 @@ contains
   end function acts_on_surface
 
   !> Add one load.
-  subroutine add_load(given, surface, body, error)
+  subroutine add_load(given, surface, accuracy, body, error)
     !> `&load`.
     type(load_input_t), intent(in) :: given
     !> Surface on which it acts; not used by force densities.
     type(surface_t), intent(in) :: surface
-    !> The body, with nodal forces so far.
+    !> Resultants of centrifugal forces up to this fraction of their size are taken for the accuracy of the mesh [].
+    real(dp), intent(in) :: accuracy
+    !> The body, with supports, and nodal forces so far.
     type(body_t), intent(inout) :: body
     !> Allocated where the load cannot be used.
     type(error_t), allocatable, intent(out) :: error
@@ -51,6 +54,7 @@ contains
       ! Each rank has other elements of a body in parts.
       if (body%mesh%is_in_parts()) call agree_on_error(error)
       if (allocated(error)) return
+      if (load%kind == load_angular_velocity) call balance_forces(before, accuracy, body)
       if (.not. allocated(body%density)) allocate (body%density(3, size(body%material)), source=0.0_dp)
       do m = 1, size(body%material)
         if (load%kind == load_acceleration) body%density(:, m) = body%density(:, m) + load%density(m)*load%value
@@ -70,6 +74,27 @@ contains
       call check_formula(body, 'the load on '//quoted(surface%name), surface, load%formula)
     end if
   end subroutine add_load
+
+  !> Balance the centrifugal forces of a floating body, where the mesh is the reason that they are not balanced.
+  subroutine balance_forces(before, accuracy, body)
+    !> Nodal forces without them (dim, n_nodes) [force].
+    real(dp), intent(in) :: before(:, :)
+    !> As in `add_load` [].
+    real(dp), intent(in) :: accuracy
+    !> The body; its nodal forces change.
+    type(body_t), intent(inout) :: body
+    real(dp), allocatable :: force(:, :)
+    real(dp) :: balanced
+    ! Ranks with parts of the body do not see its resultants.
+    if (body%mesh%is_in_parts() .or. .not. allocated(body%constraint%equation)) return
+    force = body%load - before
+    call balance_centrifugal_force(body, accuracy, force, balanced)
+    if (.not. balanced > 0) return
+    body%load = before + force
+    call add_warning(body, quoted(body%name)//' floats, and its centrifugal forces have a resultant of '// &
+                     to_text(balanced, 2)//' of their size, within the accuracy of the mesh: they are balanced, as '// &
+                     'if the axis went through the centroid')
+  end subroutine balance_forces
 
   !> Note the resultant of a load.
   subroutine note_resultant(body, force, place)
@@ -112,17 +137,26 @@ contains
     character(*), intent(in) :: name
     !> Difference of two rules, relative [].
     real(dp), intent(in) :: difference
+    if (.not. difference > notable_difference) return
+    call add_warning(body, quoted(body%name)//': the formula of '//name//' varies within elements: two quadrature '// &
+                     'rules differ by '//to_text(100*difference, 2)//' %')
+  end subroutine note_difference
+
+  !> Add a warning about loads or supports.
+  subroutine add_warning(body, text)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> The warning.
+    character(*), intent(in) :: text
     type(text_t), allocatable :: more(:)
     integer :: i, n
-    if (.not. difference > notable_difference) return
     n = 0
     if (allocated(body%unresolved)) n = size(body%unresolved)
     allocate (more(n + 1))
     do i = 1, n
       more(i)%s = body%unresolved(i)%s
     end do
-    more(n + 1)%s = quoted(body%name)//': the formula of '//name//' varies within elements: two quadrature rules '// &
-                    'differ by '//to_text(100*difference, 2)//' %'
+    more(n + 1)%s = text
     call move_alloc(more, body%unresolved)
-  end subroutine note_difference
+  end subroutine add_warning
 end module dotyk_model_body_loads

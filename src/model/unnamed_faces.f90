@@ -15,6 +15,9 @@ module dotyk_model_unnamed_faces
   !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
   !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
   real(dp), parameter, public :: touching = 1.0e-3_dp
+  !> There, they count where the cosine of the angle between their mean normals is below this: of faces that touch, some
+  !> facets are nearly opposite each other; flanks of curved facets are not, by 60 degrees [].
+  real(dp), parameter :: facing = -0.5_dp
 
 contains
 
@@ -42,6 +45,7 @@ contains
         k = list%between(a, b, 0)
         if (k > 0) then
           open = open .and. abs(near(i)%distance) <= touching*min(faces(a)%diameter, faces(b)%diameter)
+          call leave_flanks(faces(a), faces(b), near(i), open)
           if (any(open)) call leave_pairs(surfaces, near(i), list, open)
         end if
         if (.not. any(open)) cycle
@@ -62,6 +66,24 @@ contains
     end do
     unnamed = found(:n)
   end subroutine list_unnamed_faces
+
+  !> Leave out facets that face each other by their curvature, or that of their polygons, alone: a flank beside the end
+  !> of a cylinder that is in a pair touches the other body by the rim of this end.
+  pure subroutine leave_flanks(a, b, near, counts)
+    !> Facets of the first body.
+    type(body_faces_t), intent(in) :: a
+    !> Facets of the second body.
+    type(body_faces_t), intent(in) :: b
+    !> Facets of the two bodies that are near each other.
+    type(near_faces_t), intent(in) :: near
+    !> Facets that count so far (near%n).
+    logical, intent(inout) :: counts(:)
+    integer :: i
+    do i = 1, size(counts)
+      if (.not. counts(i)) cycle
+      counts(i) = dot_product(a%normal(:, near%facet_a(i)), b%normal(:, near%facet_b(i))) < facing
+    end do
+  end subroutine leave_flanks
 
   !> Leave out the facets that the pairs of two bodies have.
   subroutine leave_pairs(surfaces, near, list, open)

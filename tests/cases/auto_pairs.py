@@ -182,6 +182,20 @@ class AutoPairs(dotyk_case.Case):
         self.assertNotIn("in no pair", self.printed)
         self.assertNotIn("carry nothing", self.printed)
 
+    def test_rim_of_a_pair(self):
+        """Flanks beside the end of a cylinder touch the other body by the rim of this end, which the pair has: quadratic facets, whose
+        normals vary, are not told to be in no pair."""
+        self.write("lower.geo", block_geo("tet10", 3, origin=(-1, -1, 0), size=(2, 2, 1)))
+        for size in (0.25, 0.6):
+            self.write("puck.geo", """SetFactory("OpenCASCADE"); Cylinder(1) = {0, 0, 1, 0, 0, 0.5, 0.6};
+Mesh.MeshSizeMax = %r;  Mesh.MeshSizeMin = %r;  Mesh.ElementOrder = 2;
+Physical Volume("block") = {1};  e = 1e-4;
+Physical Surface("end") = {Surface In BoundingBox{-9, -9, 1 - e, 9, 9, 1 + e}};
+""" % (size, size))
+            blocks = {"lower": HELD, "puck": []}
+            self.run_scene(scene(["&contact name='joint', surface_a='puck:end', surface_b='lower:top' /"], blocks), 0, "--check")
+            self.assertNotIn("in no pair", self.printed)
+
     def test_exact_normals_hold_no_load(self):
         """Between flat faces, and on an edge, nothing resists a force along them: any, however small, is refused."""
         block = ("&load BODY, surface='top', pressure=1 /", "&support BODY, surface='top', fix='t' /")

@@ -47,6 +47,27 @@ class Rotation(Case):
         error = np.sqrt(max(1 - summary["energy_norm"]**2 / work, 1e-30))
         return np.max(np.abs(radial - exact)) / np.max(exact), summary["error_discretization"] / error
 
+    def test_floating_ring(self):
+        """A ring that nothing holds, with small elements on one side: the centroid of its mesh is beside the axis. Its forces are balanced
+        with a line that says so, and the stress at the nodes is that of the closed form; an axis that is really beside it is refused."""
+        self.write("ring.geo", """SetFactory("OpenCASCADE"); Disk(1) = {0, 0, 0, %r}; Disk(2) = {0, 0, 0, %r};
+BooleanDifference(3) = {Surface{1}; Delete;}{Surface{2}; Delete;};
+Field[1] = MathEval; Field[1].F = "%r*(1 + 0.3*x)"; Background Field = 1;
+Mesh.MeshSizeExtendFromBoundary = 0; Mesh.MeshSizeFromPoints = 0; Mesh.ElementOrder = 2;
+Physical Surface("ring") = {3};
+""" % (cylinder.OUTER, cylinder.INNER, 0.15 * cylinder.INNER))
+        text = "&scene analysis='plane_stress', mesh='ring.geo' /\n%s\n&body name='ring', volume='ring', material='steel' /\n" % MATERIAL
+        self.write("ring.nml", text + "&load body='ring', angular_velocity=%r /\n" % VELOCITY)
+        self.assertRegex(self.dotyk("ring.nml"), r"warning: 'ring' floats, and its centrifugal forces have a resultant of \S+e-\d+ of")
+        with self.results("ring.vtkhdf") as file:
+            x, stress = file["VTKHDF/Points"][:], file["VTKHDF/PointData/nodal_stress"][:]
+            self.assertLess(file["dotyk/bodies"].attrs["force_error"], 1e-12)
+        r = np.hypot(x[:, 0], x[:, 1])
+        exact = sum(rotating(r, True)[:2])
+        np.testing.assert_allclose(stress[:, 0] + stress[:, 1], exact, atol=0.02 * exact.max())
+        self.write("ring.nml", text + "&load body='ring', angular_velocity=%r, centre=%r,0 /\n" % (VELOCITY, 0.01 * cylinder.OUTER))
+        self.assertIn("no equilibrium", self.dotyk("ring.nml", code=3))
+
     def test_tube(self):
         about_z = "angular_velocity=0,0,%r" % VELOCITY
         for kind, analysis, n, load, error in (
