@@ -132,13 +132,23 @@ def main():
     if options.csv:
         try:
             return print_csv(options.files, options.csv)
+        except BrokenPipeError:
+            raise
         except (OSError, KeyError) as reason:
             sys.exit("summary: not a results file: %s" % reason)
     for path in options.files:
         try:
             print_file(path, options.input)
+        except BrokenPipeError:
+            raise
         except (OSError, KeyError) as reason:
             sys.exit("summary: '%s' is not a results file: %s" % (path, reason))
 
 
-main()
+try:
+    main()
+    sys.stdout.flush()
+except BrokenPipeError:
+    # The reader has what it wants (head). Nothing is left to be flushed at the exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(1)

@@ -157,6 +157,38 @@ class Runs(dotyk_case.Case):
             pass
         self.assertIn("closed", repr(results))
 
+    def test_names_that_are_not_there(self):
+        """KeyErrors name the file and what there is; zero threads or ranks are not taken for none given."""
+        results = dotyk.run(column(), self.case, threads=1)
+        for get, message in ((lambda: results.bodies["middle"], "case.vtkhdf: no body 'middle'; there are lower, upper"),
+                             (lambda: results.pairs["gap"], "case.vtkhdf: no contact pair 'gap'; there are joint"),
+                             (lambda: results.record("beams"), "case.vtkhdf: no group /dotyk 'beams'; there are bodies, ")):
+            with self.assertRaises(KeyError) as caught:
+                get()
+            self.assertIn(message, str(caught.exception))
+        names = results.supports["names"].splitlines()
+        self.assertEqual(len(names), len(results.supports["force"]))
+        self.assertIn("lower:bottom", names)
+        np.testing.assert_allclose(results.supports["force"].sum(axis=0), 0, atol=1e-6 * abs(results.supports["force"]).max())
+        self.assertEqual(len(results.forces["strain_energy"]), 2)
+        self.assertEqual(len(results.loads["force"]), 0)
+        with self.assertRaisesRegex(dotyk.Error, "threads"):
+            dotyk.run(column(), self.case, threads=0)
+        with self.assertRaisesRegex(ValueError, "ranks must be 1 or more, not 0"):
+            dotyk.run(column(), self.case, ranks=0)
+
+    def test_summary_into_a_closed_pipe(self):
+        """summary.py FILE | head says nothing about the reader that has left."""
+        dotyk.run(column(), self.case, threads=1)
+        script = dotyk_case.ROOT / "tools" / "summary.py"
+        for more in ([], ["--csv", "supports"]):
+            reader, writer = os.pipe()
+            os.close(reader)
+            done = subprocess.run([sys.executable, "-B", str(script), *more, str(self.case)], stdout=writer, stderr=subprocess.PIPE,
+                                  text=True, check=False)
+            os.close(writer)
+            self.assertEqual(done.stderr, "")
+
     def test_a_scene_by_methods_is_that_of_the_namelist(self):
         scene = column()
         del scene.groups[-3]  # the bent top

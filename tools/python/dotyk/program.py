@@ -62,6 +62,8 @@ def run(scene, output=None, threads=None, ranks=None, on_progress=None, restart=
     Raises Error, with message and exit code, where there are no results. Ctrl-C, SIGTERM and exceptions of on_progress are passed on:
     the program ends its iteration and writes its results, then the exception is raised; a second Ctrl-C after a second ends it at once.
     """
+    if ranks is not None and ranks < 1:
+        raise ValueError('ranks must be 1 or more, not %r' % ranks)
     words = shlex.split(launcher or ('mpirun --quiet -n %d' % ranks if ranks else ''))
     program = find_program(program, bool(words))
     if words and 'MPI' not in subprocess.run([program, '--version'], capture_output=True, text=True, check=False).stdout:
@@ -72,7 +74,7 @@ def run(scene, output=None, threads=None, ranks=None, on_progress=None, restart=
     output = pathlib.Path(output or _default_output(namelist))
     before = _identity(output)
     command = [program, os.fspath(namelist), '--output', os.fspath(output)]
-    command += ['--threads', str(threads)] if threads else []
+    command += ['--threads', str(threads)] if threads is not None else []
     command += ['--restart', os.fspath(restart)] if restart else []
     code, log, message = _follow(words, command, on_progress)
     if code in (0, 1) and _identity(output) not in (None, before):

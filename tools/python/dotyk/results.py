@@ -29,6 +29,17 @@ def _field(name, meaning):
     return property(lambda self: self[name], doc=meaning)
 
 
+class _Named(dict):
+    """A dictionary whose KeyErrors tell the names that there are."""
+
+    def __init__(self, items, what):
+        super().__init__(items)
+        self._what = what
+
+    def __missing__(self, name):
+        raise KeyError("%s '%s'; there are %s" % (self._what, name, ', '.join(map(str, self)) or 'none'))
+
+
 class Record(collections.abc.Mapping):
     """Numbers of one group of the file by name: record['energy']. Arrays are read where they are asked for, each time; of an array and an
     attribute of one name the array, and the other one in record.attributes."""
@@ -204,7 +215,13 @@ class Results:
 
     def record(self, name):
         """Another group of /dotyk by its name (docs/results.md); Record."""
-        return Record(self._root[name])
+        groups = _Named(self._root, '%s: no group /dotyk' % self.path)
+        return Record(groups[name])
+
+    supports = property(lambda self: self.record('supports'), doc="""Reactions, one entry per support: force, moment, body, ...; Record.
+        Its names are .supports['names'].splitlines(), likewise those of the next two.""")
+    loads = property(lambda self: self.record('loads'), doc='Resultants of the loads: force, moment, body, ...; Record.')
+    forces = property(lambda self: self.record('bodies'), doc='Sums of forces on each body, and strain energies; Record.')
 
     @property
     def converged(self):
@@ -234,12 +251,13 @@ class Results:
             ranges.append([slice(*ends) for ends in zip([0] + ends, ends)])
         if len(names) != len(ranges[0]):
             raise ValueError('%s: %d bodies in place of the %d of its input' % (self.path, len(ranges[0]), len(names)))
-        return {name: Body(grid, name, number, *parts, step=self._step) for number, (name, *parts) in enumerate(zip(names, *ranges), 1)}
+        return _Named({name: Body(grid, name, number, *parts, step=self._step) for number, (name, *parts) in enumerate(zip(names, *ranges), 1)},
+                      '%s: no body' % self.path)
 
     @functools.cached_property
     def pairs(self):
         """The contact pairs by name: {name: Pair}. A / in a name is _ here; pairs that were found are called 'name: body - body'."""
-        return {name: Pair(group) for name, group in self._root.get('contact', {}).items()}
+        return _Named({name: Pair(group) for name, group in self._root.get('contact', {}).items()}, '%s: no contact pair' % self.path)
 
     @property
     def nodes(self):
