@@ -32,6 +32,9 @@ module dotyk_control_balance
     real(dp) :: force_scale = 0
     !> Sum of their products with the distance to the origin [force length].
     real(dp) :: moment_scale = 0
+    !> Sum of the moments of all nodal forces about a point amid the body, and of their products with the distance to
+    !> it (4) [force length].
+    real(dp) :: about_centre(4) = 0
     !> Reactions at the nodes of this rank (dim, n_nodes) [force]; not allocated unless wanted.
     real(dp), allocatable :: nodal(:, :)
   end type body_balance_t
@@ -43,7 +46,8 @@ module dotyk_control_balance
     !> Largest sum of all forces on a body, which would vanish in equilibrium, as a fraction of the largest
     !> `force_scale` [].
     real(dp) :: force_error = 0
-    !> The same of the moments and `moment_scale`; 0 in axisymmetric analyses [].
+    !> The same of the moments about points amid the bodies, however far they are from the origin; 0 in axisymmetric
+    !> analyses [].
     real(dp) :: moment_error = 0
     !> The body with the largest sum of forces.
     integer :: worst = 0
@@ -53,9 +57,10 @@ module dotyk_control_balance
 
   public :: find_balance
 
-  !> Places in the list of numbers of a body, before its supports: energies, scales, and the three resultants.
-  integer, parameter :: at_energy = 1, at_springs = 2, at_scales = 3, at_load = 5, at_contact = 11, at_reaction = 17, &
-                        at_supports = 23
+  !> Places in the list of numbers of a body, before its supports: energies, scales, moments about its centre, and the
+  !> three resultants.
+  integer, parameter :: at_energy = 1, at_springs = 2, at_scales = 3, at_centre = 5, at_load = 9, at_contact = 15, &
+                        at_reaction = 21, at_supports = 27
 
 contains
 
@@ -123,12 +128,12 @@ contains
     logical, intent(in) :: want_nodal
     !> Reactions at nodes, where wanted (dim, n_nodes) [force].
     real(dp), allocatable, intent(out) :: nodal(:, :)
-    !> In the places `at_...` (22 + 6 n_supports).
+    !> In the places `at_...` (26 + 6 n_supports).
     real(dp), allocatable, intent(out) :: numbers(:)
     !> As in `find_balance`.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: contact(:, :), reaction(:, :), of_support(:, :), load(:, :), pull(:, :)
-    real(dp) :: scale(2), twice
+    real(dp) :: scale(2), twice, centre(body%dimension), about_centre(4), own(6)
     integer :: n, n_fixed
     n_fixed = body%directions%n_supports()
     n = n_fixed + body%constraint%foundation%n_springs()
@@ -162,28 +167,52 @@ contains
         reaction = 0
       end if
       scale = 0
-      call add_forces(mesh, load, numbers(at_load:at_contact - 1), scale)
-      call add_forces(mesh, contact, numbers(at_contact:at_reaction - 1), scale, node)
-      call add_forces(mesh, reaction, numbers(at_reaction:at_supports - 1), scale)
-      if (body%constraint%rigid%is_set) numbers(at_reaction:at_supports - 1) = of_support(:, 1)
-      numbers(at_scales:at_load - 1) = scale
+      about_centre = 0
+      centre = centre_of(body)
+      call add_forces(mesh, centre, load, numbers(at_load:at_contact - 1), scale, about_centre)
+      call add_forces(mesh, centre, contact, numbers(at_contact:at_reaction - 1), scale, about_centre, node)
+      call add_forces(mesh, centre, reaction, numbers(at_reaction:at_supports - 1), scale, about_centre)
+      if (body%constraint%rigid%is_set) then
+        numbers(at_reaction:at_supports - 1) = of_support(:, 1)
+        own = of_support(:, 1) - wrench(centre, of_support(:body%dimension, 1))
+        about_centre(:3) = about_centre(:3) + own(4:)
+      end if
+      numbers(at_scales:at_centre - 1) = scale
+      numbers(at_centre:at_load - 1) = about_centre
       numbers(at_supports:) = reshape(of_support, [6*n])
     end associate
     if (want_nodal) call move_alloc(reaction, nodal)
   end subroutine body_numbers
 
+  !> A point amid a body, the same on all ranks: the mean of the nodes that all of them hold (dim) [length].
+  pure function centre_of(body) result(centre)
+    !> The body.
+    type(body_t), intent(in) :: body
+    real(dp) :: centre(body%dimension)
+    if (body%mesh%is_in_parts() .and. allocated(body%shared_node)) then
+      centre = sum(body%mesh%x(:, body%shared_node), dim=2)/max(1, size(body%shared_node))
+    else
+      centre = sum(body%mesh%x, dim=2)/max(1, body%mesh%n_nodes())
+    end if
+  end function centre_of
+
   !> Resultant of the forces on own nodes, and their size.
-  subroutine add_forces(mesh, force, resultant, scale, node)
+  subroutine add_forces(mesh, centre, force, resultant, scale, about_centre, node)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> A point amid the body (dim) [length].
+    real(dp), intent(in) :: centre(:)
     !> Forces (dim, n) [force].
     real(dp), intent(in) :: force(:, :)
     !> Force and moment about the origin (6) [force, force length].
     real(dp), intent(out) :: resultant(6)
     !> Sums of magnitudes, added to (2) [force, force length].
     real(dp), intent(inout) :: scale(2)
+    !> Moment about the point, and the sum of magnitudes, added to (4) [force length].
+    real(dp), intent(inout) :: about_centre(4)
     !> Nodes of the forces; all nodes if absent (n).
     integer, intent(in), optional :: node(:)
+    real(dp) :: own(6)
     integer :: i, k
     resultant = 0
     do i = 1, size(force, 2)
@@ -193,6 +222,8 @@ contains
       if (.not. mesh%is_own_node(k)) cycle
       resultant = resultant + wrench(mesh%x(:, k), force(:, i))
       scale = scale + norm2(force(:, i))*[1.0_dp, norm2(mesh%x(:, k))]
+      own = wrench(mesh%x(:, k) - centre, force(:, i))
+      about_centre = about_centre + [own(4:), norm2(force(:, i))*norm2(mesh%x(:, k) - centre)]
     end do
   end subroutine add_forces
 
@@ -200,7 +231,7 @@ contains
   subroutine take_numbers(body, numbers, balance)
     !> The body.
     type(body_t), intent(in) :: body
-    !> In the places `at_...` (22 + 6 n_supports).
+    !> In the places `at_...` (26 + 6 n_supports).
     real(dp), intent(in) :: numbers(:)
     !> Forces on the body.
     type(body_balance_t), intent(inout) :: balance
@@ -211,6 +242,7 @@ contains
     balance%spring_energy = numbers(at_springs)
     balance%force_scale = numbers(at_scales)
     balance%moment_scale = numbers(at_scales + 1)
+    if (.not. around) balance%about_centre = numbers(at_centre:at_load - 1)
     balance%load = named('loads', numbers(at_load:at_contact - 1), around)
     balance%contact = named('contact', numbers(at_contact:at_reaction - 1), around)
     balance%reaction = named('reactions', numbers(at_reaction:at_supports - 1), around)
@@ -255,11 +287,11 @@ contains
     do b = 1, size(balance%body)
       associate (of => balance%body(b))
         force(b) = norm2(of%load%force + of%contact%force + of%reaction%force)
-        moment(b) = norm2(of%load%moment + of%contact%moment + of%reaction%moment)
+        moment(b) = norm2(of%about_centre(:3))
       end associate
     end do
     balance%worst = maxloc(force, 1)
     balance%force_error = maxval(force)/max(tiny(1.0_dp), maxval(balance%body%force_scale))
-    balance%moment_error = maxval(moment)/max(tiny(1.0_dp), maxval(balance%body%moment_scale))
+    balance%moment_error = maxval(moment)/max(tiny(1.0_dp), maxval(balance%body%about_centre(4)))
   end subroutine judge
 end module dotyk_control_balance

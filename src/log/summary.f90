@@ -162,9 +162,17 @@ contains
     !> The errors.
     type(error_budget_t), intent(in) :: budget
     character(:), allocatable :: line
+    logical :: in_energy
+    integer :: b
+    !> Errors relative to a displacement that is rounding, beside the strains of heat [].
+    real(dp), parameter :: meaningless = 0.5_dp
     !> Complementarity error, relative, from which on slave elements are too large for what they touch [].
     real(dp), parameter :: large_contact_error = 0.3_dp
-    line = '  relative error   iteration '//part('<=', state%error_bound)
+    in_energy = any([(body(b)%initial%is_set(), b=1, size(body))]) .and. &
+                any([is_much(state%error_bound), is_much(budget%penalty), is_much(budget%discretization)])
+    line = '  relative error   iteration '
+    if (in_energy) line = '  error in energy  iteration '
+    line = line//part('<=', state%error_bound)
     if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) &
       line = line//', penalty '//part(trim(merge('<=', '~ ', budget%penalty_is_bound)), budget%penalty)
     if (allocated(budget%of_body)) then
@@ -172,6 +180,8 @@ contains
       if (size(body) > 1 .and. .not. ieee_is_nan(budget%discretization)) &
         line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
     end if
+    if (in_energy) line = line//' (temperatures or initial stresses leave hardly a displacement that errors could be '// &
+                          'relative to)'
     call log%line(line)
     if (all(state%ended /= [ended_converged, ended_penetration])) return
     if (allocated(budget%doubtful)) call show_doubtful_forces(log, budget%doubtful)
@@ -180,7 +190,15 @@ contains
                     ' %: the contact conditions hold in the mean only; refine the slave '// &
                     "surface where it touches, or use discretization='quadrature'")
   contains
-    !> A bound or an estimate in per cent.
+    !> Whether an error is so large that it says nothing.
+    pure logical function is_much(value)
+      !> Error relative to the energy norm; NaN where it is unknown [].
+      real(dp), intent(in) :: value
+      is_much = .false.
+      if (.not. ieee_is_nan(value)) is_much = value > meaningless
+    end function is_much
+
+    !> A bound or an estimate in per cent, or as the energy of the error.
     function part(relation, value) result(text)
       !> '<=' of a bound, '~' of an estimate.
       character(*), intent(in) :: relation
@@ -191,7 +209,12 @@ contains
       real(dp), parameter :: largest = 1.0e100_dp
       text = 'unknown'
       if (ieee_is_nan(value)) return
-      if (value < largest) text = relation//' '//to_text(100*value, 2)//' %'
+      if (.not. value < largest) return
+      if (in_energy) then
+        text = relation//' '//to_text((value*budget%norm)**2/2, 2)
+      else
+        text = relation//' '//to_text(100*value, 2)//' %'
+      end if
     end function part
   end subroutine show_budget
 

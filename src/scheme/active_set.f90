@@ -49,7 +49,7 @@ module dotyk_scheme_active_set
   real(dp), parameter :: balanced = 1.0e-8_dp
   !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler
   !> foundation.
-  real(dp), parameter :: scale_of_unloaded = 1.0e-4_dp
+  real(dp), parameter :: scale_of_unloaded = 1.0e-2_dp
   !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the
   !> Winkler foundation, so that rounding errors of a scene at rest are not compared with each other.
   real(dp), parameter :: least_norm = 1.0e-8_dp

@@ -198,6 +198,18 @@ Physical Surface("end") = {Surface In BoundingBox{1 - e, -e, -e, 1 + e, 1 + e, 1
         # A polygon is not quite round: nothing but friction could bear what the force leaves about its axis.
         self.assertLess(own["bodies"].attrs["moment_error"], 1e-4)
 
+    def test_moments_far_from_the_origin(self):
+        """What is left of the moments does not look smaller where the bodies are far from the origin."""
+        found = []
+        for place in ("", ", at=1e3,2e3"):
+            lines = [self.body(name, geo)[:-2] + place + " /" for name, geo in (("disc", DISC), ("plate", BORE))]
+            lines += ["&support body='plate', surface='bottom', fix='xy' /", "&load body='disc', force_density=0.3,-0.4 /",
+                      "&contact name='bore', surface_a='disc:side', surface_b='plate:side' /", SOLVER]
+            own, _ = self.run_scene(lines, "plane_strain")
+            found.append(own["bodies"].attrs["moment_error"])
+        self.assertGreater(found[0], 1e-9)
+        self.assertBetween(0.9, found[1] / found[0], 1.1)
+
     def test_axisymmetric(self):
         """Forces are those on the full circumference; radial ones are no resultants."""
         lines = [self.body("lower", block_geo("quad8", (4, 2), (0.0, 0.0), (1.5, 1.0))),

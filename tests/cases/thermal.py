@@ -53,6 +53,16 @@ class Thermal(Case):
                     np.testing.assert_allclose(stress, exact + 0 * stress, atol=1e-12 * YOUNG * STRAIN)
                     self.assertLess(summary["error_discretization"], 1e-9)
 
+    def test_held_all_over(self):
+        """Heat that moves nothing: errors relative to the displacement, which is rounding, are told as energies."""
+        lines = self.scene("3d", "&support body='block', surface='*', fix='n' /", "&temperature body='block', value=%r /" % HEAT)
+        self.solve("tet10", lines)
+        self.assertNotIn("relative error", self.log)
+        self.assertRegex(self.log, r"error in energy  iteration <= \S+e-\d\d, .* discretization ~ \S+e-\d\d \(temperatures or initial")
+        self.solve("tet10", self.scene("3d", "&support body='block', surface='bottom', fix='xyz' /",
+                                       "&temperature body='block', value=%r /" % HEAT))
+        self.assertIn("relative error   iteration", self.log)
+
     def test_nearly_incompressible(self):
         """The expansion is projected like the dilatation: a free block has no stress, however great the bulk modulus;
         a confined one has the pressure of it."""
