@@ -128,9 +128,9 @@ contains
       type(error_t), allocatable, intent(out) :: failed
       type(surface_t) :: surface
       if (acts_on_surface(given)) call take_surface(given%surface, surface, failed)
-      ! In contact, a small resultant may be what is asked for; alone, the scene would have no equilibrium.
+      ! In contact or tied, a small resultant may be what is asked for; alone, the scene would have no equilibrium.
       if (.not. allocated(failed)) &
-        call add_load(given, surface, merge(alone, in_contact, size(case%contact) == 0), body, failed)
+        call add_load(given, surface, merge(alone, in_contact, size(case%contact) + size(case%tie) == 0), body, failed)
     end subroutine set_load
 
     !> Add a problem of a line of the namelist file, if there is one.

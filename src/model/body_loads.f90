@@ -85,8 +85,9 @@ contains
     type(body_t), intent(inout) :: body
     real(dp), allocatable :: force(:, :)
     real(dp) :: balanced
-    ! Ranks with parts of the body do not see its resultants.
+    ! Ranks with parts of the body do not see its resultants; springs resist them.
     if (body%mesh%is_in_parts() .or. .not. allocated(body%constraint%equation)) return
+    if (body%constraint%foundation%n_springs() > 0) return
     force = body%load - before
     call balance_centrifugal_force(body, accuracy, force, balanced)
     if (.not. balanced > 0) return
