@@ -114,7 +114,7 @@ contains
                   meaning='flat cut through the bolt as one half has it, as ''body:surface'': the finer mesh')
     call list%add('surface_b', kind_text, required=.true., &
                   meaning='the same cut as the other half has it')
-    call list%add('force', kind_real, unit='force', &
+    call list%add('force', kind_real, unit='force', positive=.true., &
                   meaning='tension of the bolt: the halves are pulled together until the cut transmits it')
     call add_case_key(list, 'load cases in which the bolt is tightened by force, with wildcards; in those after '// &
                       'them it is locked, with the shortening that it has then; the first case if absent')

@@ -33,10 +33,18 @@ contains
     !> Ties and bolts; incomplete where groups have mistakes (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t), allocatable :: ties(:), bolts(:)
+    integer :: i, k
     call read_kind(groups, 'tie', bodies, cases, scene, problems, ties)
     call read_kind(groups, 'bolt', bodies, cases, scene, problems, bolts)
     tie = [ties, bolts]
     if (size(tie) == 0) return
+    do i = 2, size(tie)
+      do k = 1, i - 1
+        if (joins_the_same(tie(i), tie(k))) &
+          call problems%add(tie(i)%line, 'the surfaces of '//shown(tie(i)%name)//' are joined already by '// &
+                            shown(tie(k)%name)//' (line '//to_text(tie(k)%line)//')')
+      end do
+    end do
     if (all(solver%scheme /= [scheme_auto, scheme_dual])) &
       call problems%add(solver%line, '&solver: scheme='//quoted(option_name(scheme_names, solver%scheme))// &
                         ' knows no ties: leave it out')
@@ -44,6 +52,20 @@ contains
       call problems%add(solver%line, '&solver: response='//quoted(option_name(response_names, solver%response))// &
                         ' knows no ties: leave it out')
   end subroutine read_ties
+
+  !> Whether two ties name the same two surfaces.
+  pure logical function joins_the_same(one, other)
+    !> A tie.
+    type(tie_input_t), intent(in) :: one
+    !> Another one.
+    type(tie_input_t), intent(in) :: other
+    joins_the_same = .false.
+    if (min(one%body_a, one%body_b) == 0) return
+    if (one%body_a == other%body_a .and. one%body_b == other%body_b) &
+      joins_the_same = one%surface_a == other%surface_a .and. one%surface_b == other%surface_b
+    if (one%body_a == other%body_b .and. one%body_b == other%body_a) &
+      joins_the_same = joins_the_same .or. (one%surface_a == other%surface_b .and. one%surface_b == other%surface_a)
+  end function joins_the_same
 
   !> Read all groups of one name.
   subroutine read_kind(groups, name, bodies, cases, scene, problems, tie)

@@ -180,8 +180,8 @@ contains
       if (size(body) > 1 .and. .not. ieee_is_nan(budget%discretization)) &
         line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
     end if
-    if (in_energy) line = line//' (temperatures or initial stresses leave hardly a displacement that errors could be '// &
-                          'relative to)'
+    if (in_energy) line = line//' (temperatures or initial stresses leave hardly a displacement that errors could '// &
+                          'be relative to)'
     call log%line(line)
     if (all(state%ended /= [ended_converged, ended_penetration])) return
     if (allocated(budget%doubtful)) call show_doubtful_forces(log, budget%doubtful)

@@ -81,8 +81,8 @@ module dotyk_scheme_condensation
   !> Eigenvalues of the stiffness of the ties against the modes, relative to those of each mode by itself, are zero
   !> below this: motions of the whole group [].
   real(dp), parameter :: least_eigenvalue = 1.0e-11_dp
-  !> Directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is none
-  !> [].
+  !> Directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is
+  !> none [].
   real(dp), parameter :: least_stiffness = 1.0e-9_dp
   !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
   real(dp), parameter :: least_compliance = 1.0e-12_dp
@@ -255,7 +255,8 @@ contains
     if (allocated(error)) return
     ! What ties do not resist springs and supports may: their stiffness is exact, however small beside that of ties.
     n_soft = count(values < least_eigenvalue)
-    call soft_directions(self%s/spread(root, 2, n)/spread(root, 1, n), vectors(:, :n_soft), values(:n_soft), n_free, error)
+    call soft_directions(self%s/spread(root, 2, n)/spread(root, 1, n), vectors(:, :n_soft), values(:n_soft), &
+                         n_free, error)
     if (allocated(error)) return
     self%balance = 0
     self%inverse = 0

@@ -288,7 +288,8 @@ contains
           sums = matmul(own_force, own%free)
           if (size(own%tie) == 0) cycle
           ! Forces on tied bodies cancel but for rounding.
-          where (abs(sums) < rounding_of_sums*matmul(abs(own_force), abs(own%free))) sums = 0
+          where (abs(sums) < rounding_of_sums*max(matmul(abs(own_force), abs(own%free)), &
+                                                  maxval(abs(own_force))*maxval(abs(own%free), 1))) sums = 0
         end associate
       end do
     end function of_groups
