@@ -1,12 +1,13 @@
 !> Meshes and fields of all bodies in the results file (docs/results.md), collected on the first rank, which writes
 !> them.
 module dotyk_driver_results_fields
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_control_balance, only: balance_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_contact_fields, only: contact_fields_t
+  use dotyk_control_contact_fields, only: contact_fields_t, status_none
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_mesh_error, only: element_field_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t
@@ -58,7 +59,7 @@ contains
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     type(whole_body_fields_t) :: fields
     type(body_mesh_t) :: mesh
-    real(dp), allocatable :: values(:, :), vectors(:, :), nodal(:), mises(:)
+    real(dp), allocatable :: values(:, :), vectors(:, :), nodal(:), status(:), mises(:)
     integer :: b, e, k
     do b = 1, size(body)
       n_points(b) = body(b)%mesh%n_whole_nodes()
@@ -98,9 +99,11 @@ contains
         if (may_write()) call file%write_nodal_field(b, 'contact_traction', vectors, error)
         deallocate (vectors)
         call fields%of_surface(contact(b)%gap, nodal)
+        call fields%of_surface(real(contact(b)%status, dp), status)
+        ! Of bodies of other ranks the surface alone is known.
+        where (nint(status) == status_none) nodal = ieee_value(0.0_dp, ieee_quiet_nan)
         if (may_write()) call file%write_nodal_field(b, 'contact_gap', nodal, error)
-        call fields%of_surface(real(contact(b)%status, dp), nodal)
-        if (may_write()) call file%write_nodal_field(b, 'contact_status', nint(nodal), error)
+        if (may_write()) call file%write_nodal_field(b, 'contact_status', nint(status), error)
       end if
       if (case%output%reaction) then
         call fields%of_nodes(reactions_of(b), values)
