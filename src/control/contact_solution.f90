@@ -16,6 +16,7 @@ module dotyk_control_contact_solution
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: displacements_t, find_displacements
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
+  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_ranks_exchange, only: on_any_rank
@@ -84,7 +85,10 @@ module dotyk_control_contact_solution
     type(error_budget_t) :: budget
     !> Whether the deformed bodies penetrate each other.
     type(penetration_check_t) :: penetration
+    !> What estimates keep between rounds and load cases.
+    type(kept_estimates_t) :: kept
   contains
+    procedure :: begin => solution_begin
     procedure :: energies => solution_energies
   end type contact_solution_t
 
@@ -108,6 +112,25 @@ module dotyk_control_contact_solution
   real(dp), parameter :: no_error = 1.0e-8_dp
 
 contains
+
+  !> Begin a solution without a state; what estimates keep is kept.
+  subroutine solution_begin(self, theta)
+    class(contact_solution_t), intent(inout) :: self
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(kept_class_t), allocatable :: of_class(:)
+    call move_alloc(self%kept%of_class, of_class)
+    call forget(self)
+    call move_alloc(of_class, self%kept%of_class)
+    self%theta = theta
+  end subroutine solution_begin
+
+  !> Forget a solution.
+  subroutine forget(solution)
+    !> Without anything on return.
+    type(contact_solution_t), intent(out) :: solution
+    solution%round = 0
+  end subroutine forget
 
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
@@ -194,7 +217,7 @@ contains
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
                            now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
-                           solution%displacements%body, solution%state, solution%budget, error)
+                           solution%displacements%body, solution%kept, solution%state, solution%budget, error)
       if (allocated(error)) return
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted

@@ -14,6 +14,7 @@ module dotyk_control_error_budget
   use dotyk_contact_doubtful_force, only: doubtful_force_t, find_doubtful_force
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
   use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -72,7 +73,7 @@ contains
 
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
-                             solution, state, budget, error)
+                             solution, kept, state, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> The quadratic programme.
@@ -91,6 +92,8 @@ contains
     logical, intent(in) :: want_penalty
     !> With displacements where the error of the mesh is wanted (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> What the estimates keep.
+    type(kept_estimates_t), intent(inout) :: kept
     !> The end of its history gets the errors.
     type(solver_state_t), intent(inout) :: state
     !> Parts that were not asked for, or are not known, are NaN.
@@ -103,7 +106,7 @@ contains
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, budget, error)
+      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, kept, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -149,7 +152,7 @@ contains
   end subroutine forget_mesh_error
 
   !> The error of the mesh.
-  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, budget, error)
+  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, kept, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> With displacements (n_bodies).
@@ -160,6 +163,8 @@ contains
     real(dp), intent(in) :: m(:)
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> What the estimates keep.
+    type(kept_estimates_t), intent(inout) :: kept
     !> Gets discretization, contact and norm.
     type(error_budget_t), intent(inout) :: budget
     !> As in `estimate_errors`.
@@ -168,7 +173,7 @@ contains
     integer :: b, i, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element, budget%doubtful)
     allocate (budget%of_body(size(problem%body)), budget%doubtful(size(problem%pair)))
-    call estimate_mesh_errors(problem, first_row, m, solution, budget%of_element, norm_square, error)
+    call estimate_mesh_errors(problem, first_row, m, solution, kept, budget%of_element, norm_square, error)
     if (allocated(error)) return
     work = 0
     do k = 1, size(problem%pair)

@@ -4,6 +4,7 @@ module dotyk_control_mesh_error
   use dotyk_base_kinds, only: dp
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_residual_actions, only: collect_actions
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_element_residual, only: residual_data_t
@@ -28,7 +29,7 @@ module dotyk_control_mesh_error
 contains
 
   !> Squared errors of all elements, and the squared norm of the solution.
-  subroutine estimate_mesh_errors(problem, first_row, m, solution, of_element, norm_square, error)
+  subroutine estimate_mesh_errors(problem, first_row, m, solution, kept, of_element, norm_square, error)
     !> Bodies, classes and pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
@@ -37,6 +38,8 @@ contains
     real(dp), intent(in) :: m(:)
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> What does not depend on the loads; the recovered strains are those of the solution on return.
+    type(kept_estimates_t), intent(inout) :: kept
     !> Elements in the order of the blocks; not allocated for bodies of other ranks (n_bodies) [energy].
     type(element_field_t), allocatable, intent(out) :: of_element(:)
     !> Squared energy norm of the solution [energy].
@@ -47,6 +50,7 @@ contains
     real(dp) :: of_body(size(problem%body)), of_elements(size(problem%body)), least
     integer :: c, i, n, part
     allocate (of_element(size(problem%body)))
+    call kept%init(size(problem%body))
     least = 0
     n = 0
     ! The residuals after all recovered strains: elements without a share in the error need none.
@@ -59,9 +63,10 @@ contains
           associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
             if (.not. any(problem%ranks%is_own(some))) cycle
             if (part == 1) then
-              call estimate_some(problem, some, solution, of_element, of_body, error)
+              call kept%of_class(i)%init(problem%body(i))
+              call estimate_some(problem, some, solution, kept%of_class(i), of_element, of_body, error)
             else
-              call check_some(problem, some, first_row, m, solution, least, of_element, error)
+              call check_some(problem, some, first_row, m, solution, least, kept%of_class(i), of_element, error)
             end if
           end associate
           if (allocated(error)) return
@@ -81,7 +86,7 @@ contains
   end subroutine estimate_mesh_errors
 
   !> Hold the errors of some congruent bodies against the residuals of their elements.
-  subroutine check_some(problem, alike, first_row, m, solution, least, of_element, error)
+  subroutine check_some(problem, alike, first_row, m, solution, least, kept, of_element, error)
     !> Bodies, classes and pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Indices of the bodies (n).
@@ -94,6 +99,8 @@ contains
     type(body_solution_t), intent(in) :: solution(:)
     !> Elements with smaller squared errors are left alone [energy].
     real(dp), intent(in) :: least
+    !> What does not depend on the loads.
+    type(kept_class_t), intent(inout) :: kept
     !> Squared errors; those of these bodies are changed (n_bodies) [energy].
     type(element_field_t), intent(inout) :: of_element(:)
     !> Allocated where a formula of a material cannot be evaluated.
@@ -109,7 +116,8 @@ contains
     associate (first => problem%body(problem%classes%first(alike(1))))
       call collect_actions(problem, alike, first_row, m, solution, data)
       call to_representative(problem, alike, solution, u)
-      call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, square, error)
+      call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, kept%factor, &
+                              kept%room, square, error)
     end associate
     if (allocated(error)) return
     do i = 1, size(alike)
@@ -145,13 +153,15 @@ contains
   end subroutine to_representative
 
   !> Some congruent bodies.
-  subroutine estimate_some(problem, alike, solution, of_element, norm_square, error)
+  subroutine estimate_some(problem, alike, solution, kept, of_element, norm_square, error)
     !> Bodies, classes and ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Indices of the bodies (n).
     integer, intent(in) :: alike(:)
     !> Solutions of all bodies, with displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> What does not depend on the loads.
+    type(kept_class_t), intent(inout) :: kept
     !> Squared errors; those of these bodies are set (n_bodies) [energy].
     type(element_field_t), intent(inout) :: of_element(:)
     !> Squared energy norm of each body (n_bodies) [energy].
@@ -174,8 +184,8 @@ contains
     end do
     associate (first => problem%body(problem%classes%first(alike(1))))
       allocate (square(size(alike), first%mesh%n_elements()))
-      call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, square, of_body, error, &
-                                          thermal)
+      call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, kept%recovery, square, &
+                                          of_body, error, thermal)
     end associate
     if (allocated(error)) return
     do i = 1, size(alike)

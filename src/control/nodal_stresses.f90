@@ -4,6 +4,7 @@ module dotyk_control_nodal_stresses
   use dotyk_base_kinds, only: dp
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_mesh_error, only: most_bodies, to_representative
   use dotyk_elasticity_material_part, only: mesh_of_material, nodes_of_material
   use dotyk_elasticity_nodal_stress, only: nodal_stresses
@@ -22,11 +23,13 @@ module dotyk_control_nodal_stresses
 contains
 
   !> Recover the stresses of all bodies whose displacements are known.
-  subroutine recover_nodal_stresses(problem, solution, stress, error)
+  subroutine recover_nodal_stresses(problem, solution, kept, stress, error)
     !> Bodies, classes and ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Recovered strains, those of the error estimate where there is one.
+    type(kept_estimates_t), intent(inout) :: kept
     !> Their stresses (n_bodies).
     type(nodal_stress_t), allocatable, intent(out) :: stress(:)
     !> Allocated where a formula of a material cannot be parsed.
@@ -34,6 +37,7 @@ contains
     integer, allocatable :: alike(:)
     integer :: c, i
     allocate (stress(size(problem%body)))
+    call kept%init(size(problem%body))
     do i = 1, size(problem%body)
       if (.not. problem%classes%is_representative(i)) cycle
       alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
@@ -41,7 +45,8 @@ contains
         ! Bodies of other ranks keep their places, so that the digits of the others do not depend on them.
         associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
           if (.not. any(problem%ranks%is_own(some))) cycle
-          call recover_some(problem, some, solution, stress, error)
+          call kept%of_class(i)%init(problem%body(i))
+          call recover_some(problem, some, solution, kept%of_class(i), stress, error)
         end associate
         if (allocated(error)) return
       end do
@@ -49,13 +54,15 @@ contains
   end subroutine recover_nodal_stresses
 
   !> Some congruent bodies.
-  subroutine recover_some(problem, alike, solution, stress, error)
+  subroutine recover_some(problem, alike, solution, kept, stress, error)
     !> Bodies, classes and ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Indices of the bodies (n).
     integer, intent(in) :: alike(:)
     !> Displacements of all bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Recovered strains.
+    type(kept_class_t), intent(inout) :: kept
     !> Stresses; those of these bodies are set (n_bodies).
     type(nodal_stress_t), intent(inout) :: stress(:)
     !> Allocated where a formula of the material cannot be parsed.
@@ -80,8 +87,8 @@ contains
     end do
     associate (first => problem%body(problem%classes%first(alike(1))))
       if (size(first%material) == 1) then
-        call nodal_stresses(first%mesh, first%analysis, first%material(1), u, of_alike, error, temperature, &
-                            expansion(:, :, 1))
+        call nodal_stresses(first%mesh, first%analysis, first%material(1), u, kept%recovery(1), of_alike, error, &
+                            temperature, expansion(:, :, 1))
         if (allocated(error)) return
       else
         ! Stresses jump where materials meet: there, the first one counts.
@@ -90,8 +97,8 @@ contains
         do m = 1, size(first%material)
           has = nodes_of_material(first%mesh, m) .and. .not. is_set
           if (.not. any(has)) cycle
-          call nodal_stresses(mesh_of_material(first%mesh, m), first%analysis, first%material(m), u, of_material, &
-                              error, temperature, expansion(:, :, m))
+          call nodal_stresses(mesh_of_material(first%mesh, m), first%analysis, first%material(m), u, &
+                              kept%recovery(m), of_material, error, temperature, expansion(:, :, m))
           if (allocated(error)) return
           do k = 1, size(has)
             if (has(k)) of_alike(:, k, :) = of_material(:, k, :)

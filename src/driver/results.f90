@@ -53,8 +53,8 @@ contains
     integer, intent(in) :: step
     !> The scene, factorized.
     type(scene_t), intent(in) :: scene
-    !> The solution.
-    type(contact_solution_t), intent(in) :: solution
+    !> The solution; what it keeps for nodal stresses changes.
+    type(contact_solution_t), intent(inout) :: solution
     !> Number of threads.
     integer, intent(in) :: threads
     !> Log and watch.
@@ -90,7 +90,7 @@ contains
       allocate (nodal_stress(size(problem%body)))
       if (case%output%nodal_stress .and. is_known) then
         call set_stage('recovering stresses at nodes')
-        call recover_nodal_stresses(problem, displacements, nodal_stress, error)
+        call recover_nodal_stresses(problem, displacements, solution%kept, nodal_stress, error)
         if (allocated(error)) return
       end if
       call monitor%watch%lap(monitor%timing%recover)
@@ -146,8 +146,8 @@ contains
     type(case_t), intent(in) :: case
     !> The scene, factorized.
     type(scene_t), intent(in) :: scene
-    !> Solution so far.
-    type(contact_solution_t), intent(in) :: solution
+    !> Solution so far; what it keeps for nodal stresses changes.
+    type(contact_solution_t), intent(inout) :: solution
     !> Number of threads.
     integer, intent(in) :: threads
     !> Log and watch.

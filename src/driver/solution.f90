@@ -77,7 +77,9 @@ contains
       most_iterations = huge(1)
       if (may_rebuild) most_iterations = iterations_worth_factors(scene%problem%body)
       if (scene%is_split()) call scene%split%take_scheme(most_iterations, now%scheme)
-      call begin(scene%theta, solution)
+      call solution%begin(scene%theta)
+      if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
+        call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       call scene%neutral%start(scene%qp, solution%state)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       do
@@ -100,7 +102,7 @@ contains
         end if
         if (scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) then
           call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
-          call begin(scene%theta, solution)
+          call solution%begin(scene%theta)
           call scene%neutral%start(scene%qp, solution%state)
           cycle
         end if
@@ -164,13 +166,4 @@ contains
       call monitor%note('warning          '//reason//', and the memory does not suffice for factors')
     end if
   end subroutine say_why
-
-  !> A solution that is not begun.
-  subroutine begin(theta, solution)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Without a state on return.
-    type(contact_solution_t), intent(out) :: solution
-    solution%theta = theta
-  end subroutine begin
 end module dotyk_driver_solution

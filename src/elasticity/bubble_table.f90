@@ -57,6 +57,8 @@ module dotyk_elasticity_bubble_table
     real(dp), allocatable :: value(:, :)
     !> Their derivatives by reference coordinates (n, dim, n_points) [].
     real(dp), allocatable :: gradient(:, :, :)
+    !> The derivatives by points; 0 for repetitions (points%n_points, n, dim) [].
+    real(dp), allocatable :: slope(:, :, :)
     !> The faces (n_faces).
     type(face_bubbles_t), allocatable :: face(:)
   contains
@@ -108,6 +110,10 @@ contains
     allocate (self%gradient(self%n, properties%dimension, self%n_points), self%face(properties%n_faces))
     do q = 1, self%n_points
       self%gradient(:, :, q) = self%gradients(xi(:, q))
+    end do
+    allocate (self%slope(self%points%n_points, self%n, properties%dimension), source=0.0_dp)
+    do i = 1, properties%dimension
+      self%slope(:self%n_points, :, i) = transpose(self%gradient(:, i, :))
     end do
     do i = 1, properties%n_faces
       call init_face(self, properties, place, i, self%face(i))

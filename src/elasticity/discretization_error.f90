@@ -56,18 +56,19 @@ contains
     real(dp), intent(out) :: norm_square
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
+    type(gradient_recovery_t) :: recovery(size(material))
     real(dp), allocatable :: all_u(:, :, :), all_square(:, :)
     real(dp) :: all_norms(1)
     all_u = reshape(u, [1, size(u, 1), size(u, 2)])
     allocate (all_square(1, size(square)))
-    call estimate_discretization_errors(mesh, analysis, material, all_u, all_square, all_norms, error)
+    call estimate_discretization_errors(mesh, analysis, material, all_u, recovery, all_square, all_norms, error)
     square = all_square(1, :)
     norm_square = all_norms(1)
   end subroutine estimate_discretization_error
 
   !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
   !> own elements where the rank holds a part of the body.
-  subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error, thermal)
+  subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, thermal)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -76,6 +77,8 @@ contains
     type(material_t), intent(in) :: material(:)
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Recovered strains in each material, those of u on return; what is kept of the mesh is reused (n_materials).
+    type(gradient_recovery_t), intent(inout) :: recovery(:)
     !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(out) :: square(:, :)
     !> Squared energy norms of the displacements (n_bodies) [energy].
@@ -95,10 +98,11 @@ contains
     do m = 1, size(material)
       if (present(thermal)) expanded = thermal(:, :, m)
       if (size(material) == 1) then
-        call estimate_material(mesh, analysis, material(m), u, expanded, square, element_norm, element_rounding, error)
+        call estimate_material(mesh, analysis, material(m), u, expanded, recovery(m), square, element_norm, &
+                               element_rounding, error)
       else
         own = elements_of_material(mesh, m)
-        if (size(own) > 0) call estimate_some(material(m), mesh_of_material(mesh, m))
+        if (size(own) > 0) call estimate_some(material(m), mesh_of_material(mesh, m), recovery(m))
       end if
       if (allocated(error)) exit
     end do
@@ -123,16 +127,18 @@ contains
   contains
 
     !> Estimate the elements of one of several materials.
-    subroutine estimate_some(of_material, part)
+    subroutine estimate_some(of_material, part, fit)
       !> The material.
       type(material_t), intent(in) :: of_material
       !> Its elements.
       type(body_mesh_t), intent(in) :: part
+      !> Recovered strains.
+      type(gradient_recovery_t), intent(inout) :: fit
       real(dp), dimension(size(square, 1), size(own)) :: of_part, norm, rounding
       of_part = 0
       norm = 0
       rounding = 0
-      call estimate_material(part, analysis, of_material, u, expanded, of_part, norm, rounding, error)
+      call estimate_material(part, analysis, of_material, u, expanded, fit, of_part, norm, rounding, error)
       square(:, own) = of_part
       element_norm(:, own) = norm
       element_rounding(:, own) = rounding
@@ -140,7 +146,7 @@ contains
   end subroutine estimate_discretization_errors
 
   !> Estimate the elements of one material.
-  subroutine estimate_material(mesh, analysis, material, u, expanded, square, norm_square, rounding_square, error)
+  subroutine estimate_material(mesh, analysis, material, u, expanded, fit, square, norm_square, rounding_square, error)
     !> Its elements, and the nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -151,6 +157,8 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
+    !> Recovered strains.
+    type(gradient_recovery_t), intent(inout) :: fit
     !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(inout) :: square(:, :)
     !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
@@ -159,7 +167,6 @@ contains
     real(dp), intent(inout) :: rounding_square(:, :)
     !> Allocated where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
-    type(gradient_recovery_t) :: fit
     type(dilatation_fit_t), allocatable :: dilatation(:)
     type(vector_field_t) :: factor
     integer :: b, first, last

@@ -10,8 +10,9 @@
 !> and along held directions, such as the normal of a support or of contact, the element's own traction. Bubbles vanish
 !> at the nodes: no rigid motion is among them, and the problems need no equilibrated tractions.
 module dotyk_elasticity_element_residual
+  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_bubble_table, only: bubble_table_t
   use dotyk_elasticity_face_table, only: face_table_t
   use dotyk_elasticity_face_tractions, only: add_faces
@@ -44,12 +45,55 @@ module dotyk_elasticity_element_residual
     integer, allocatable :: order(:, :)
   end type residual_data_t
 
+  !> Factor of the stiffness of the bubbles of an element: it depends on mesh and material alone.
+  type, public :: bubble_factor_t
+    !> Its lower triangle, column by column; not allocated where it is not kept (m(m+1)/2) [sqrt(force/length)].
+    real(dp), allocatable :: column(:)
+  contains
+    procedure :: keep => factor_keep
+    procedure :: unpack => factor_unpack
+  end type bubble_factor_t
+
   public :: residual_energy
 
 contains
 
+  !> Keep a factor, where there is room.
+  subroutine factor_keep(self, m, matrix, room)
+    class(bubble_factor_t), intent(inout) :: self
+    !> Order.
+    integer, intent(in) :: m
+    !> The factor in its lower triangle (m, m) [sqrt(force/length)].
+    real(dp), intent(in) :: matrix(m, m)
+    !> Memory for factors.
+    type(allowance_t), intent(inout) :: room
+    integer :: j, k
+    if (.not. room%take(4_int64*m*(m + 1))) return
+    allocate (self%column(m*(m + 1)/2))
+    k = 0
+    do j = 1, m
+      self%column(k + 1:k + m - j + 1) = matrix(j:, j)
+      k = k + m - j + 1
+    end do
+  end subroutine factor_keep
+
+  !> The factor that was kept.
+  pure subroutine factor_unpack(self, m, matrix)
+    class(bubble_factor_t), intent(in) :: self
+    !> Order.
+    integer, intent(in) :: m
+    !> The factor; its upper triangle is not set (m, m) [sqrt(force/length)].
+    real(dp), intent(inout) :: matrix(m, m)
+    integer :: j, k
+    k = 0
+    do j = 1, m
+      matrix(j:, j) = self%column(k + 1:k + m - j + 1)
+      k = k + m - j + 1
+    end do
+  end subroutine factor_unpack
+
   !> Energies of the local answers of one element.
-  subroutine residual_energy(mesh, data, material, table, u, element, square, error)
+  subroutine residual_energy(mesh, data, material, table, u, element, factor, room, square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
@@ -62,6 +106,10 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> The element, in the order of the blocks.
     integer, intent(in) :: element
+    !> Factor of its bubbles: used where it was kept.
+    type(bubble_factor_t), intent(inout) :: factor
+    !> Memory for factors.
+    type(allowance_t), intent(inout) :: room
     !> Energies; 0 where the element is inverted (n_bodies) [energy].
     real(dp), intent(out) :: square(:)
     !> Allocated where the modulus field has no value.
@@ -72,13 +120,13 @@ contains
     associate (node => mesh%block(b)%node(:, i))
       call solve_local(size(u, 1), mesh%dimension, size(node), table(b)%n, material(1)%form%n_strains, &
                        material(1)%slots, table(b)%points%n_points, mesh, data, material, table, b, u, element, node, &
-                       square, error)
+                       factor, room, square, error)
     end associate
   end subroutine residual_energy
 
   !> Set up and solve the local problem.
   subroutine solve_local(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, data, material, table, block, &
-                         u, element, node, square, error)
+                         u, element, node, factor, room, square, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
@@ -109,6 +157,10 @@ contains
     integer, intent(in) :: element
     !> Its nodes (n).
     integer, intent(in) :: node(n)
+    !> Factor of its bubbles: used where it was kept.
+    type(bubble_factor_t), intent(inout) :: factor
+    !> Memory for factors.
+    type(allowance_t), intent(inout) :: room
     !> Energies (n_bodies) [energy].
     real(dp), intent(out) :: square(n_bodies)
     !> Allocated where the modulus field has no value.
@@ -126,14 +178,20 @@ contains
                        .false., inverse, radius, w, modulus, stress, worst, error)
       if (allocated(error) .or. .not. worst > 0) return
       slope = 0
-      do q = 1, own%n_points
-        do s = 1, dim
+      do s = 1, dim
+        do i = 1, n_bubbles
           do k = 1, dim
-            slope(q, :, s) = slope(q, :, s) + own%gradient(:, k, q)*inverse(q, k, s)
+            do q = 1, n_points
+              slope(q, i, s) = slope(q, i, s) + own%slope(q, i, k)*inverse(q, k, s)
+            end do
           end do
         end do
-        if (slots > dim) slope(q, :, 3) = own%value(:, q)/radius(q)
       end do
+      if (slots > dim) then
+        do q = 1, own%n_points
+          slope(q, :, 3) = own%value(:, q)/radius(q)
+        end do
+      end if
       do k = 1, n_bodies
         do s = 1, slots
           do i = 1, dim
@@ -146,16 +204,21 @@ contains
             data%density(i, k, m_own)*matmul(own%value, w(:own%n_points))
         end do
       end do
-      call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
-                       material(m_own)%stiffness, w*modulus, slope, matrix)
       call add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, data%faces, data%held, material, table, &
                      block, u, element, node, rhs, worst, error)
       if (allocated(error) .or. .not. worst > 0) return
       call add_loads(n_bodies, dim, n_bubbles, data, own, element, rhs)
     end associate
-    call dpotrf('L', m, matrix, m, info)
-    ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
-    if (info /= 0) return
+    if (allocated(factor%column)) then
+      call factor%unpack(m, matrix)
+    else
+      call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
+                       material(m_own)%stiffness, w*modulus, slope, matrix)
+      call dpotrf('L', m, matrix, m, info)
+      ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
+      if (info /= 0) return
+      call factor%keep(m, matrix, room)
+    end if
     call dtrsm('L', 'L', 'N', 'N', m, n_bodies, 1.0_dp, matrix, m, rhs, m)
     square = sum(sum(rhs**2, dim=1), dim=1)
   end subroutine solve_local
@@ -182,11 +245,12 @@ contains
     real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
     !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
     real(dp), intent(out) :: matrix(n_bubbles, dim, n_bubbles, dim)
-    real(dp) :: root(n_points, n_bubbles, slots), product(n_bubbles, slots, n_bubbles, slots), c
+    real(dp) :: root(n_points, n_bubbles, slots), product(n_bubbles, slots, n_bubbles, slots), of_weight(n_points), c
     integer :: a, i, j, s, t
+    of_weight = sqrt(w)
     do s = 1, slots
       do a = 1, n_bubbles
-        root(:, a, s) = sqrt(w)*slope(:, a, s)
+        root(:, a, s) = of_weight*slope(:, a, s)
       end do
     end do
     call dsyrk('L', 'T', n_bubbles*slots, n_points, 1.0_dp, root, n_points, 0.0_dp, product, n_bubbles*slots)

@@ -45,7 +45,7 @@ module dotyk_elasticity_nodal_stress
 contains
 
   !> Stresses at the nodes of several bodies of one mesh and material, without initial stresses.
-  subroutine nodal_stresses(mesh, analysis, material, u, stress, error, temperature, expansion)
+  subroutine nodal_stresses(mesh, analysis, material, u, fit, stress, error, temperature, expansion)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -54,6 +54,8 @@ contains
     type(material_t), intent(in) :: material
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Recovered strains, those of u on return; what is kept of the mesh is reused.
+    type(gradient_recovery_t), intent(inout) :: fit
     !> Stresses in the axes of the mesh, order xx yy zz yz xz xy; NaN at nodes where the modulus field has no value
     !> (6, n_nodes, n_bodies) [pressure].
     real(dp), allocatable, intent(out) :: stress(:, :, :)
@@ -65,7 +67,6 @@ contains
     !> Their thermal expansions in the axes of the mesh, strains in the order of the stresses; given with the
     !> temperatures (6, n_bodies) [1/temperature].
     real(dp), intent(in), optional :: expansion(:, :)
-    type(gradient_recovery_t) :: fit
     type(dilatation_fit_t), allocatable :: dilatation(:)
     type(corner_weights_t), allocatable :: of_block(:)
     type(energy_form_t) :: form

@@ -22,11 +22,8 @@ module dotyk_elasticity_recovery_patch
     real(dp), allocatable :: t(:, :, :)
     !> Square roots of the weights of the least squares; 0 beyond the last node (lanes, >= n_blocks) [].
     real(dp), allocatable :: root_weight(:, :)
-    !> Values relative to those of the vertex, times these square roots (n_values, >= n) [length].
-    real(dp), allocatable :: value(:, :)
   contains
     procedure :: fill => recovery_patch_fill
-    procedure :: take => recovery_patch_take
   end type recovery_patch_t
 
   public :: add_ring, diagonalize
@@ -91,23 +88,6 @@ contains
     call own_axes(dim, self%n_blocks, self%t, axes)
     call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%root_weight)
   end subroutine recovery_patch_fill
-
-  !> Take values at the nodes of the patch, whose positions were taken before.
-  subroutine recovery_patch_take(self, values)
-    class(recovery_patch_t), intent(inout) :: self
-    !> Values at the nodes of the body (n_values, n_nodes) [length].
-    real(dp), intent(in), contiguous :: values(:, :)
-    real(dp) :: root
-    integer :: i
-    if (allocated(self%value)) then
-      if (size(self%value, 2) < self%n) deallocate (self%value)
-    end if
-    if (.not. allocated(self%value)) allocate (self%value(size(values, 1), 2*self%n))
-    do i = 1, self%n
-      root = self%root_weight(mod(i - 1, lanes) + 1, (i - 1)/lanes + 1)
-      self%value(:, i) = root*(values(:, self%node(i)) - values(:, self%node(1)))
-    end do
-  end subroutine recovery_patch_take
 
   !> Vectors at the nodes of a patch relative to that of the first node; zeros fill the last block.
   pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)

@@ -7,10 +7,11 @@
 !> constant for the kind of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered
 !> ones from both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
 module dotyk_elasticity_residual_check
+  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_bubble_table, only: bubble_table_t
-  use dotyk_elasticity_element_residual, only: residual_data_t, residual_energy
+  use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_energy
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_modulus_field, only: read_modulus_field
   use dotyk_elasticity_point_stress, only: point_material_t
@@ -34,7 +35,7 @@ module dotyk_elasticity_residual_check
 contains
 
   !> Hold the squared errors of elements against their residuals. Bodies with a projected dilatation keep theirs.
-  subroutine check_by_residuals(mesh, analysis, material, data, u, least, square, error)
+  subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -47,6 +48,10 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Elements with smaller squared errors are left alone [energy].
     real(dp), intent(in) :: least
+    !> Factors of elements: those that were kept are used, and others are kept where there is room (n_elements).
+    type(bubble_factor_t), intent(inout) :: factor(:)
+    !> Memory for factors.
+    type(allowance_t), intent(inout) :: room
     !> Squared errors of the elements in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(inout) :: square(:, :)
     !> Allocated where the modulus field has no value.
@@ -80,10 +85,10 @@ contains
     end if
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%factor%constant)) &
-    !$omp& private(failure, energy, b) shared(mesh, data, point_material, table, u, least, square, error)
+    !$omp& private(failure, energy, b) shared(mesh, data, point_material, table, u, least, factor, room, square, error)
     do e = 1, size(square, 2)
       if (all(square(:, e) <= least)) cycle
-      call residual_energy(mesh, data, point_material, table, u, e, energy, failure)
+      call residual_energy(mesh, data, point_material, table, u, e, factor(e), room, energy, failure)
       if (allocated(failure)) then
         !$omp critical
         if (.not. allocated(error)) call move_alloc(failure, error)
