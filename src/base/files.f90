@@ -6,7 +6,8 @@ module dotyk_base_files
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file
+    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file, &
+    is_vtu_file
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192
@@ -193,6 +194,13 @@ contains
     character(*), intent(in) :: path
     is_inp_file = lower(path(max(1, len(path) - 3):)) == '.inp'
   end function is_inp_file
+
+  !> Whether a file is an unstructured grid of VTK, by its name.
+  pure logical function is_vtu_file(path)
+    !> Path.
+    character(*), intent(in) :: path
+    is_vtu_file = lower(path(max(1, len(path) - 3):)) == '.vtu'
+  end function is_vtu_file
 
   !> Write a text to a new file; nothing happens where the name is taken.
   subroutine write_new(path, text)

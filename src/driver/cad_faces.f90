@@ -2,7 +2,7 @@
 !> and surfaces of .inp files, which other programs made.
 module dotyk_driver_cad_faces
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file, is_vtu_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
@@ -40,8 +40,8 @@ contains
     integer :: b, first
     meshing = meshing_of(case)
     do first = 1, size(case%body)
-      if (.not. (is_cad_file(case%body(first)%mesh) .or. is_inp_file(case%body(first)%mesh)) .or. &
-          seen(first, .false.)) cycle
+      if (.not. (is_cad_file(case%body(first)%mesh) .or. is_inp_file(case%body(first)%mesh) .or. &
+                 is_vtu_file(case%body(first)%mesh)) .or. seen(first, .false.)) cycle
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
       call add_unions(case, case%body(first)%mesh, mesh)

@@ -17,7 +17,7 @@ module dotyk_mesh_inp
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   implicit none
   private
-  public :: read_inp
+  public :: mesh_of_sets, read_inp
 
   !> Volume of all elements, where some are in no set.
   character(*), parameter :: all_elements = 'Eall'
@@ -41,11 +41,30 @@ contains
     !> What is read; all if absent.
     type(mesh_selection_t), intent(in), optional :: selection
     type(inp_state_t) :: state
+    remark = ''
+    call read_deck(file, state, error)
+    if (.not. allocated(error)) call mesh_of_sets(file, state, dimension, mesh, remark, error, selection)
+  end subroutine read_inp
+
+  !> Mesh of elements with sets: of a deck, or of another file that tells surfaces by sets.
+  subroutine mesh_of_sets(file, state, dimension, mesh, remark, error, selection)
+    !> Path of the file.
+    character(*), intent(in) :: file
+    !> What was read; mistakes are kept there.
+    type(inp_state_t), intent(inout) :: state
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Mesh.
+    type(mesh_t), intent(out) :: mesh
+    !> Remark for the log; empty where there is none.
+    character(:), allocatable, intent(out) :: remark
+    !> Set for mistakes in the file, with its line.
+    type(error_t), allocatable, intent(out) :: error
+    !> What is read; all if absent.
+    type(mesh_selection_t), intent(in), optional :: selection
     type(inp_numbering_t) :: numbering
     type(mesh_builder_t) :: builder
     remark = ''
-    call read_deck(file, state, error)
-    if (allocated(error)) return
     if (present(selection)) builder%selection = selection
     call numbering%find(state, dimension)
     if (.not. allocated(state%fault)) call add_elements(state, numbering, dimension, builder)
@@ -62,7 +81,7 @@ contains
     call add_nodes(state, builder)
     mesh%file = file
     call builder%finish(mesh)
-  end subroutine read_inp
+  end subroutine mesh_of_sets
 
   !> Add the elements: blocks of one kind and one combination of sets.
   subroutine add_elements(state, numbering, dimension, builder)
@@ -76,7 +95,7 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     ! Groups of the sets by dimension; number of elements, block and elements so far of each combination and kind.
     integer, allocatable :: group(:, :), total(:, :), block(:, :), n(:, :), own(:)
-    integer :: e, c, k, s, d
+    integer :: e, c, k, s, d, entity
     integer(int64) :: first, last
     associate (part => state%slot(1)%part)
       allocate (group(2, part%n_element_sets + 1), source=0)
@@ -117,7 +136,9 @@ contains
         if (.not. builder%selection%everything .and. numbering%dimension(e) == dimension) &
           call builder%selection%limits(int(total(k, c), int64), 0, first, last)
         if (n(k, c) <= first .or. n(k, c) > last) cycle
-        call builder%add_element(block(k, c), part%element_tag(e), 0, &
+        entity = 0
+        if (allocated(part%entity)) entity = part%entity(e)
+        call builder%add_element(block(k, c), part%element_tag(e), entity, &
                                  numbering%node(part%first(e):part%first(e + 1) - 1), n(k, c))
       end do
     end associate

@@ -53,6 +53,8 @@ module dotyk_mesh_inp_part
     !> Numbers, kinds and lines of the elements (room).
     integer(int64), allocatable :: element_tag(:), element_line(:)
     integer, allocatable :: kind(:)
+    !> Geometric entities of the elements; not allocated where the file tells none (n_elements).
+    integer, allocatable :: entity(:)
     !> First node of each element in `connectivity` (room + 1).
     integer, allocatable :: first(:)
     !> Nodes of the elements by their numbers, in the order of the kinds (room).

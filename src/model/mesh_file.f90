@@ -1,7 +1,7 @@
 !> Mesh files of bodies.
 module dotyk_model_mesh_file
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file, is_vtu_file
   use dotyk_base_operating_system, only: remove_file
   use dotyk_input_case, only: case_t
   use dotyk_mesh_gmsh, only: read_gmsh
@@ -10,6 +10,7 @@ module dotyk_model_mesh_file
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_volume_union, only: add_volume_union
+  use dotyk_mesh_vtu, only: read_vtu
   use dotyk_ranks_communication, only: this_rank
   use dotyk_ranks_exchange, only: meet
   implicit none
@@ -27,7 +28,7 @@ contains
     meshing%order = case%scene%mesh_order
   end function meshing_of
 
-  !> Read a .msh or .inp file, or a geometry that gmsh meshes: the first rank lets it do so, and the
+  !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes: the first rank lets it do so, and the
   !> others read what is made.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
@@ -74,7 +75,7 @@ contains
     if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
   end function is_geometry
 
-  !> Read a .msh or .inp file, or a geometry that gmsh meshes.
+  !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
@@ -94,6 +95,9 @@ contains
     meshing%remark = ''
     if (is_inp_file(path)) then
       call read_inp(path, dimension, mesh, meshing%remark, error, selection)
+      return
+    else if (is_vtu_file(path)) then
+      call read_vtu(path, dimension, mesh, meshing%remark, error, selection)
       return
     end if
     if (is_geometry(path)) call mesh_geometry(path, dimension, msh, error, meshing)
