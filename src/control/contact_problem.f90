@@ -47,8 +47,11 @@ module dotyk_control_contact_problem
     type(surface_t) :: surface_a, surface_b
     !> Fraction of the slave surface that is tied [].
     real(dp) :: tied = 0
-    !> Greatest distance between the surfaces [length].
-    real(dp) :: distance = 0
+    !> Greatest distance between the surfaces, and mean size of the facets of the finer one [length].
+    real(dp) :: distance = 0, facet_size = 0
+    !> Where a tie rotates its master side: the point x of that lies on `turn*x + offset` of the slave side (3)
+    !> [length].
+    real(dp) :: offset(3) = 0
     !> Whether it is a bolt, and whether one of given tension, which slides along the normal of its cut.
     logical :: is_bolt = .false., slides = .false.
     !> Normal of a flat slave surface, out of its body (3) [].

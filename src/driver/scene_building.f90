@@ -94,7 +94,8 @@ contains
       call check_contact_cases(case, problem, scene%pair_conditions, error)
       if (allocated(error)) return
       scene%theta = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
-      call find_ties(case, problem%body, surfaces, problem%tie, error)
+      call find_ties(case, problem%body, surfaces, problem%pair, problem%surface_a, problem%surface_b, problem%tie, &
+                     error)
       if (allocated(error)) return
       call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)
       ! Ties have no penalty.

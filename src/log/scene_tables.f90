@@ -75,8 +75,7 @@ contains
     call show_locking(log, case, problem%body, problem%classes)
     if (.not. case%has_cases()) call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
-    if (problem%n_ties() > 0) call show_ties(log, problem%body, problem%tie, problem%pair, &
-                                              problem%surface_a, problem%surface_b)
+    if (problem%n_ties() > 0) call show_ties(log, problem%body, problem%tie, problem%pair)
     call show_found(log, problem)
     call log%line('')
   end subroutine show_scene

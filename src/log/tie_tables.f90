@@ -5,10 +5,10 @@ module dotyk_log_tie_tables
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
+  use dotyk_control_joined_rows, only: find_joined_rows
   use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_load_tables, only: vector_text
-  use dotyk_mesh_element, only: kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -22,7 +22,7 @@ module dotyk_log_tie_tables
 contains
 
   !> What is tied.
-  subroutine show_ties(log, body, tie, pair, surface_a, surface_b)
+  subroutine show_ties(log, body, tie, pair)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Bodies (n_bodies).
@@ -31,11 +31,8 @@ contains
     type(tied_surfaces_t), intent(in) :: tie(:)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    !> Their slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Their master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
     character(20) :: label
+    integer, allocatable :: joined_row(:), n_split(:, :)
     integer :: k, p
     if (size(tie) == 0) return
     call log%line('')
@@ -53,38 +50,16 @@ contains
                       'search_radius')
     end do
     if (size(tie) > most_shown) call log%line('  ... '//counted(size(tie) - most_shown, 'more tie'))
+    call find_joined_rows(pair, tie, joined_row, n_split)
     do k = 1, size(tie)
-      if (.not. allocated(tie(k)%component(1)%turn)) cycle
       do p = 1, size(pair)
-        if (.not. (meets(pair(p)%body_a, surface_a(p)) .or. meets(pair(p)%body_b, surface_b(p)))) cycle
-        call log%line('  warning: '//quoted(pair(p)%name)//' reaches the cut of the cyclic tie '// &
-                      quoted(tie(k)%name)//': the pressure there is divided at will between both sides of the cut, '// &
-                      'and may be twice too large; forces, and pressures a few elements away, are right')
+        if (n_split(p, k) == 0) cycle
+        call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
+                      ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface fit no vertex of the '// &
+                      'master surface: the pressure there is divided at will between both sides; forces, and '// &
+                      'pressures a few elements away, are right')
       end do
     end do
-
-  contains
-
-    !> Whether a surface of a contact pair has nodes of the slave side of a tie.
-    logical function meets(body, surface)
-      !> Body of the surface.
-      integer, intent(in) :: body
-      !> The surface.
-      type(surface_t), intent(in) :: surface
-      logical, allocatable :: is_tied(:)
-      integer :: f
-      meets = .false.
-      if (body /= tie(k)%component(1)%body_a) return
-      associate (of_tie => tie(k)%surface_a)
-        allocate (is_tied(max(maxval(of_tie%node), maxval(surface%node))), source=.false.)
-        do f = 1, of_tie%n_facets
-          is_tied(of_tie%node(:kind_nodes(of_tie%kind(f)), f)) = .true.
-        end do
-      end associate
-      do f = 1, surface%n_facets
-        if (any(is_tied(surface%node(:kind_nodes(surface%kind(f)), f)))) meets = .true.
-      end do
-    end function meets
   end subroutine show_ties
 
   !> A side of a tie.

@@ -12,6 +12,8 @@ module dotyk_model_ties
   use dotyk_input_case, only: case_t, tie_input_t
   use dotyk_input_load_case, only: applies_in
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   implicit none
@@ -22,35 +24,104 @@ module dotyk_model_ties
   real(dp), parameter :: most_distant = 0.5_dp
   !> Length of the mean of unit normals over a flat surface, at least [].
   real(dp), parameter :: nearly_flat = 0.9999_dp
+  !> Greatest number of corners of a facet.
+  integer, parameter :: max_corners = 4
 
 contains
 
   !> Discretize all ties; all problems are reported together.
-  subroutine find_ties(case, body, surfaces, tie, error)
+  subroutine find_ties(case, body, surfaces, pair, surface_a, surface_b, tie, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Their named surfaces (n_bodies).
     type(body_surfaces_t), intent(in) :: surfaces(:)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Their slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)
+    !> Their master surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)
     !> The ties, in the order of the input (n_ties).
     type(tied_surfaces_t), allocatable, intent(out) :: tie(:)
     !> Allocated where ties cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_t), allocatable :: failed
-    integer :: k
+    integer :: k, p
     allocate (tie(size(case%tie)))
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
         call find_tie(given, case%scene%analysis == analysis_axisymmetric, body(given%body_a), body(given%body_b), &
                       surfaces(given%body_a), surfaces(given%body_b), tie(k), failed)
         call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
+        if (.not. allocated(tie(k)%component)) cycle
+        do p = 1, size(pair)
+          if (is_tied_contact(tie(k), pair(p), surface_a(p), surface_b(p))) &
+            call problems%add(case%file//':'//to_text(case%contact(p)%line)//': &contact '//quoted(pair(p)%name)// &
+                              ' is in part between the faces that '//quoted(given%name)//' (line '// &
+                              to_text(given%line)//') ties to each other: forces would be divided at will; name '// &
+                              'other faces, or one of both groups only', exit_bad_input)
+        end do
       end associate
     end do
     call problems%raise(error)
     if (.not. allocated(error)) call set_bolts(case%tie, 1, tie)
   end subroutine find_ties
+
+  !> Whether a contact pair has points between a slave facet and a master facet that are both tied, to each other.
+  logical function is_tied_contact(tie, pair, surface_a, surface_b) result(is_tied)
+    !> The tie.
+    type(tied_surfaces_t), intent(in) :: tie
+    !> The pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Its slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Its master surface.
+    type(surface_t), intent(in) :: surface_b
+    logical, allocatable :: tied_a(:), tied_b(:)
+    integer :: p
+    is_tied = .false.
+    associate (rows => tie%component(1))
+      if (pair%body_a == rows%body_a .and. pair%body_b == rows%body_b) then
+        call find_common_facets(surface_a, tie%surface_a, tied_a)
+        call find_common_facets(surface_b, tie%surface_b, tied_b)
+      else if (pair%body_a == rows%body_b .and. pair%body_b == rows%body_a) then
+        call find_common_facets(surface_a, tie%surface_b, tied_a)
+        call find_common_facets(surface_b, tie%surface_a, tied_b)
+      else
+        return
+      end if
+    end associate
+    do p = 1, pair%n_points
+      is_tied = tied_a(pair%facet_a(p)) .and. tied_b(pair%facet_b(p))
+      if (is_tied) return
+    end do
+  end function is_tied_contact
+
+  !> Facets of a surface that another surface of the same body has, too.
+  subroutine find_common_facets(surface, other, is_common)
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> The other one.
+    type(surface_t), intent(in) :: other
+    !> Whether the other one has each facet of the surface (n_facets).
+    logical, allocatable, intent(out) :: is_common(:)
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: f, entry
+    call table%init(max_corners, other%n_facets)
+    do f = 1, other%n_facets
+      kind = element_kind(other%kind(f))
+      call table%add(other%node(:kind%n_corners, f), entry)
+    end do
+    allocate (is_common(surface%n_facets))
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      is_common(f) = table%find(surface%node(:kind%n_corners, f)) > 0
+    end do
+  end subroutine find_common_facets
 
   !> Discretize one tie.
   subroutine find_tie(given, axisymmetric, body_a, body_b, surfaces_a, surfaces_b, tie, error)
@@ -83,12 +154,12 @@ contains
     settings%body_b = given%body_b
     settings%axisymmetric = axisymmetric
     settings%search_radius = given%search_radius
-    if (.not. settings%search_radius > 0) &
-      settings%search_radius = most_distant*min(facet_size(body_a%mesh, tie%surface_a), &
-                                                facet_size(body_b%mesh, tie%surface_b))
+    tie%facet_size = min(facet_size(body_a%mesh, tie%surface_a), facet_size(body_b%mesh, tie%surface_b))
+    if (.not. settings%search_radius > 0) settings%search_radius = most_distant*tie%facet_size
     associate (d => body_a%dimension)
       if (abs(given%angle) > 0) then
         turn = rotation_matrix(given%axis, given%angle)
+        tie%offset(:d) = given%centre(:d) - matmul(turn(:d, :d), given%centre(:d))
         turned = body_b%mesh
         turned%x = spread(given%centre(:d), 2, size(turned%x, 2)) + &
           matmul(turn(:d, :d), turned%x - spread(given%centre(:d), 2, size(turned%x, 2)))

@@ -319,8 +319,7 @@ contains
     real(dp), intent(out), optional :: energy
     !> Place among the ties of the row that opens most.
     integer, intent(out), optional :: worst
-    real(dp), allocatable :: r_b(:, :), r_c(:, :), balanced(:, :), step(:, :), step_alpha(:, :), half(:, :), &
-      closing(:, :)
+    real(dp), allocatable, dimension(:, :) :: r_b, r_c, balanced, step, step_alpha, half, closing
     real(dp) :: left, previous
     integer :: k
     allocate (lambda(size(b, 1), size(b, 2)), alpha(size(c, 1), size(c, 2)), source=0.0_dp)

@@ -92,7 +92,7 @@ class Ties(Case):
     def test_contact_beside(self):
         """Two tied blocks lie on a plate, which the joint runs into, under a pressure that tilts them: contact below is
         that of one block of the same mesh."""
-        found = []
+        found, pressure = [], []
         for parts in ("left", "right"), ("both",):
             self.write("plate.geo", blocks.block_geo("hex8", (4, 4, 2), (-0.5, -0.5, -1), (3, 2, 1)))
             lines = ["&scene mesh='plate.geo' /", MATERIAL, "&body name='plate', volume='block', material='steel' /",
@@ -111,8 +111,13 @@ class Ties(Case):
             file = self.solve("beside", lines)[2]
             found.append([file["dotyk/summary"].attrs["energy_norm"]**2,
                           sum(file["dotyk/contact"][name].attrs["force"][2] for name in parts)])
-        self.assertAlmostEqual(found[0][0] / found[1][0], 1, delta=2e-3)
+            pressure.append({tuple(x[:2]): p for name in parts for x, p in zip(
+                file["dotyk/contact"][name]["position"][()], file["dotyk/contact"][name]["pressure"][()])})
+        self.assertAlmostEqual(found[0][0] / found[1][0], 1, delta=1e-9)
         np.testing.assert_allclose([force for _, force in found], 400, rtol=1e-9)
+        peak = max(pressure[1].values())
+        for place, value in pressure[0].items():
+            self.assertAlmostEqual(value / peak, pressure[1][place] / peak, delta=1e-9, msg=place)
 
     def test_bolt(self):
         """A bar between walls, cut by a bolt: tension and shortening as F L = E A s, given either of them."""
@@ -186,8 +191,9 @@ class Ties(Case):
         self.assertGreater(file["dotyk/ties/shortening"][2], 2 * 50 / YOUNG)
 
     def test_cyclic(self):
-        """A sector of a ring, pressed into an outer ring, stands for all of them: the energy is that of the whole ring, on
-        the same mesh of linear elements, where ties hold in each node."""
+        """A sector of a ring, pressed into an outer ring, stands for all of them: energy and pressures are those of the
+        whole ring, on the same mesh of linear elements, where ties hold in each node; the pressure is greatest at the cut,
+        which has one row for both sides."""
         def sector(n, whole):
             text = ""
             sectors = 6 if whole else 1
@@ -208,20 +214,25 @@ class Ties(Case):
                     text += ('Physical Curve("%s a") = {w%d_0(1)};\nPhysical Curve("%s b") = {Abs(f%d_0(0))};\n'
                              % (name, i, name, i))
             return text + ("Coherence Mesh;\n" if whole else "")
-        energy = []
+        energy, pressure = [], []
         for whole in False, True:
             self.write("ring.geo", sector(2, whole))
             lines = ["&scene mesh='ring.geo', analysis='plane_stress' /", MATERIAL,
                      "&contact name='fit', surface_a='inner:inner out', surface_b='outer:outer in', gap=-1e-3, theta=0, geometry='elements' /",
-                     "&load body='inner', surface='inner in', pressure=100 /"]
+                     "&load body='inner', surface='inner in', pressure_formula='100*(1+0.5*cos(6*atan2(y,x)))' /"]
             for name in "inner", "outer":
                 lines.append("&body name='%s', volume='%s', material='steel' /" % (name, name))
                 if not whole:
                     lines.append("&tie name='%s', surface_a='%s:%s a', surface_b='%s:%s b', angle=-60 /"
                                  % (name, name, name, name, name))
-            summary = self.solve("ring", [*lines, "&solver tolerance=1e-10 /"])[1]
+            _, summary, file = self.solve("ring", [*lines, "&solver tolerance=1e-10 /"])
             energy.append(summary["energy_norm"]**2 * (1 if whole else 6))
+            fit = file["dotyk/contact/fit"]
+            pressure.append(dict(zip(map(tuple, np.round(fit["position"][()], 9) + 0.0), fit["pressure"][()])))
         self.assertAlmostEqual(energy[0] / energy[1], 1, delta=1e-9)
+        peak = max(pressure[1].values())
+        for place, value in pressure[0].items():
+            self.assertAlmostEqual(value / peak, pressure[1][place] / peak, delta=1e-8, msg=place)
 
     def test_refused(self):
         lines = self.two_blocks("hex8", "hex8", 1, 2)
@@ -233,6 +244,8 @@ class Ties(Case):
                 ([tie % ", axis=0,0,1"], 2, ("axis is given without an angle",)),
                 ([tie % "", "&solver response='multigrid' /"], 2, ("response='multigrid' knows no ties",)),
                 ([tie % "", "&solver scheme='neumann', theta_mesh=0.1 /"], 2, ("scheme='neumann' knows no ties",)),
+                ([tie % "", "&contact name='k', surface_a='up:bottom', surface_b='low:top' /"], 2,
+                 ("case.nml:7: &contact 'k'", "is in part between the faces that 'joint' (line 6) ties",)),
                 ([(tie % "").replace("tie", "bolt")], 2, ("'force' or 'shortening' is missing",)),
                 ([(tie % ", force=1, shortening=1").replace("tie", "bolt")], 2, ("only one can be meant",)),
                 ([(tie % ", force=1").replace("tie", "bolt")], 3, ("no equilibrium",)),

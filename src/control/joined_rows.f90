@@ -1,0 +1,190 @@
+!> Contact rows of the two sides of a tie that are one row: where tied surfaces meet the same third surface, as bodies
+!> that lie side by side on a plate do, or the cut of a cyclic sector that is in contact across the cut.
+!>
+!> Each side has a row of its own in the vertex that both sides have there, and the tie makes their displacements equal.
+!> The two rows then differ by the master surface alone, and would divide the pressure at will. One body in place of
+!> both has one row there, whose dual shape function is the sum of those of both sides: the weighted mean of the rows.
+module dotyk_control_joined_rows
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: tied_surfaces_t
+  use dotyk_mesh_union_find, only: join, root_of
+  implicit none
+  private
+  public :: find_joined_rows
+
+  !> Vertices of both sides are one where they are closer than this, in facets [].
+  real(dp), parameter :: touching = 1.0e-3_dp
+  !> Rows whose normals differ by less than 40 degrees are those of one smooth surface.
+  real(dp), parameter :: smooth_cosine = 0.766_dp
+
+  !> Contact rows near a side of a tie.
+  type :: side_rows_t
+    !> Contact rows, their pairs, and the nearest vertices of the tie (n).
+    integer, allocatable :: row(:), pair(:), vertex(:)
+    !> Whether the row is in that vertex (n).
+    logical, allocatable :: is_there(:)
+    !> Normals, those of the master side rotated to the slave side (dimension, n) [].
+    real(dp), allocatable :: normal(:, :)
+  end type side_rows_t
+
+contains
+
+  !> Number the rows, those that are one together, in the order of the first of each.
+  subroutine find_joined_rows(pair, tie, joined_row, n_split)
+    !> Contact pairs, whose rows follow each other (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    !> Number of each contact row (sum of the rows of the pairs).
+    integer, allocatable, intent(out) :: joined_row(:)
+    !> Number of rows of each pair at each tie that have no counterpart on the other side, where contact goes on, in the
+    !> same place: the meshes do not fit (n_pairs, n_ties).
+    integer, allocatable, intent(out) :: n_split(:, :)
+    type(side_rows_t) :: slave, master
+    integer, allocatable :: parent(:)
+    integer :: i, k, n, found
+    logical :: faces_other
+    n = sum(pair%n_rows)
+    allocate (parent(n), joined_row(n), n_split(size(pair), size(tie)))
+    parent(:) = [(i, i=1, n)]
+    n_split = 0
+    do k = 1, size(tie)
+      associate (rows => tie(k)%component(1))
+        call find_rows_near(pair, rows%body_a, tie(k), .false., slave)
+        call find_rows_near(pair, rows%body_b, tie(k), .true., master)
+        do i = 1, size(slave%row)
+          if (.not. slave%is_there(i)) cycle
+          call find_counterpart(pair, slave, i, master, parent, found, faces_other)
+          if (found > 0) then
+            call join(parent, slave%row(i), found)
+          else if (faces_other) then
+            n_split(slave%pair(i), k) = n_split(slave%pair(i), k) + 1
+          end if
+        end do
+      end associate
+    end do
+    n = 0
+    do i = 1, size(parent)
+      if (parent(i) == i) then
+        n = n + 1
+        joined_row(i) = n
+      else
+        joined_row(i) = joined_row(root_of(parent, i))
+      end if
+    end do
+  end subroutine find_joined_rows
+
+  !> The row on the master side of a tie that is one with a row on the slave side.
+  subroutine find_counterpart(pair, slave, i, master, parent, found, faces_other)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Rows on the slave side.
+    type(side_rows_t), intent(in) :: slave
+    !> The row among these.
+    integer, intent(in) :: i
+    !> Rows on the master side.
+    type(side_rows_t), intent(in) :: master
+    !> Rows that are one already; paths are shortened (n_rows).
+    integer, intent(inout) :: parent(:)
+    !> Number of the row; 0 where there is none.
+    integer, intent(out) :: found
+    !> Whether rows near the vertex on the master side touch the same body from the same side.
+    logical, intent(out) :: faces_other
+    integer :: j
+    found = 0
+    faces_other = .false.
+    do j = 1, size(master%row)
+      if (master%vertex(j) /= slave%vertex(i) .or. master%row(j) == slave%row(i)) cycle
+      if (pair(master%pair(j))%body_b /= pair(slave%pair(i))%body_b) cycle
+      if (dot_product(master%normal(:, j), slave%normal(:, i)) < smooth_cosine) cycle
+      faces_other = .true.
+      if (.not. master%is_there(j)) cycle
+      ! Of several, as where pairs meet on the master surface, the one of the same pair.
+      if (found == 0 .or. master%pair(j) == slave%pair(i)) found = master%row(j)
+    end do
+    if (found > 0) found = root_of(parent, found)
+  end subroutine find_counterpart
+
+  !> Contact rows of a slave body near the vertices of a tie.
+  subroutine find_rows_near(pair, body, tie, from_master, near)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> The slave body.
+    integer, intent(in) :: body
+    !> The tie.
+    type(tied_surfaces_t), intent(in) :: tie
+    !> Whether the body is on the master side, which is rotated to the slave side.
+    logical, intent(in) :: from_master
+    !> The rows.
+    type(side_rows_t), intent(out) :: near
+    ! A generic direction: not normal to the planes of a regular mesh, whose vertices would all be close along it.
+    real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
+    real(dp), allocatable :: along(:)
+    integer, allocatable :: order(:)
+    real(dp) :: x(tie%component(1)%dimension), normal(tie%component(1)%dimension), distance, nearest
+    integer :: p, i, j, first, vertex, before, n
+    associate (rows => tie%component(1), d => tie%component(1)%dimension)
+      n = sum(pair%n_rows, mask=pair%body_a == body)
+      allocate (near%row(n), near%pair(n), near%vertex(n), near%is_there(n), near%normal(d, n), order(rows%n_rows))
+      along = matmul(direction(:d), rows%row_position)
+      call sort_order(along, order)
+      along = along(order)
+      n = 0
+      do p = 1, size(pair)
+        before = sum(pair(:p - 1)%n_rows)
+        if (pair(p)%body_a /= body) cycle
+        do i = 1, pair(p)%n_rows
+          x = pair(p)%row_position(:, i)
+          normal = pair(p)%row_normal(:, i)
+          if (from_master .and. allocated(rows%turn)) then
+            x = matmul(rows%turn, x) + tie%offset(:d)
+            normal = matmul(rows%turn, normal)
+          end if
+          nearest = tie%facet_size
+          vertex = 0
+          first = first_above(along, dot_product(direction(:d), x) - nearest)
+          do j = first, rows%n_rows
+            if (along(j) > dot_product(direction(:d), x) + nearest) exit
+            distance = norm2(rows%row_position(:, order(j)) - x)
+            if (distance > nearest) cycle
+            nearest = distance
+            vertex = order(j)
+          end do
+          if (vertex == 0) cycle
+          n = n + 1
+          near%row(n) = before + i
+          near%pair(n) = p
+          near%vertex(n) = vertex
+          near%is_there(n) = nearest <= touching*tie%facet_size
+          near%normal(:, n) = normal
+        end do
+      end do
+    end associate
+    near%row = near%row(:n)
+    near%pair = near%pair(:n)
+    near%vertex = near%vertex(:n)
+    near%is_there = near%is_there(:n)
+    near%normal = near%normal(:, :n)
+  end subroutine find_rows_near
+
+  !> Place of the first number that is not below a value.
+  pure integer function first_above(sorted, value) result(place)
+    !> Ascending (n) [any].
+    real(dp), intent(in) :: sorted(:)
+    !> The value [any].
+    real(dp), intent(in) :: value
+    integer :: last, middle
+    place = 1
+    last = size(sorted) + 1
+    do while (place < last)
+      middle = (place + last)/2
+      if (sorted(middle) < value) then
+        place = middle + 1
+      else
+        last = middle
+      end if
+    end do
+  end function first_above
+end module dotyk_control_joined_rows
