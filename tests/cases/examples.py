@@ -257,6 +257,17 @@ class Examples(dotyk_case.Case):
         for name, limit in check.LIMITS.items():
             self.assertLessEqual(errors[name], limit, name)
 
+    def test_conrod(self):
+        """The joint opens where the pin pulls, and nowhere else."""
+        self.copy("conrod")
+        self.dotyk("conrod/conrod.nml")
+        check = check_of("conrod")
+        errors, state = check.errors(self.folder / "conrod/conrod.vtkhdf")
+        for name, limit in check.LIMITS.items():
+            self.assertLessEqual(errors[name], limit, name)
+        self.assertEqual((state["fitted"][0], state["pushed"][0]), (1, 1))
+        self.assertBetween(0.7, state["pulled"][0], 0.95)
+
     def test_ball_bearing(self):
         """Coarser: half of the unknowns. Spinning and rolling of the balls are indeterminate, not noise."""
         self.copy("ball_bearing")
