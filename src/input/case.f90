@@ -164,6 +164,8 @@ module dotyk_input_case
     real(dp) :: motion(6) = 0
     !> The point (3) [length].
     real(dp) :: point(3) = 0
+    !> Load cases with these values; not allocated where these are all (n_cases).
+    logical, allocatable :: in_case(:)
   end type rigid_input_t
 
   !> `&temperature` or `&initial_stress`.

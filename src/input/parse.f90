@@ -179,13 +179,11 @@ contains
     call gather_names(groups, 'tie', misspelled(place('tie')), problems, ties)
     call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
     call read_ties(groups, bodies, cases, case%scene, case%solver, problems, case%tie)
-    call read_rigid_bodies(groups, bodies, problems, case)
+    call read_rigid_bodies(groups, bodies, cases, problems, case)
     call read_contact_cases(groups, cases, case%contact, case%solver, problems, case%contact_case)
     if (case%has_cases() .and. case%output%interval > 0) &
       call problems%add(case%output%line, '&output: interval: results of load cases are written case after case, '// &
                         'not on the way; remove interval')
-    if (case%has_cases() .and. size(case%rigid) > 0) &
-      call problems%add(case%load_case(1)%line, '&case does not go together with &rigid_body')
     if (.not. is_usable(solver, 'stop_rule')) then
       case%solver%stop_rule = stop_residual
       if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. &

@@ -4,8 +4,10 @@ module dotyk_input_rigid_bodies
   use dotyk_base_options, only: analysis_axisymmetric, response_multigrid
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_boundary, only: read_vector
-  use dotyk_input_case, only: case_t, rigid_input_t
+  use dotyk_input_case, only: applies_in, case_t, rigid_input_t
+  use dotyk_input_case_keywords, only: add_case_key
   use dotyk_input_keywords, only: keyword_list_t, kind_real, kind_text
+  use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, pick_groups, reals_of, report, text_of
@@ -37,14 +39,18 @@ contains
                   meaning='small rotation about held axes; one value in two dimensions; 0 if absent')
     call list%add('point', kind_real, least=2, most=3, unit='length', &
                   meaning='point about which the body rotates; the origin if absent')
+    call add_case_key(list, 'load cases in which value and rotation hold, with wildcards; in the others held '// &
+                      'motions are 0; all if absent')
   end subroutine add_rigid_keys
 
   !> Read all `&rigid_body`, and refuse what rigid bodies do not have.
-  subroutine read_rigid_bodies(groups, bodies, problems, case)
+  subroutine read_rigid_bodies(groups, bodies, cases, problems, case)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
+    !> Names of the load cases.
+    type(names_t), intent(in) :: cases
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     !> The case with all other groups; gets the rigid bodies.
@@ -58,6 +64,7 @@ contains
     do i = 1, size(picked)
       call refer_to_bodies(groups(picked(i)), 'body', text_of(groups(picked(i)), 'body'), bodies, problems, matched)
       call read_rigid(groups(picked(i)), case%scene%dimension, case%scene%analysis, problems, rigid(i))
+      call cases_of(groups(picked(i)), cases, problems, rigid(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%rigid(size(group_of)))
@@ -65,9 +72,7 @@ contains
       case%rigid(i) = rigid(group_of(i))
       case%rigid(i)%body = body_of(i)
       if (body_of(i) == 0) cycle
-      if (any(case%rigid(:i - 1)%body == body_of(i))) &
-        call problems%add(rigid(group_of(i))%line, '&rigid_body: body '//shown(bodies%name(body_of(i))%s)// &
-                          ' is rigid already: one group per body')
+      call compare(case%rigid(i), case%rigid(:i - 1))
     end do
     if (size(case%rigid) == 0) return
     if (case%solver%response == response_multigrid) &
@@ -90,6 +95,29 @@ contains
     end do
 
   contains
+
+    !> Compare a group with those before it: groups of one body have values for different load cases.
+    subroutine compare(own, others)
+      !> The group.
+      type(rigid_input_t), intent(in) :: own
+      !> The groups before it.
+      type(rigid_input_t), intent(in) :: others(:)
+      integer :: j, k
+      do j = 1, size(others)
+        if (others(j)%body /= own%body) cycle
+        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), &
+                  k=1, max(1, size(cases%name)))])) then
+          call problems%add(own%line, '&rigid_body: body '//shown(bodies%name(own%body)%s)// &
+                            ' is rigid already: one group per body'// &
+                            trim(merge(' and load case', '              ', size(cases%name) > 0)))
+          return
+        else if (any(own%held .neqv. others(j)%held) .or. any(abs(own%point - others(j)%point) > 0)) then
+          call problems%add(own%line, '&rigid_body: body '//shown(bodies%name(own%body)%s)//' has another fix or '// &
+                            'point in line '//to_text(others(j)%line)//': they are the same in all load cases')
+          return
+        end if
+      end do
+    end subroutine compare
 
     !> Report a group of a rigid body.
     subroutine refuse(line, body, group, reason)

@@ -11,7 +11,7 @@ module dotyk_model_body_actions
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_loads, only: acts_on_surface, add_load
-  use dotyk_model_body_supports, only: gather_supports, hold_rigid, set_supports, support_group_t
+  use dotyk_model_body_supports, only: gather_supports, hold_rigid, move_rigid, set_supports, support_group_t
   use dotyk_model_initial_states, only: add_initial_stress, add_temperature
   use dotyk_model_volumes, only: volume_t
   implicit none
@@ -58,14 +58,18 @@ contains
                    i=1, size(case%temperature))]) .or. &
              any([(case%initial_stress(i)%body == b .and. allocated(case%initial_stress(i)%in_case), &
                    i=1, size(case%initial_stress))])
+    if (rigid > 0) &
+      varies = varies .or. any([(case%rigid(i)%body == b .and. allocated(case%rigid(i)%in_case), &
+                                 i=1, size(case%rigid))])
     varies = varies .and. case%n_cases() > 1
     if (varies) allocate (body%of_case(case%n_cases()))
     do k = 1, merge(case%n_cases(), 1, varies)
       call clear_actions(body)
       if (problems%count == before .and. rigid > 0) then
-        call hold_rigid(case%rigid(rigid), body, failed)
+        if (k == 1) call hold_rigid(case%rigid(rigid), body, failed)
         call add_context(failed, 'body '//quoted(body%name)//': ')
         call note(case%rigid(rigid)%line, failed)
+        if (problems%count == before) call move_rigid(case, b, k, body)
       else if (problems%count == before .and. (k == 1 .or. supports_vary)) then
         call set_supports(case, k, support, group, body, failed)
         if (allocated(failed)) &

@@ -26,7 +26,7 @@ module dotyk_model_body_supports
     logical :: is_spring = .false.
   end type support_group_t
 
-  public :: gather_supports, hold_rigid, load_names, set_supports, support_names
+  public :: gather_supports, hold_rigid, move_rigid, load_names, set_supports, support_names
 
   !> Young's modulus of rigid bodies for scales, such as penalty parameters: above that of any other body [pressure].
   real(dp), parameter :: rigid_young = 1.0e100_dp
@@ -100,11 +100,11 @@ contains
     group = groups(:n)
   end subroutine gather_supports
 
-  !> Give all nodes of a rigid body the displacements of its held motions.
+  !> Hold all nodes of a rigid body.
   subroutine hold_rigid(given, body, error)
     !> `&rigid_body`.
     type(rigid_input_t), intent(in) :: given
-    !> The body with its mesh; gets its constraint.
+    !> The body with its mesh; gets its constraint, without displacements.
     type(body_t), intent(inout) :: body
     !> Allocated where it is in pieces.
     type(error_t), allocatable, intent(out) :: error
@@ -123,13 +123,9 @@ contains
     associate (constraint => body%constraint)
       constraint%rigid%is_set = .true.
       constraint%rigid%held = given%held
-      constraint%rigid%motion = given%motion
       constraint%rigid%point = given%point
       constraint%equation = held
       call constraint%number_equations()
-      do i = 1, n
-        constraint%prescribed(:, i) = constraint%rigid%displacement(body%mesh%x(:, i))
-      end do
     end associate
     ! One support has the reaction.
     allocate (body%directions%place(1), body%directions%direction(body%dimension, n))
@@ -138,6 +134,29 @@ contains
     body%directions%source = [(1, i=1, n)]
     body%directions%direction = 0
   end subroutine hold_rigid
+
+  !> Give all nodes of a rigid body the displacements of its held motions in a load case.
+  subroutine move_rigid(case, b, k, body)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> The load case.
+    integer, intent(in) :: k
+    !> The body, held by `hold_rigid`.
+    type(body_t), intent(inout) :: body
+    integer :: i
+    associate (constraint => body%constraint)
+      constraint%rigid%motion = 0
+      do i = 1, size(case%rigid)
+        if (case%rigid(i)%body == b .and. applies_in(case%rigid(i)%in_case, k)) &
+          constraint%rigid%motion = case%rigid(i)%motion
+      end do
+      do i = 1, body%mesh%n_nodes()
+        constraint%prescribed(:, i) = constraint%rigid%displacement(body%mesh%x(:, i))
+      end do
+    end associate
+  end subroutine move_rigid
 
   !> Set prescribed displacements of a load case; in the first one equations, axes and springs, too.
   subroutine set_supports(case, k, support, group, body, error)

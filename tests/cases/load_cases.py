@@ -113,6 +113,39 @@ class LoadCases(dotyk_case.Case):
             with self.subTest(name=name):
                 self.compare(file, step, self.alone(name), 1e-10)
 
+    def rigid_scene(self, file, lines, code=0):
+        """A rigid block on an elastic one."""
+        self.write(file + ".nml", "\n".join([
+            "&scene /", "&material name='steel', young=200, poisson=0.3 /", SOLVER,
+            *("&body name='%s', mesh='%s.msh', volume='block', material='steel' /" % (name, name)
+              for name in ("lower", "upper")),
+            "&support body='lower', surface='bottom', fix='xyz' /",
+            "&contact name='joint', surface_a='lower:top', surface_b='upper:bottom' /", *lines]) + "\n")
+        self.log = self.dotyk(file + ".nml", code=code)
+        return self.results(file + ".vtkhdf") if code < 2 else None
+
+    def test_rigid_body(self):
+        """Given motions of a rigid body, and its loads, by load cases: each is its own run."""
+        held = "&rigid_body body='upper', fix='xyz rx ry rz', point=0.5,0.5,1"
+        free = "&rigid_body body='upper', fix='x y rz' /"
+        pressed = "&load body='upper', surface='top', %s"
+        for name, cases, common in (
+                ("held", {"down": held + ", value=0,0,-1e-3", "turned": held + ", value=0,0,-2e-3, rotation=0,1e-3,0",
+                          "still": "&load body='lower', force_density=0,0,1"}, ""),
+                ("free", {"even": pressed % "pressure=0.4", "tilted": pressed % "pressure_formula='4*x+0.5'"}, free)):
+            both = self.rigid_scene(name, ["&case name='%s' /" % case for case in cases] + [common] +
+                                    ["%s, case='%s' /" % (line, case) for case, line in cases.items()])
+            for step, (case, line) in enumerate(cases.items(), 1):
+                with self.subTest(case=case):
+                    alone = self.rigid_scene(case, [common, line + " /"] + [held + " /"] * (case == "still"))
+                    self.compare(both, step, alone, 1e-9)
+        one, other = held + ", value=0,0,-1e-3, case='a', 'b' /", held + ", case='b', 'c' /"
+        names = ["&case name='%s' /" % case for case in "abc"]
+        self.assertIsNone(self.rigid_scene("twice", names + [one, other], code=2))
+        self.assertIn("one group per body and load case", self.log)
+        self.rigid_scene("other", names + [one, other.replace("'b', ", "").replace(" rz'", "'")], code=2)
+        self.assertIn("has another fix or point", self.log)
+
     def test_superposition(self):
         """Where the contact stays closed, the solution of both loads is the sum of those of each and of the weight."""
         names = "weight", "one", "other", "both"
