@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 """Estimated over true discretization errors where estimates are hard: singular corners, thin sheets, jumps of the modulus.
 
-usage: studies/error_estimates.py [--dotyk FILE] [--before FILE] [--only NAME...] [--three]
+usage: studies/error_estimates.py [--dotyk FILE] [--before FILE] [--only NAME...] [--three] [--shells]
 
-Prints a table in Markdown; with --before that of another executable stands beside it. Scenes: tests/support/estimate_scenes.py.
+Prints a table in Markdown; with --before that of another executable stands beside it. Scenes: tests/support/estimate_scenes.py;
+with --shells instead shells of one layer under pressure, tests/support/shell_scenes.py.
 """
 import argparse
 import pathlib
@@ -13,8 +14,23 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT/'tests/support'))
 import estimate_scenes  # noqa: E402
+import shell_scenes  # noqa: E402
 
 DIVISIONS = (4, 8)
+SLENDERNESS = (20, 200, 1000)
+
+
+def shells(programs):
+    """The rows of shells."""
+    for name in shell_scenes.SHAPES:
+        for kind in shell_scenes.KINDS:
+            for slenderness in SLENDERNESS:
+                row = []
+                with tempfile.TemporaryDirectory(prefix='dotyk-estimates-') as folder:
+                    for n in DIVISIONS:
+                        found = [shell_scenes.ratio(folder, program, name, kind, n, slenderness) for program in programs]
+                        row.append('%.2g %% | %s' % (100*found[-1][0], ', '.join('%.2g' % of for _, of in found)))
+                print('| %s 1:%d | %s | %s |' % (name, slenderness, kind, ' | '.join(row)), flush=True)
 
 
 def main():
@@ -24,11 +40,15 @@ def main():
     parser.add_argument('--before', help='another executable, for comparison')
     parser.add_argument('--only', nargs='*', help='names of scenes')
     parser.add_argument('--three', action='store_true', help='elements of three dimensions too')
+    parser.add_argument('--shells', action='store_true', help='shells under pressure')
     options = parser.parse_args()
     programs = [str(pathlib.Path(program).resolve()) for program in (options.before, options.dotyk) if program]
     print('| scene | elements |' + ''.join(' true error, %d divisions | estimate/true%s |' % (n, ' before and now' * (len(programs) > 1))
                                            for n in DIVISIONS))
     print('|---|---|' + '---:|---:|' * len(DIVISIONS))
+    if options.shells:
+        shells(programs)
+        return
     for name in options.only or [*estimate_scenes.SCENES, *estimate_scenes.WRAPPED]:
         with tempfile.TemporaryDirectory(prefix='dotyk-estimates-') as folder:
             exact = estimate_scenes.reference(folder, programs[-1], name)

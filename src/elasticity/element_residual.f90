@@ -54,7 +54,7 @@ module dotyk_elasticity_element_residual
     procedure :: unpack => factor_unpack
   end type bubble_factor_t
 
-  public :: residual_energy
+  public :: residual_energy, residual_problem
 
 contains
 
@@ -114,19 +114,64 @@ contains
     real(dp), intent(out) :: square(:)
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
-    integer :: b, i
-    b = data%faces%block(element)
-    i = element - data%faces%before(b)
-    associate (node => mesh%block(b)%node(:, i))
-      call solve_local(size(u, 1), mesh%dimension, size(node), table(b)%n, material(1)%form%n_strains, &
-                       material(1)%slots, table(b)%points%n_points, mesh, data, material, table, b, u, element, node, &
-                       factor, room, square, error)
-    end associate
+    real(dp), allocatable :: matrix(:, :), rhs(:, :)
+    logical :: known
+    integer :: m, info
+    square = 0
+    known = allocated(factor%column)
+    call residual_problem(mesh, data, material, table, u, element, factor, matrix, rhs, error)
+    if (allocated(error) .or. .not. allocated(matrix)) return
+    m = size(matrix, 1)
+    if (.not. known) then
+      call dpotrf('L', m, matrix, m, info)
+      ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
+      if (info /= 0) return
+      call factor%keep(m, matrix, room)
+    end if
+    call dtrsm('L', 'L', 'N', 'N', m, size(rhs, 2), 1.0_dp, matrix, m, rhs, m)
+    square = sum(sum(reshape(rhs**2, [m/mesh%dimension, mesh%dimension, size(rhs, 2)]), dim=1), dim=1)
   end subroutine residual_energy
 
-  !> Set up and solve the local problem.
-  subroutine solve_local(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, data, material, table, block, &
-                         u, element, node, factor, room, square, error)
+  !> The local problem of one element.
+  subroutine residual_problem(mesh, data, material, table, u, element, factor, matrix, rhs, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Loads and held directions.
+    type(residual_data_t), intent(in) :: data
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
+    !> Bubbles of the kinds of the blocks (n_blocks).
+    type(bubble_table_t), intent(in) :: table(:)
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> The element, in the order of the blocks.
+    integer, intent(in) :: element
+    !> Factor of its bubbles.
+    type(bubble_factor_t), intent(in) :: factor
+    !> Stiffness of the bubbles, its lower triangle, by bubbles and then components, or the factor where it was kept;
+    !> not allocated where the element is inverted (dim*n_bubbles, dim*n_bubbles) [force/length].
+    real(dp), allocatable, intent(out) :: matrix(:, :)
+    !> Residual forces on the bubbles (dim*n_bubbles, n_bodies) [force].
+    real(dp), allocatable, intent(out) :: rhs(:, :)
+    !> Allocated where the modulus field has no value.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: valid
+    integer :: b, i, m
+    b = data%faces%block(element)
+    i = element - data%faces%before(b)
+    m = mesh%dimension*table(b)%n
+    allocate (matrix(m, m), rhs(m, size(u, 1)))
+    associate (node => mesh%block(b)%node(:, i))
+      call set_up(size(u, 1), mesh%dimension, size(node), table(b)%n, material(1)%form%n_strains, &
+                  material(1)%slots, table(b)%points%n_points, mesh, data, material, table, b, u, element, node, &
+                  factor, matrix, rhs, valid, error)
+    end associate
+    if (.not. valid) deallocate (matrix)
+  end subroutine residual_problem
+
+  !> Set up the local problem.
+  subroutine set_up(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, data, material, table, block, &
+                    u, element, node, factor, matrix, rhs, valid, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
@@ -157,21 +202,23 @@ contains
     integer, intent(in) :: element
     !> Its nodes (n).
     integer, intent(in) :: node(n)
-    !> Factor of its bubbles: used where it was kept.
-    type(bubble_factor_t), intent(inout) :: factor
-    !> Memory for factors.
-    type(allowance_t), intent(inout) :: room
-    !> Energies (n_bodies) [energy].
-    real(dp), intent(out) :: square(n_bodies)
+    !> Factor of its bubbles.
+    type(bubble_factor_t), intent(in) :: factor
+    !> The stiffness, or the factor where it was kept; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim)
+    !> [force/length].
+    real(dp), intent(out) :: matrix(dim*n_bubbles, dim*n_bubbles)
+    !> Residual forces on the bubbles (n_bubbles, dim, n_bodies) [force].
+    real(dp), intent(out) :: rhs(n_bubbles, dim, n_bodies)
+    !> Whether the element has no inverted point.
+    logical, intent(out) :: valid
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies), slope(n_points, n_bubbles, slots)
     real(dp), dimension(n_points) :: radius, w, modulus
-    real(dp) :: matrix(dim*n_bubbles, dim*n_bubbles), rhs(n_bubbles, dim, n_bodies), worst
-    integer :: i, k, q, m, m_own, s, info
-    square = 0
+    real(dp) :: worst
+    integer :: i, k, q, m_own, s
+    valid = .false.
     rhs = 0
-    m = dim*n_bubbles
     m_own = mesh%block(block)%material
     associate (own => table(block))
       call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, &
@@ -210,18 +257,13 @@ contains
       call add_loads(n_bodies, dim, n_bubbles, data, own, element, rhs)
     end associate
     if (allocated(factor%column)) then
-      call factor%unpack(m, matrix)
+      call factor%unpack(dim*n_bubbles, matrix)
     else
       call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
                        material(m_own)%stiffness, w*modulus, slope, matrix)
-      call dpotrf('L', m, matrix, m, info)
-      ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
-      if (info /= 0) return
-      call factor%keep(m, matrix, room)
     end if
-    call dtrsm('L', 'L', 'N', 'N', m, n_bodies, 1.0_dp, matrix, m, rhs, m)
-    square = sum(sum(rhs**2, dim=1), dim=1)
-  end subroutine solve_local
+    valid = .true.
+  end subroutine set_up
 
   !> The stiffness of the bubbles, its lower triangle: from sums over the points of products of two derivatives.
   subroutine form_matrix(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)

@@ -11,7 +11,9 @@ module dotyk_elasticity_residual_check
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_bubble_table, only: bubble_table_t
+  use dotyk_elasticity_cluster_residual, only: cluster_energy, simplex_bubbles_t
   use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_energy
+  use dotyk_elasticity_flat_clusters, only: flat_clusters_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_modulus_field, only: read_modulus_field
   use dotyk_elasticity_point_stress, only: point_material_t
@@ -58,10 +60,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(point_material_t) :: point_material(size(material))
     type(bubble_table_t), allocatable :: table(:)
+    type(simplex_bubbles_t), allocatable :: bubbles(:)
+    type(flat_clusters_t) :: clusters
     type(error_t), allocatable :: failure
-    real(dp) :: matrix(6, 6), lambda, bulk, energy(size(square, 1))
-    integer :: b, e, m
-    allocate (table(size(mesh%block)))
+    real(dp), allocatable :: energy(:, :)
+    real(dp) :: matrix(6, 6), lambda, bulk
+    integer :: b, c, e, k, m
+    allocate (table(size(mesh%block)), bubbles(size(mesh%block)))
     do b = 1, size(mesh%block)
       associate (own => material(mesh%block(b)%material))
         call own%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, own%incompressibility), matrix, lambda, &
@@ -69,6 +74,8 @@ contains
       end associate
       if (bulk > 0) return
       call table(b)%init(mesh%block(b)%kind)
+      call bubbles(b)%init(table(b), error)
+      if (allocated(error)) return
     end do
     do m = 1, size(material)
       call point_material(m)%init(analysis, material(m)%plane_matrix(analysis))
@@ -83,23 +90,37 @@ contains
       call forget()
       return
     end if
+    call clusters%init(mesh, data%faces)
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%factor%constant)) &
-    !$omp& private(failure, energy, b) shared(mesh, data, point_material, table, u, least, factor, room, square, error)
-    do e = 1, size(square, 2)
-      if (all(square(:, e) <= least)) cycle
-      call residual_energy(mesh, data, point_material, table, u, e, factor(e), room, energy, failure)
-      if (allocated(failure)) then
-        !$omp critical
-        if (.not. allocated(error)) call move_alloc(failure, error)
-        !$omp end critical
-        cycle
-      end if
-      energy = constant(mesh%block(data%faces%block(e))%kind)**2*energy
-      do b = 1, size(energy)
-        ! Whatever the other bodies are.
-        if (square(b, e) > least) call hold(energy(b), square(b, e))
-      end do
+    !$omp& private(failure, energy, b, e, k) &
+    !$omp& shared(mesh, data, point_material, table, bubbles, clusters, u, least, factor, room, square, error)
+    do c = 1, clusters%n
+      associate (own => clusters%element(clusters%first(c):clusters%first(c + 1) - 1))
+        if (all(square(:, own) <= least)) cycle
+        if (allocated(energy)) deallocate (energy)
+        allocate (energy(size(square, 1), size(own)))
+        if (size(own) > 1) then
+          call cluster_energy(mesh, data, point_material, table, bubbles, u, own, energy, failure)
+        else
+          call residual_energy(mesh, data, point_material, table, u, own(1), factor(own(1)), room, energy(:, 1), &
+                               failure)
+        end if
+        if (allocated(failure)) then
+          !$omp critical
+          if (.not. allocated(error)) call move_alloc(failure, error)
+          !$omp end critical
+          cycle
+        end if
+        do k = 1, size(own)
+          e = own(k)
+          energy(:, k) = constant(mesh%block(data%faces%block(e))%kind)**2*energy(:, k)
+          do b = 1, size(energy, 1)
+            ! Whatever the other bodies are.
+            if (square(b, e) > least) call hold(energy(b, k), square(b, e))
+          end do
+        end do
+      end associate
     end do
     !$omp end parallel do
     call forget()

@@ -5,6 +5,7 @@ import os
 
 import dotyk_case
 import estimate_scenes
+import shell_scenes
 
 
 class Estimates(dotyk_case.Case):
@@ -28,6 +29,17 @@ class Estimates(dotyk_case.Case):
         self.check("sheet 1:5", ("tri6", "quad8"), n=8)
         self.check("sheet 1:20", ("tri6", "quad9"))
         self.check("sheet 1:100", ("tri6", "quad8"), n=8)
+        self.check("sheet 1:20", ("tet10",), most=1.5)
+        self.check("sheet 1:100", ("tri6", "tet10"), most=2)
+
+    def test_shells_of_one_layer(self):
+        """Lame's sphere and cylinder, a radius of 20 to 1000 thicknesses: before tetrahedra answered together, 41 at 1000."""
+        for name, kind, slenderness in (("sphere", "tet10", 20), ("sphere", "tet10", 200), ("sphere", "tet10", 1000),
+                                        ("cylinder", "tet10", 1000), ("sphere", "prism18", 200), ("sphere", "hex27", 200)):
+            with self.subTest(scene=name, kind=kind, slenderness=slenderness):
+                true, ratio = shell_scenes.ratio(self.folder, os.environ["DOTYK"], name, kind, 4, slenderness)
+                self.assertLess(true, 4e-3)
+                self.assertBetween(0.8, ratio, 3.5 if kind == "prism18" else 3)
 
     def test_contact_that_wraps_a_corner(self):
         self.check("contact wraps a corner, part is slave", ("tri3", "quad4", "tri6", "quad8"), most=1.4)

@@ -1,0 +1,242 @@
+!> Residuals of clusters of flat simplices (`dotyk_elasticity_flat_clusters`): one local problem in the continuous
+!> bubbles of all elements of the cluster.
+!>
+!> Bubbles of quadratic simplices are cubic functions that vanish at the nodes: one for each edge, antisymmetric, and
+!> one for each face (for a triangle, one in the middle). Those that have the same values at edges and faces are
+!> continuous, so the local problem of the cluster is assembled from those of its elements, and the tractions at the
+!> faces between them cancel.
+module dotyk_elasticity_cluster_residual
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_bubble_table, only: bubble_table_t
+  use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_problem
+  use dotyk_elasticity_point_stress, only: point_material_t
+  use dotyk_linalg_blas, only: dtrsm
+  use dotyk_linalg_dense, only: solve_dense
+  use dotyk_linalg_lapack, only: dpotrf
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet10, element_tri6, reference_nodes
+  implicit none
+  private
+
+  !> Bubbles of a quadratic simplex by their values on edges and faces.
+  type, public :: simplex_bubbles_t
+    !> Number of bubbles; 0 for other kinds of elements.
+    integer :: n = 0
+    !> Number of edges; their bubbles are the first ones.
+    integer :: n_edges = 0
+    !> Corners of the edges (2, n_edges).
+    integer, allocatable :: corner(:, :)
+    !> Nodes in the middle of the edges (n_edges).
+    integer, allocatable :: middle(:)
+    !> Coefficients of these bubbles in those of the table (n, n) [].
+    real(dp), allocatable :: coefficient(:, :)
+  contains
+    procedure :: init => simplex_bubbles_init
+  end type simplex_bubbles_t
+
+  !> Local problem of one element, in continuous bubbles.
+  type :: part_t
+    !> The stiffness (dim*n, dim*n) [force/length].
+    real(dp), allocatable :: matrix(:, :)
+    !> Unknown of the cluster for each bubble of one component.
+    integer, allocatable :: unknown(:)
+  end type part_t
+
+  public :: cluster_energy
+
+contains
+
+  !> Find the bubbles of a kind.
+  subroutine simplex_bubbles_init(self, table, error)
+    class(simplex_bubbles_t), intent(out) :: self
+    !> Bubbles of the kind.
+    type(bubble_table_t), intent(in) :: table
+    !> Allocated where the table has others; this does not happen.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: x(:, :), at_point(:, :)
+    real(dp) :: point(3)
+    integer :: a, b, d, k
+    if (all(table%kind /= [element_tri6, element_tet10])) return
+    kind = element_kind(table%kind)
+    d = kind%dimension
+    allocate (x(d, kind%n_nodes))
+    call reference_nodes(table%kind, x)
+    self%n_edges = kind%n_nodes - kind%n_corners
+    self%n = table%n
+    allocate (self%corner(2, self%n_edges), self%middle(self%n_edges), at_point(self%n, self%n))
+    do k = 1, self%n_edges
+      self%middle(k) = kind%n_corners + k
+      do a = 1, kind%n_corners
+        do b = a + 1, kind%n_corners
+          if (all(abs(x(:, a) + x(:, b) - 2*x(:, self%middle(k))) < epsilon(x))) self%corner(:, k) = [a, b]
+        end do
+      end do
+      at_point(k, :) = table%values((2*x(:, self%corner(1, k)) + x(:, self%corner(2, k)))/3)
+    end do
+    do k = self%n_edges + 1, self%n
+      point(:d) = sum(x(:, :kind%n_corners), dim=2)/kind%n_corners
+      if (d == 3) point(:d) = sum(x(:, table%face(k - self%n_edges)%corner), dim=2)/3
+      at_point(k, :) = table%values(point(:d))
+    end do
+    allocate (self%coefficient(self%n, self%n), source=0.0_dp)
+    do k = 1, self%n
+      self%coefficient(k, k) = 1
+    end do
+    call solve_dense(at_point, self%coefficient, error)
+  end subroutine simplex_bubbles_init
+
+  !> Energies of the answer of a cluster on each of its elements.
+  subroutine cluster_energy(mesh, data, material, table, bubbles, u, element, square, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Loads and held directions.
+    type(residual_data_t), intent(in) :: data
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
+    !> Bubbles of the kinds of the blocks (n_blocks).
+    type(bubble_table_t), intent(in) :: table(:)
+    !> The same by edges and faces (n_blocks).
+    type(simplex_bubbles_t), intent(in) :: bubbles(:)
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Elements of the cluster (n).
+    integer, intent(in) :: element(:)
+    !> Energies; 0 where an element is inverted (n_bodies, n) [energy].
+    real(dp), intent(out) :: square(:, :)
+    !> Allocated where the modulus field has no value.
+    type(error_t), allocatable, intent(out) :: error
+    type(part_t) :: part(size(element))
+    ! Factors of elements are of no use here.
+    type(bubble_factor_t) :: none
+    real(dp), allocatable :: matrix(:, :), rhs(:, :), of_element(:, :), answer(:)
+    integer, allocatable :: place(:)
+    integer :: b, d, i, k, n, n_unknowns, info
+    square = 0
+    d = mesh%dimension
+    call number_bubbles(mesh, data, table, bubbles, element, part, n_unknowns)
+    allocate (matrix(d*n_unknowns, d*n_unknowns), rhs(d*n_unknowns, size(u, 1)), source=0.0_dp)
+    do k = 1, size(element)
+      b = data%faces%block(element(k))
+      n = bubbles(b)%n
+      call residual_problem(mesh, data, material, table, u, element(k), none, part(k)%matrix, of_element, error)
+      if (allocated(error)) return
+      if (.not. allocated(part(k)%matrix)) return
+      call to_edges(n, d, size(u, 1), bubbles(b), mesh%block(b)%node(:, element(k) - data%faces%before(b)), &
+                    part(k)%matrix, of_element)
+      place = [(part(k)%unknown + i*n_unknowns, i=0, d - 1)]
+      matrix(place, place) = matrix(place, place) + part(k)%matrix
+      rhs(place, :) = rhs(place, :) + of_element
+    end do
+    n = d*n_unknowns
+    call dpotrf('L', n, matrix, n, info)
+    if (info /= 0) return
+    call dtrsm('L', 'L', 'N', 'N', n, size(u, 1), 1.0_dp, matrix, n, rhs, n)
+    call dtrsm('L', 'L', 'T', 'N', n, size(u, 1), 1.0_dp, matrix, n, rhs, n)
+    do k = 1, size(element)
+      place = [(part(k)%unknown + i*n_unknowns, i=0, d - 1)]
+      do b = 1, size(u, 1)
+        answer = rhs(place, b)
+        square(b, k) = dot_product(answer, matmul(part(k)%matrix, answer))
+      end do
+    end do
+  end subroutine cluster_energy
+
+  !> Number the bubbles of a cluster.
+  pure subroutine number_bubbles(mesh, data, table, bubbles, element, part, n)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Faces of the elements.
+    type(residual_data_t), intent(in) :: data
+    !> Bubbles of the kinds of the blocks (n_blocks).
+    type(bubble_table_t), intent(in) :: table(:)
+    !> The same by edges and faces (n_blocks).
+    type(simplex_bubbles_t), intent(in) :: bubbles(:)
+    !> Elements of the cluster.
+    integer, intent(in) :: element(:)
+    !> Their parts; the unknowns are set (size(element)).
+    type(part_t), intent(inout) :: part(:)
+    !> Number of unknowns of one component.
+    integer, intent(out) :: n
+    integer :: edge(sum(bubbles(data%faces%block(element))%n_edges))
+    integer :: b, f, k, l, found, node, n_edges, behind
+    n = 0
+    n_edges = 0
+    do k = 1, size(element)
+      b = data%faces%block(element(k))
+      allocate (part(k)%unknown(bubbles(b)%n), source=0)
+      do l = 1, bubbles(b)%n_edges
+        node = mesh%block(b)%node(bubbles(b)%middle(l), element(k) - data%faces%before(b))
+        found = findloc(edge(:n_edges), node, dim=1)
+        if (found == 0) then
+          n_edges = n_edges + 1
+          edge(n_edges) = node
+          found = n_edges
+        end if
+        part(k)%unknown(l) = found
+      end do
+    end do
+    n = n_edges
+    do k = 1, size(element)
+      b = data%faces%block(element(k))
+      do l = bubbles(b)%n_edges + 1, bubbles(b)%n
+        found = 0
+        if (mesh%dimension == 3) then
+          behind = data%faces%neighbour(l - bubbles(b)%n_edges, element(k))
+          if (behind > 0) found = findloc(element(:k - 1), behind, dim=1)
+          if (found > 0) then
+            associate (their => data%faces%block(behind))
+              f = findloc(data%faces%neighbour(:size(table(their)%face), behind), element(k), dim=1)
+              part(k)%unknown(l) = part(found)%unknown(bubbles(their)%n_edges + f)
+            end associate
+            cycle
+          end if
+        end if
+        n = n + 1
+        part(k)%unknown(l) = n
+      end do
+    end do
+  end subroutine number_bubbles
+
+  !> Transform the local problem of an element to bubbles that are continuous to its neighbours.
+  pure subroutine to_edges(n, dim, n_bodies, bubbles, node, matrix, rhs)
+    !> Number of bubbles.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of bodies.
+    integer, intent(in) :: n_bodies
+    !> Bubbles by edges and faces.
+    type(simplex_bubbles_t), intent(in) :: bubbles
+    !> Nodes of the element.
+    integer, intent(in) :: node(:)
+    !> The stiffness, its lower triangle; all of it on return (n, dim, n, dim) [force/length].
+    real(dp), intent(inout) :: matrix(n, dim, n, dim)
+    !> The forces (n, dim, n_bodies) [force].
+    real(dp), intent(inout) :: rhs(n, dim, n_bodies)
+    real(dp) :: c(n, n)
+    integer :: i, j, k
+    c = bubbles%coefficient
+    ! Edges run from the smaller number of a node to the greater one, whichever element they belong to.
+    do k = 1, bubbles%n_edges
+      if (node(bubbles%corner(1, k)) > node(bubbles%corner(2, k))) c(:, k) = -c(:, k)
+    end do
+    do j = 1, dim
+      do k = 1, n
+        matrix(:k - 1, j, k, j) = matrix(k, j, :k - 1, j)
+      end do
+      do i = j + 1, dim
+        matrix(:, j, :, i) = transpose(matrix(:, i, :, j))
+      end do
+    end do
+    do j = 1, dim
+      do i = 1, dim
+        matrix(:, i, :, j) = matmul(transpose(c), matmul(matrix(:, i, :, j), c))
+      end do
+    end do
+    do k = 1, n_bodies
+      rhs(:, :, k) = matmul(transpose(c), rhs(:, :, k))
+    end do
+  end subroutine to_edges
+end module dotyk_elasticity_cluster_residual
