@@ -12,17 +12,40 @@ module dotyk_driver_load_case
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_load_cases, only: take_case
   use dotyk_input_case, only: case_t
+  use dotyk_log_case_tables, only: show_case
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_model_contact_cases, only: set_contact_case
+  use dotyk_model_contact_cases, only: contacts_of_case, set_contact_case
   use dotyk_model_ties, only: set_bolts
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: item_t, share, share_errors
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   implicit none
   private
-  public :: next_case, solve_free
+  public :: begin_case, solve_free
 
 contains
+
+  !> Begin a load case: the first one acts on the scene as it is built. Nothing is done in a scene without load cases.
+  subroutine begin_case(input, k, case, scene, monitor, error)
+    !> The case, with one contact for each pair.
+    type(case_t), intent(in) :: input
+    !> The load case.
+    integer, intent(in) :: k
+    !> The same; its contacts are those of the load case on return.
+    type(case_t), intent(inout) :: case
+    !> Factorized, unless this is the first load case; its QP is that of the load case on return.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> As in `next_case`.
+    type(error_t), allocatable, intent(out) :: error
+    logical, allocatable :: is_changed(:)
+    if (.not. case%has_cases()) return
+    if (k > 1) call next_case(input, k, scene, monitor, error)
+    if (allocated(error)) return
+    call contacts_of_case(input, k, case%contact, is_changed)
+    call show_case(monitor%log, case, k, scene%problem, is_changed)
+  end subroutine begin_case
 
   !> Let another load case act on a scene that is factorized.
   subroutine next_case(case, k, scene, monitor, error)

@@ -8,7 +8,7 @@ module dotyk_driver_load_cases
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
-  use dotyk_driver_load_case, only: next_case
+  use dotyk_driver_load_case, only: begin_case
   use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_results, only: finish_results, write_results
   use dotyk_driver_run_settings, only: goal_of
@@ -16,13 +16,11 @@ module dotyk_driver_load_cases
   use dotyk_driver_solution, only: solve_scene
   use dotyk_driver_warm_start, only: initial_pressures
   use dotyk_input_case, only: case_t
-  use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case, show_case_table
+  use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case_table
   use dotyk_log_outcome, only: note_modes
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_summary, only: show_solution
-  use dotyk_model_contact_cases, only: contacts_of_case
   use dotyk_output_results_file, only: results_file_t
-  use dotyk_scheme_solver_state, only: ended_interrupted
   implicit none
   private
   public :: solve_cases
@@ -55,7 +53,6 @@ contains
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
     real(dp), allocatable :: pressure(:)
-    logical, allocatable :: is_changed(:)
     real(dp) :: before
     integer :: k, n, n_written
     case = input
@@ -65,12 +62,8 @@ contains
     needs_factors = .false.
     before = 0
     do k = 1, n
-      if (case%has_cases()) then
-        if (k > 1) call next_case(input, k, scene, monitor, error)
-        if (allocated(error)) exit
-        call contacts_of_case(input, k, case%contact, is_changed)
-        call show_case(monitor%log, case, k, scene%problem, is_changed)
-      end if
+      call begin_case(input, k, case, scene, monitor, error)
+      if (allocated(error)) exit
       call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
       if (allocated(error)) exit
       call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
@@ -88,7 +81,7 @@ contains
       n_written = k
       if (.not. solution%state%has_converged()) code = exit_not_converged
       if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
-      if (solution%state%ended == ended_interrupted) exit
+      if (solution%state%was_interrupted()) exit
     end do
     if (needs_factors) return
     if (allocated(error) .and. n_written > 0 .and. interrupted()) then

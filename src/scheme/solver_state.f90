@@ -86,6 +86,7 @@ module dotyk_scheme_solver_state
     class(paused_t), allocatable :: paused
   contains
     procedure :: has_converged => state_has_converged
+    procedure :: was_interrupted => state_was_interrupted
     procedure :: add_rounding => state_add_rounding
   end type solver_state_t
 
@@ -99,6 +100,12 @@ contains
     class(solver_state_t), intent(in) :: self
     has_converged = self%ended == ended_converged
   end function state_has_converged
+
+  !> Whether an interrupt ended the iteration.
+  pure logical function state_was_interrupted(self) result(was_interrupted)
+    class(solver_state_t), intent(in) :: self
+    was_interrupted = self%ended == ended_interrupted
+  end function state_was_interrupted
 
   !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
   !> unless no result in double precision could be more accurate; p-multigrid is not refined as factors are. Where a
