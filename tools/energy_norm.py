@@ -20,7 +20,7 @@ exact_stress(x, y, z, body) gets arrays of the coordinates of many points and th
 of 6 rows: xx yy zz xy yz xz as in the results file, or of 3: xx yy xy in plane strain and stress, or of 4: xx yy zz xy about the
 axis (y is the axis, x the radius, zz the hoop). exact_strain is the same with tensor components (xy, not 2 xy).
 
-Element kinds: all of dotyk's. Materials: isotropic, orthotropic, anisotropic; a young_formula is refused.
+Element kinds: all of dotyk's. Materials: isotropic, orthotropic, anisotropic; formulas of constants are refused.
 """
 import argparse
 import importlib.util
@@ -247,8 +247,9 @@ def turned(stiffness, axis_1, axis_2):
 
 def stiffness_of(group):
     """The stiffness of a &material group."""
-    if 'young_formula' in group:
-        group.fail('energy_norm does not evaluate young_formula', 'young_formula')
+    for key in ('young_formula', 'poisson_formula', 'shear_formula', 'stiffness_formula'):
+        if key in group:
+            group.fail('energy_norm does not evaluate ' + key, key)
     axes = group.get('axis_1', [1, 0, 0]), group.get('axis_2', [0, 1, 0])
     if 'stiffness' in group:
         stiffness = np.zeros((6, 6))

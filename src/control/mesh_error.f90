@@ -7,6 +7,7 @@ module dotyk_control_mesh_error
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_residual_actions, only: collect_actions
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
+  use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
   implicit none
@@ -168,7 +169,7 @@ contains
     real(dp), intent(inout) :: norm_square(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :)
+    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :), of_material(:)
     real(dp) :: of_body(size(alike))
     integer :: i, m
     call to_representative(problem, alike, solution, u)
@@ -178,7 +179,8 @@ contains
         if (.not. allocated(thermal)) &
           allocate (thermal(size(u, 1), size(u, 3), size(body%material)), source=0.0_dp)
         do m = 1, size(body%material)
-          thermal(i, :, m) = body%initial%thermal_dilatation(body%material(m)%expansion)
+          call thermal_dilatation(body%mesh, body%analysis, body%material(m), body%initial, of_material)
+          thermal(i, :, m) = of_material
         end do
       end associate
     end do

@@ -119,10 +119,12 @@ contains
       call form%init(leader%analysis, leader%material(1)%stiffness)
       allocate (data%thermal(size(alike), form%n_strains, leader%mesh%n_nodes(), size(leader%material)), source=0.0_dp)
       allocate (data%initial(size(alike), form%n_strains, leader%mesh%n_nodes()), source=0.0_dp)
+      allocate (data%temperature(size(alike), leader%mesh%n_nodes()), source=0.0_dp)
     end associate
     do i = 1, size(alike)
       if (.not. problem%ranks%is_own(alike(i))) cycle
       associate (body => problem%body(alike(i)))
+        if (allocated(body%initial%temperature)) data%temperature(i, :) = body%initial%temperature
         call initial_stress_of_nodes(body%analysis, body%material, body%initial, &
                                      transpose(problem%classes%motion(alike(i))%rotation), form%component, &
                                      data%thermal(i, :, :, :), data%initial(i, :, :))

@@ -10,14 +10,14 @@ module dotyk_elasticity_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_block_assembly, only: element_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_foundation_points, only: foundation_points_t
   use dotyk_elasticity_material, only: material_t, weight_moduli
-  use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
-  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_elasticity_stiffness_kernel, only: rotate_blocks
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: max_facet_nodes
@@ -204,14 +204,14 @@ contains
     !> Allocated where an element is inverted, or where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
-    real(dp), allocatable :: products(:), k(:)
+    real(dp), allocatable :: k(:)
     integer, allocatable :: frame_of(:)
     integer :: e, i
     position = 0
     call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
     associate (n => points%n, dim => points%dim)
-      allocate (products((n*points%slots)**2), k((n*dim)**2), frame_of(n))
+      allocate (k((n*dim)**2), frame_of(n))
       do i = partition%first(part), partition%first(part + 1) - 1
         position = partition%position(i)
         e = order(position)
@@ -221,15 +221,7 @@ contains
           volume(e) = sum(points%w(:points%n_points))
           modulus_integral(e) = sum(points%stiffness(:points%n_points))
         end if
-        call gradient_products(n, points%slots, points%n_points, points%g, points%stiffness, products)
-        if (points%is_isotropic) then
-          call stiffness_isotropic(n, points%lambda, points%mu, products, k)
-        else
-          call stiffness_general(n, dim, points%slots, points%strain, points%matrix, products, k)
-        end if
-        if (points%bulk > 0) then
-          call add_projected_stiffness(n, dim, points%n_functions, points%bulk, points%dilatation, k)
-        end if
+        call element_stiffness(points, k)
         if (any(needs_transform(points%node))) then
           frame_of(:) = constraint%frame_of(points%node)
           call rotate_blocks(n, dim, size(constraint%frame, 3), frame_of, constraint%frame, k)

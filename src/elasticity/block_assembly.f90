@@ -18,7 +18,8 @@ module dotyk_elasticity_block_assembly
   use dotyk_elasticity_material, only: material_t, weight_moduli
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
-  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, &
+    stiffness_isotropic, stiffness_varying
   use dotyk_linalg_block_rows, only: add_blocks, block_rows_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -344,11 +345,16 @@ contains
     !> Element stiffness: of shape (n, n, dim, dim) [force/length].
     real(dp), intent(out) :: k(:)
     real(dp) :: products((points%n*points%slots)**2)
-    call gradient_products(points%n, points%slots, points%n_points, points%g, points%stiffness, products)
-    if (points%is_isotropic) then
-      call stiffness_isotropic(points%n, points%lambda, points%mu, products, k)
+    if (points%varies) then
+      call stiffness_varying(points%n, points%dim, points%slots, points%n_points, points%strain, points%matrix, &
+                             points%g, points%stiffness, k)
     else
-      call stiffness_general(points%n, points%dim, points%slots, points%strain, points%matrix, products, k)
+      call gradient_products(points%n, points%slots, points%n_points, points%g, points%stiffness, products)
+      if (points%is_isotropic) then
+        call stiffness_isotropic(points%n, points%lambda, points%mu, products, k)
+      else
+        call stiffness_general(points%n, points%dim, points%slots, points%strain, points%matrix, products, k)
+      end if
     end if
     if (points%bulk > 0) call add_projected_stiffness(points%n, points%dim, points%n_functions, points%bulk, &
       points%dilatation, k)

@@ -9,9 +9,8 @@ module dotyk_elasticity_conditioning_diagnosis
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -48,7 +47,8 @@ contains
     end if
     do m = 1, size(material)
       if (largest_factor(m) > max_stiffness_ratio*smallest_factor(m)) then
-        call add('young_formula of material '//quoted(material(m)%name)//', with values from '// &
+        call add(trim(merge('constants of material    ', 'young_formula of material', &
+                            material(m)%formulas%vary()))//' '//quoted(material(m)%name)//', with values from '// &
                  to_text(smallest_factor(m), 2)//' to '//to_text(largest_factor(m), 2))
       end if
       ratio = stiffness_ratio(material(m))
@@ -59,7 +59,8 @@ contains
                  to_text(ratio, 2))
       end if
     end do
-    young = material%least_young
+    ! Where the modulus varies, its geometric middle stands for it.
+    young = material%least_young*sqrt(smallest_factor*largest_factor)
     if (maxval(young) > max_stiffness_ratio*minval(young)) &
       call add('materials '//quoted(material(minloc(young, 1))%name)//' and '// &
                quoted(material(maxloc(young, 1))%name)//", with a ratio of Young's moduli of "// &
@@ -108,7 +109,7 @@ contains
     real(dp), intent(out) :: smallest_factor(:)
     !> Largest value of the modulus field of each material at the quadrature points (n_materials) [].
     real(dp), intent(out) :: largest_factor(:)
-    type(vector_field_t) :: factor
+    type(material_field_t) :: field
     type(shape_table_pair_t) :: tables
     type(error_t), allocatable :: error
     type(element_kind_t) :: kind
@@ -124,11 +125,11 @@ contains
     slots = gradient_slots(analysis)
     do i = 1, size(mesh%block)
       m = mesh%block(i)%material
-      call read_modulus_field(material(m), factor, error)
+      call field%init(material(m), error)
       if (allocated(error)) return
       kind = element_kind(mesh%block(i)%kind)
       n = kind%n_nodes
-      call tables%init_stiffness(mesh%block(i)%kind, analysis, .not. factor%constant)
+      call tables%init_stiffness(mesh%block(i)%kind, analysis, .not. field%constant)
       associate (table => tables%straight)
         allocate (x(dim, n), g(n*slots*table%n_points), w(table%n_points))
         do e = 1, size(mesh%block(i)%node, 2)
@@ -142,15 +143,15 @@ contains
             element = e
           end if
           factors = 0*w + 1
-          if (.not. factor%constant) then
-            call apply_modulus_field(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
+          if (.not. field%constant) then
+            call field%apply(analysis, mesh%block(i)%kind, table%shape, x, mesh%block(i)%tag(e), factors, error)
           end if
           smallest_factor(m) = min(smallest_factor(m), minval(factors))
           largest_factor(m) = max(largest_factor(m), maxval(factors))
         end do
         deallocate (x, g, w)
       end associate
-      call factor%destroy()
+      call field%destroy()
     end do
   end subroutine examine_elements
 

@@ -7,8 +7,10 @@
 !> The error estimate of nearly incompressible bodies compares projected dilatations with the fit
 !> (`dotyk_elasticity_discretization_error`).
 module dotyk_elasticity_dilatation_fit
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
   use dotyk_elasticity_mean_dilatation, only: is_projected, mean_dilatations
   use dotyk_elasticity_node_graph, only: incidence_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
@@ -88,11 +90,16 @@ contains
     type(dilatation_fit_t) :: fit
     type(element_kind_t) :: kind
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
+    type(material_field_t) :: field
+    type(point_constants_t) :: here
+    type(error_t), allocatable :: error
     real(dp) :: matrix(6, 6), lambda, bulk, smooth(1)
     integer :: b, e, first, last
     if (.not. is_projected(mesh, analysis, material)) return
     call mean_dilatations(mesh, analysis, u, mean, centre, volume, thermal)
     call fit%init(mesh, mean, centre, volume)
+    ! Assembly has found mistakes of the formulas.
+    call field%init(material, error)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
@@ -106,9 +113,15 @@ contains
           call fit%values(mesh%x(:, node), node, spread([1.0_dp/size(node)], 2, size(node)), &
                           reshape(centre(:, e), [1, size(centre, 1)]), smooth)
         end associate
+        if (field%varies) then
+          call field%at(analysis, centre(:, e), here, error, mesh%block(b)%kind)
+          bulk = here%bulk
+          if (allocated(error)) bulk = 0
+        end if
         stress(1:3, e) = stress(1:3, e) + bulk*factor(e)*(smooth(1) - mean(e))
       end do
     end do
+    call field%destroy()
   end subroutine smooth_pressures
 
   !> Fit a linear function around each vertex.

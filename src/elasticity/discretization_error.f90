@@ -22,11 +22,10 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, physical_gradients
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
-  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, &
-    project_onto_functions
+    limit_projected_part, project_onto_functions
   use dotyk_elasticity_shape_table, only: shape_table_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
@@ -159,18 +158,15 @@ contains
     real(dp), allocatable, intent(in) :: expanded(:, :)
     !> Recovered strains.
     type(gradient_recovery_t), intent(inout) :: fit
-    !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
-    real(dp), intent(inout) :: square(:, :)
-    !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
-    real(dp), intent(inout) :: norm_square(:, :)
-    !> Bounds of the rounding errors of these norms (n_bodies, n_elements) [energy].
-    real(dp), intent(inout) :: rounding_square(:, :)
+    !> Squared errors of the elements, squared energy norms of the displacement on them, and bounds of the rounding
+    !> errors of these norms, in the order of the blocks (n_bodies, n_elements) [energy].
+    real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square
     !> Allocated where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
     type(dilatation_fit_t), allocatable :: dilatation(:)
-    type(vector_field_t) :: factor
+    type(material_field_t) :: field
     integer :: b, first, last
-    call read_modulus_field(material, factor, error)
+    call field%init(material, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
     call fit_dilatations(mesh, analysis, material, u, expanded, dilatation)
@@ -178,15 +174,15 @@ contains
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, expanded, square(:, first:last), &
+      call estimate_block(mesh, b, analysis, material, field, fit, dilatation, u, expanded, square(:, first:last), &
                           norm_square(:, first:last), rounding_square(:, first:last), error)
       if (allocated(error)) exit
     end do
-    call factor%destroy()
+    call field%destroy()
   end subroutine estimate_material
 
   !> Estimate the elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, expanded, square, &
+  subroutine estimate_block(mesh, i_block, analysis, material, field, fit, dilatation, u, expanded, square, &
                             norm_square, rounding_square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -196,8 +192,8 @@ contains
     integer, intent(in) :: analysis
     !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Modulus field.
-    type(vector_field_t), intent(in) :: factor
+    !> The material in space.
+    type(material_field_t), intent(in) :: field
     !> Recovered strains around the vertices.
     type(gradient_recovery_t), intent(in) :: fit
     !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
@@ -206,12 +202,9 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
-    !> Squared errors of the elements of the block (n_bodies, n_elements) [energy].
-    real(dp), intent(out), contiguous :: square(:, :)
-    !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
-    real(dp), intent(out), contiguous :: norm_square(:, :)
-    !> Bounds of the rounding errors of these norms (n_bodies, n_elements) [energy].
-    real(dp), intent(out), contiguous :: rounding_square(:, :)
+    !> Squared errors of the elements of the block, squared energy norms of the displacement on them, and bounds of the
+    !> rounding errors of these norms (n_bodies, n_elements) [energy].
+    real(dp), dimension(:, :), intent(out), contiguous :: square, norm_square, rounding_square
     !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: element_failure
@@ -230,16 +223,17 @@ contains
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
     call rule%init(table)
     ! A formula serves one thread: serial where the modulus varies.
-    !$omp parallel do default(none) schedule(static) if (factor%constant) private(element_failure) &
-    !$omp& shared(mesh, i_block, analysis, form, bulk, factor, fit, dilatation, kind, table, rule, corners, u, &
+    !$omp parallel do default(none) schedule(static) if (field%constant) private(element_failure) &
+    !$omp& shared(mesh, i_block, analysis, form, bulk, field, fit, dilatation, kind, table, rule, corners, u, &
     !$omp& expanded, square, norm_square, rounding_square, error)
     do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
                               fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
-                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, &
-                              table, rule, corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, &
-                              u, expanded, square(:, e), norm_square(:, e), rounding_square(:, e), element_failure)
+                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, field, &
+                              analysis, mesh%block(i_block)%kind, table, rule, corners%shape, fit, dilatation, &
+                              mesh%block(i_block)%tag(e), node, mesh%x, u, expanded, square(:, e), &
+                              norm_square(:, e), rounding_square(:, e), element_failure)
       end associate
       if (allocated(element_failure)) then
         !$omp critical
@@ -252,8 +246,8 @@ contains
 
   !> Estimate one element.
   subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
-                              bulk, factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, &
-                              expanded, square, norm_square, rounding_square, error)
+                              bulk, field, analysis, element, table, rule, corner_shape, fit, dilatation, tag, node, &
+                              all_x, all_u, expanded, square, norm_square, rounding_square, error)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of corners of the element.
@@ -276,8 +270,10 @@ contains
     type(energy_form_t), intent(in) :: form
     !> Projected part of the bulk modulus [pressure].
     real(dp), intent(in) :: bulk
-    !> Modulus field.
-    type(vector_field_t), intent(in) :: factor
+    !> The material in space.
+    type(material_field_t), intent(in) :: field
+    !> Type of analysis and element kind: one of the `analysis_*` and one of the `element_*` constants.
+    integer, intent(in) :: analysis, element
     !> Shape functions at the quadrature points, by nodes.
     type(shape_table_t), intent(in) :: table
     !> The same shape functions, by points.
@@ -298,22 +294,18 @@ contains
     real(dp), intent(in) :: all_u(n_bodies, dim, *)
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
-    !> Squared errors of the element (n_bodies) [energy].
-    real(dp), intent(out) :: square(n_bodies)
-    !> Squared energy norms of the displacement on the element (n_bodies) [energy].
-    real(dp), intent(out) :: norm_square(n_bodies)
-    !> Bounds of the rounding errors of these norms (n_bodies) [energy].
-    real(dp), intent(out) :: rounding_square(n_bodies)
+    !> Squared errors of the element, squared energy norms of the displacement on it, and bounds of the rounding errors
+    !> of these norms (n_bodies) [energy].
+    real(dp), dimension(n_bodies), intent(out) :: square, norm_square, rounding_square
     !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(dim, n), u(n_bodies, dim, n), place(n_points, dim)
-    real(dp), dimension(n_points) :: radius, g_square, stiffness
+    real(dp), dimension(n_points) :: radius, g_square, stiffness, projected, fitted, heated, bulk_at, bulk_weight
     real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim)
-    real(dp) :: displacement(n_points, n_bodies, dim)
+    real(dp) :: displacement(n_points, n_bodies, dim), largest, scale, worst
     real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
     real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
-    real(dp) :: worst
-    real(dp) :: projected(n_points), fitted(n_points), heated(n_points)
+    real(dp), allocatable :: matrix(:, :, :)
     integer :: b, i, s
     square = 0
     norm_square = 0
@@ -324,11 +316,22 @@ contains
     end do
     call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, &
                     x, inverse, radius, g_square, stiffness, worst)
-    ! Elements that are inverted at a point of this rule, which has a higher degree than that of the stiffness, are
-    ! skipped.
+    ! Skipped: elements that are inverted at a point of this rule, of a higher degree than that of the stiffness.
     if (.not. worst > 0) return
-    if (.not. factor%constant) call apply_modulus_field(factor, table%shape, x, tag, stiffness(:table%n_points), error)
+    bulk_at = merge(0.0_dp, bulk, field%varies)
+    if (field%varies) allocate (matrix(6, 6, n_points), source=0.0_dp)
+    if (.not. field%constant) &
+      call field%apply(analysis, element, table%shape, x, tag, stiffness(:table%n_points), error, matrix, bulk_at)
     if (allocated(error)) return
+    largest = form%largest + bulk
+    scale = merge(1.0_dp, bulk, field%varies)
+    bulk_weight = stiffness
+    if (field%varies) then
+      largest = maxval(abs(matrix)) + maxval(bulk_at)
+      call limit_projected_part(table%n_points, bulk_at, matrix)
+      ! Pressures in place of dilatations.
+      if (bulk_at(1) > 0) bulk_weight(:table%n_points) = stiffness(:table%n_points)/bulk_at(:table%n_points)
+    end if
     do i = 1, dim
       call values_at_points(n_points, n_bodies*dim, n, rule%gradient(:, :, i), u, by_reference(:, :, :, i))
     end do
@@ -343,26 +346,29 @@ contains
     do b = 1, n_bodies
       call physical_gradients(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
       call form%strains(n_points, slope, strain)
-      norm_square(b) = form%energy(stiffness, strain)
-      rounding_square(b) = (form%largest + bulk)*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
+      norm_square(b) = form%energy(stiffness, strain, matrix)
+      rounding_square(b) = largest*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
       do s = 1, n_smooth
         strain(:, s) = strain(:, s) - recovered(:, b, s)
       end do
       ! The hoop strain of axisymmetric analyses contains no derivative: its error is of a higher order.
       strain(:, n_smooth + 1:) = 0
-      square(b) = form%energy(stiffness, strain)
-      if (.not. bulk > 0) cycle
+      square(b) = form%energy(stiffness, strain, matrix)
+      if (.not. bulk_at(1) > 0) cycle
       projected = slope(:, 1, 1) + slope(:, 2, 2)
       if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
-      call project_onto_functions(dim, n_points, n_functions, place, stiffness, projected)
+      if (field%varies) projected = bulk_at*projected
+      call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, projected)
       call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
-      norm_square(b) = norm_square(b) + bulk*dot_product(stiffness, projected**2)
+      if (field%varies) fitted = bulk_at*fitted
+      norm_square(b) = norm_square(b) + scale*dot_product(bulk_weight, projected**2)
       if (allocated(expanded)) then
         heated = matmul(rule%shape, expanded(b, node))
-        call project_onto_functions(dim, n_points, n_functions, place, stiffness, heated)
+        if (field%varies) heated = bulk_at*heated
+        call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, heated)
         projected = projected - heated
       end if
-      square(b) = square(b) + bulk*dot_product(stiffness, (fitted - projected)**2)
+      square(b) = square(b) + scale*dot_product(bulk_weight, (fitted - projected)**2)
     end do
   end subroutine estimate_element
 

@@ -7,11 +7,12 @@ module dotyk_elasticity_element_quadrature
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
-  use dotyk_elasticity_projected_dilatation, only: max_projection_functions, n_projection_functions, &
+  use dotyk_elasticity_material_field, only: material_field_t
+  use dotyk_elasticity_projected_dilatation, only: limit_projected_part, max_projection_functions, &
+    n_projection_functions, &
     projected_dilatations, projection_functions, unprojected_bulk_ratio
   use dotyk_elasticity_shape_table, only: shape_table_t, map_element, shape_table_pair_t
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
+  use dotyk_elasticity_vector_field, only: point_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
@@ -29,17 +30,22 @@ module dotyk_elasticity_element_quadrature
     integer :: n_functions = 0
     !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, allocatable :: strain(:, :)
-    !> Unprojected part of the stiffness of the material: from strains to stresses (6, 6) [pressure].
-    real(dp) :: matrix(6, 6) = 0
+    !> Unprojected part of the stiffness of the material: from strains to stresses; one matrix for all points, or one
+    !> for each (6, 6, n_matrices) [pressure].
+    real(dp), allocatable :: matrix(:, :, :)
+    !> Number of matrices and expansions: 1, or the number of points where more than a factor varies.
+    integer :: n_matrices = 1
+    !> Whether more than a factor varies in the material.
+    logical :: varies = .false.
     !> Whether the body is isotropic and three-dimensional: `lambda` and `mu` are the stiffness then.
     logical :: is_isotropic = .false.
     !> Lame's first parameter of this part [pressure].
     real(dp) :: lambda = 0
     !> Shear modulus of an isotropic material [pressure].
     real(dp) :: mu = 0
-    !> Thermal expansion of the material, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
-    real(dp) :: expansion(6) = 0
-    !> Projected part of the bulk modulus; 0 where no dilatation is projected [pressure].
+    !> Thermal expansion of the material, as a strain: order xx yy zz yz xz xy (6, n_matrices) [1/temperature].
+    real(dp), allocatable :: expansion(:, :)
+    !> Projected part of the bulk modulus by that in `bulk_weight`; 0 where no dilatation is projected [pressure].
     real(dp) :: bulk = 0
     !> Number of quadrature points of the current element.
     integer :: n_points = 0
@@ -53,14 +59,19 @@ module dotyk_elasticity_element_quadrature
     real(dp), allocatable :: w(:)
     !> Weights times the modulus field, in the first n_points entries (n_allocated) [volume].
     real(dp), allocatable :: stiffness(:)
+    !> Weights in which the projection functions are orthonormal: those of the stiffness, by the projected part of the
+    !> bulk modulus where it varies beyond a factor; in the first n_points entries (n_allocated) [volume].
+    real(dp), allocatable :: bulk_weight(:)
     !> Linear forms of the projected dilatation, of shape (n, dim, n_functions), where bulk > 0 [sqrt(volume)/length].
     real(dp), allocatable :: dilatation(:)
     !> Shape functions at the points of the rules.
     type(shape_table_pair_t), private :: tables
     !> Whether the current element takes the rule of curved ones.
     logical, private :: is_curved = .false.
-    !> Modulus field.
-    type(vector_field_t), private :: factor
+    !> The material in space.
+    type(material_field_t), private :: field
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, private :: analysis = analysis_3d
     !> Projection functions at the points, of shape (n_points, n_functions) [1/sqrt(volume)].
     real(dp), allocatable, private :: value(:)
   contains
@@ -68,6 +79,7 @@ module dotyk_elasticity_element_quadrature
     procedure :: move_to => element_quadrature_move_to
     procedure :: at_points => element_quadrature_at_points
     procedure :: project => element_quadrature_project
+    procedure :: pressure_integral => element_quadrature_pressure_integral
     procedure :: destroy => element_quadrature_destroy
   end type element_quadrature_t
 
@@ -86,18 +98,21 @@ contains
     integer, intent(in) :: analysis
     !> Materials of the body (n_materials).
     type(material_t), intent(in) :: material(:)
-    !> Allocated where the modulus field is no formula.
+    !> Allocated where a formula does not parse.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
+    real(dp) :: matrix(6, 6), expansion(6)
     integer :: i, s, most_points
     associate (own => material(mesh%block(i_block)%material))
-      call read_modulus_field(own, self%factor, error)
+      call self%field%init(own, error)
       if (allocated(error)) return
-      call own%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, own%incompressibility), self%matrix, &
+      call own%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, own%incompressibility), matrix, &
                      self%lambda, self%bulk)
-      self%is_isotropic = own%isotropic .and. analysis == analysis_3d
+      self%varies = self%field%varies
+      self%analysis = analysis
+      self%is_isotropic = own%isotropic .and. analysis == analysis_3d .and. .not. self%varies
       self%mu = own%mu
-      self%expansion = own%expansion
+      expansion = own%expansion
     end associate
     kind = element_kind(mesh%block(i_block)%kind)
     self%n = kind%n_nodes
@@ -105,11 +120,16 @@ contains
     self%slots = gradient_slots(analysis)
     self%n_functions = n_projection_functions(mesh%block(i_block)%kind, self%dim)
     self%strain = reshape([((strain_index(analysis, i, s), i=1, self%dim), s=1, self%slots)], [self%dim, self%slots])
-    call self%tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. self%factor%constant)
+    call self%tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. self%field%constant)
     most_points = max(self%tables%straight%n_points, self%tables%curved%n_points)
     allocate (self%node(self%n), self%x(self%dim, self%n), self%g(self%n*self%slots*most_points), self%w(most_points), &
-              self%stiffness(most_points), self%value(most_points*max_projection_functions), &
+              self%stiffness(most_points), self%bulk_weight(most_points), &
+              self%value(most_points*max_projection_functions), &
               self%dilatation(self%n*self%dim*max_projection_functions))
+    self%n_matrices = merge(most_points, 1, self%varies)
+    allocate (self%matrix(6, 6, self%n_matrices), self%expansion(6, self%n_matrices))
+    self%matrix = spread(matrix, 3, self%n_matrices)
+    self%expansion = spread(expansion, 2, self%n_matrices)
   end subroutine element_quadrature_init
 
   !> Evaluate an element of the block.
@@ -121,7 +141,7 @@ contains
     integer, intent(in) :: i_block
     !> Index of the element in its block.
     integer, intent(in) :: e
-    !> Allocated where the element is inverted, or the modulus field is not positive at a quadrature point.
+    !> Allocated where the element is inverted, or the material is not stable at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     self%node(:) = mesh%block(i_block)%node(:, e)
     self%x(:, :) = mesh%x(:, self%node)
@@ -149,13 +169,24 @@ contains
         return
       end if
       self%stiffness(:m) = self%w(:m)
-      if (.not. self%factor%constant) then
-        call apply_modulus_field(self%factor, table%shape, self%x, mesh%block(i_block)%tag(e), self%stiffness(:m), &
-                                 error)
+      if (.not. self%field%constant) then
+        ! Where it varies, the weights get the projected part of the bulk modulus first.
+        call self%field%apply(self%analysis, mesh%block(i_block)%kind, table%shape, self%x, &
+                              mesh%block(i_block)%tag(e), self%stiffness(:m), error, self%matrix, self%bulk_weight, &
+                              self%expansion)
         if (allocated(error)) return
       end if
+      if (self%varies) then
+        self%n_matrices = m
+        call limit_projected_part(m, self%bulk_weight, self%matrix)
+        self%bulk = merge(1.0_dp, 0.0_dp, self%bulk_weight(1) > 0)
+        if (self%bulk > 0) self%bulk_weight(:m) = self%stiffness(:m)/self%bulk_weight(:m)
+      else
+        self%bulk_weight(:m) = self%stiffness(:m)
+      end if
       if (.not. self%bulk > 0) return
-      call projection_functions(self%n, self%dim, m, self%n_functions, table%shape, self%x, self%stiffness, self%value)
+      call projection_functions(self%n, self%dim, m, self%n_functions, table%shape, self%x, self%bulk_weight, &
+                                self%value)
       call projected_dilatations(self%n, self%dim, self%slots, m, self%n_functions, self%g, self%stiffness, &
                                  self%value, self%dilatation)
     end subroutine evaluate
@@ -187,10 +218,30 @@ contains
     end associate
   end function element_quadrature_project
 
-  !> Free the formula of the modulus field.
+  !> Integral over the current element of the pressure with given coefficients of the projection functions, where
+  !> bulk > 0 [pressure volume].
+  pure real(dp) function element_quadrature_pressure_integral(self, amplitude) result(integral)
+    class(element_quadrature_t), intent(in) :: self
+    !> The coefficients (n_functions) [pressure sqrt(volume)].
+    real(dp), intent(in) :: amplitude(:)
+    integer :: j
+    associate (m => self%n_points)
+      if (self%varies) then
+        integral = 0
+        do j = 1, self%n_functions
+          integral = integral + amplitude(j)*sum(self%stiffness(:m)*self%value((j - 1)*m + 1:j*m))
+        end do
+      else
+        ! Only the first function, a constant, has a mean.
+        integral = amplitude(1)*sqrt(sum(self%stiffness(:m)))
+      end if
+    end associate
+  end function element_quadrature_pressure_integral
+
+  !> Free the formulas.
   subroutine element_quadrature_destroy(self)
     class(element_quadrature_t), intent(inout) :: self
-    call self%factor%destroy()
+    call self%field%destroy()
   end subroutine element_quadrature_destroy
 
   !> Create the error of an inverted element.

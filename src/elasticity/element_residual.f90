@@ -33,6 +33,8 @@ module dotyk_elasticity_element_residual
     !> Stresses of the bodies at rest at the nodes, as in `point_material_t`: of their temperatures in each material;
     !> none where not allocated (n_bodies, n_strains, n_nodes, n_materials) [pressure].
     real(dp), allocatable :: thermal(:, :, :, :)
+    !> Their temperatures, where `thermal` is allocated (n_bodies, n_nodes) [temperature].
+    real(dp), allocatable :: temperature(:, :)
     !> Of their initial stresses (n_bodies, n_strains, n_nodes) [pressure].
     real(dp), allocatable :: initial(:, :, :)
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
@@ -215,14 +217,14 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies), slope(n_points, n_bubbles, slots)
     real(dp), dimension(n_points) :: radius, w, modulus
-    real(dp) :: worst
+    real(dp) :: stiffness(n_strains, n_strains, n_points), worst
     integer :: i, k, q, m_own, s
     valid = .false.
     rhs = 0
     m_own = mesh%block(block)%material
     associate (own => table(block))
       call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, &
-                       .false., inverse, radius, w, modulus, stress, worst, error)
+                       .false., inverse, radius, w, modulus, stress, worst, error, stiffness)
       if (allocated(error) .or. .not. worst > 0) return
       slope = 0
       do s = 1, dim
@@ -259,8 +261,13 @@ contains
     if (allocated(factor%column)) then
       call factor%unpack(dim*n_bubbles, matrix)
     else
-      call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
-                       material(m_own)%stiffness, w*modulus, slope, matrix)
+      if (material(m_own)%field%varies) then
+        call form_varying(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, stiffness, &
+                          w*modulus, slope, matrix)
+      else
+        call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
+                         material(m_own)%stiffness, w*modulus, slope, matrix)
+      end if
     end if
     valid = .true.
   end subroutine set_up
@@ -321,6 +328,40 @@ contains
       end do
     end do
   end subroutine form_matrix
+
+  !> The stiffness of the bubbles, its lower triangle, where the material differs from point to point.
+  subroutine form_varying(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)
+    !> Numbers of points, bubbles, displacement components, gradient slots and strains.
+    integer, intent(in) :: n_points, n_bubbles, dim, slots, n_strains
+    !> Strain of each slot of each component, 0 for none (dim, slots).
+    integer, intent(in) :: index(dim, slots)
+    !> From strains to stresses (n_strains, n_strains, n_points) [pressure].
+    real(dp), intent(in) :: stiffness(n_strains, n_strains, n_points)
+    !> Weights of the points (n_points) [volume].
+    real(dp), intent(in) :: w(n_points)
+    !> Derivatives of the bubbles (n_points, n_bubbles, slots) [1/length].
+    real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
+    !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
+    real(dp), intent(out) :: matrix(n_bubbles, dim, n_bubbles, dim)
+    real(dp) :: strain(n_bubbles, n_strains, dim), stress(n_strains, n_bubbles)
+    integer :: i, j, q, s
+    matrix = 0
+    do q = 1, n_points
+      if (.not. w(q) > 0) cycle
+      strain = 0
+      do j = 1, dim
+        do s = 1, slots
+          if (index(j, s) > 0) strain(:, index(j, s), j) = strain(:, index(j, s), j) + slope(q, :, s)
+        end do
+      end do
+      do j = 1, dim
+        stress = matmul(w(q)*stiffness(:, :, q), transpose(strain(:, :, j)))
+        do i = j, dim
+          matrix(:, i, :, j) = matrix(:, i, :, j) + matmul(strain(:, :, i), stress)
+        end do
+      end do
+    end do
+  end subroutine form_varying
 
   !> Add the loads at points; those along held directions do no work.
   subroutine add_loads(n_bodies, dim, n_bubbles, data, table, element, rhs)

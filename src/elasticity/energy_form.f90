@@ -87,15 +87,27 @@ contains
   end subroutine energy_form_strains
 
   !> Twice the strain energy, summed over points [energy].
-  pure real(dp) function energy_form_energy(self, weight, strain) result(energy)
+  pure real(dp) function energy_form_energy(self, weight, strain, matrix) result(energy)
     class(energy_form_t), intent(in) :: self
     !> Volumes of the points (n_points) [volume].
     real(dp), intent(in) :: weight(:)
     !> Strains (n_points, n_strains) [].
     real(dp), intent(in), contiguous :: strain(:, :)
+    !> Material matrices at the points, in place of that of the form; not where not allocated (6, 6, n_points)
+    !> [pressure].
+    real(dp), intent(in), allocatable, optional :: matrix(:, :, :)
     real(dp) :: density(size(weight))
     integer :: k, q
     density = 0
+    if (present(matrix)) then
+      if (allocated(matrix)) then
+        do q = 1, size(weight)
+          density(q) = dot_product(strain(q, :), matmul(matrix(self%component, self%component, q), strain(q, :)))
+        end do
+        energy = dot_product(weight, density)
+        return
+      end if
+    end if
     do k = 1, self%n_terms
       associate (s => self%pair(1, k), t => self%pair(2, k), c => self%coefficient(k))
         do q = 1, size(weight)

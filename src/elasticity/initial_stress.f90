@@ -106,9 +106,7 @@ contains
     call at_rest(points, state, at_points, amplitude)
     volume = sum(points%w(:points%n_points))
     stress = stress + sum(at_points, dim=2)/volume
-    ! Only the first function, a constant, has a mean.
-    if (points%bulk > 0) &
-      stress(1:3) = stress(1:3) + amplitude(1)*sqrt(sum(points%stiffness(:points%n_points)))/volume
+    if (points%bulk > 0) stress(1:3) = stress(1:3) + points%pressure_integral(amplitude)/volume
   end subroutine add_mean_initial_stress
 
   !> The stress that does not depend on the displacement at the quadrature points of an element, times their volumes.
@@ -122,18 +120,28 @@ contains
     !> That of the projected dilatation: coefficients of the projection functions; 0 where none is projected
     !> (n_functions) [pressure sqrt(volume)].
     real(dp), intent(out) :: amplitude(:)
-    real(dp) :: rate(6), temperature(points%n_points)
-    integer :: k, m
+    real(dp) :: rate(6), temperature(points%n_points), dilatation(points%n_points)
+    integer :: k, m, q
     stress = 0
     amplitude = 0
     m = points%n_points
     if (allocated(state%temperature)) then
       temperature = points%at_points(state%temperature)
-      rate = -matmul(points%matrix, points%expansion)
-      do k = 1, 6
-        stress(k, :) = rate(k)*points%stiffness(:m)*temperature
-      end do
-      if (points%bulk > 0) amplitude = -points%bulk*points%project(sum(points%expansion(1:3))*temperature)
+      if (points%varies) then
+        do q = 1, m
+          rate = -matmul(points%matrix(:, :, q), points%expansion(:, q))
+          stress(:, q) = rate*points%stiffness(q)*temperature(q)
+        end do
+      else
+        rate = -matmul(points%matrix(:, :, 1), points%expansion(:, 1))
+        do k = 1, 6
+          stress(k, :) = rate(k)*points%stiffness(:m)*temperature
+        end do
+      end if
+      if (points%bulk > 0) then
+        dilatation = [(sum(points%expansion(1:3, min(q, points%n_matrices)))*temperature(q), q=1, m)]
+        amplitude = -points%bulk*points%project(dilatation)
+      end if
     end if
     if (allocated(state%stress)) then
       do k = 1, 6
@@ -155,7 +163,8 @@ contains
     real(dp), intent(in) :: axes(3, 3)
     !> Components that are asked for, in the order xx yy zz yz xz xy (n).
     integer, intent(in) :: component(:)
-    !> That of the temperature in each material where its modulus field is 1 (n, n_nodes, n_materials) [pressure].
+    !> That of the temperature in each material where its modulus field is 1; 0 in materials of which more varies
+    !> (n, n_nodes, n_materials) [pressure].
     real(dp), intent(out) :: thermal(:, :, :)
     !> The initial stress (n, n_nodes) [pressure].
     real(dp), intent(out) :: initial(:, :)
@@ -165,6 +174,7 @@ contains
     initial = 0
     if (allocated(state%temperature)) then
       do m = 1, size(material)
+        if (material(m)%formulas%vary()) cycle
         rate = rotate_stress(-matmul(material(m)%plane_matrix(analysis), material(m)%expansion), axes)
         do i = 1, size(thermal, 2)
           thermal(:, i, m) = rate(component)*state%temperature(i)

@@ -135,7 +135,7 @@ contains
                                    u(:, points%node), strained)
         energy(e) = 0
         call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, &
-                              points%matrix, strained, force(:, :, e), energy(e))
+                              points%n_matrices, points%matrix, strained, force(:, :, e), energy(e))
         if (points%bulk > 0) then
           call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, strained, force(:, :, e), &
                               energy(e))
@@ -187,7 +187,7 @@ contains
   end subroutine subtract_rigid_motion
 
   !> Internal forces of an element, and its energy.
-  pure subroutine forces_of_strain(n, dim, slots, n_points, g, w, strain_of, matrix, u, force, energy)
+  pure subroutine forces_of_strain(n, dim, slots, n_points, g, w, strain_of, n_matrices, matrix, u, force, energy)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.
@@ -202,8 +202,10 @@ contains
     real(dp), intent(in) :: w(n_points)
     !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: strain_of(dim, slots)
-    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    !> Number of matrices: 1, or one for each point.
+    integer, intent(in) :: n_matrices
+    !> Unprojected part of the material: from strains to stresses (6, 6, n_matrices) [pressure].
+    real(dp), intent(in) :: matrix(6, 6, n_matrices)
     !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
     !> Internal forces (dim, n) [force].
@@ -220,7 +222,7 @@ contains
           if (strain_of(i, s) > 0) strain(strain_of(i, s)) = strain(strain_of(i, s)) + dot_product(u(i, :), g(:, s, q))
         end do
       end do
-      stress = w(q)*matmul(matrix, strain)
+      stress = w(q)*matmul(matrix(:, :, min(q, n_matrices)), strain)
       energy = energy + dot_product(strain, stress)
       do s = 1, slots
         do i = 1, dim

@@ -36,6 +36,8 @@ module dotyk_elasticity_load
     real(dp) :: centre(3) = 0
     !> Densities of the materials that an angular velocity or acceleration acts on (n_materials) [mass/volume].
     real(dp), allocatable :: density(:)
+    !> Their formulas; empty where the number holds (n_materials).
+    type(text_t), allocatable :: density_formula(:)
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
     !> Moment of a total load (3) [force length].
@@ -241,11 +243,17 @@ contains
     if (load%kind == load_force_density) call field%init(load%value, error, load%formula)
     do i = 1, size(mesh%block)
       if (allocated(error)) exit
-      if (load%kind == load_angular_velocity) then
-        call field%init_affine(centrifugal(load%value, load%density(mesh%block(i)%material)), load%centre)
-      else if (load%kind == load_acceleration) then
-        call field%init(load%density(mesh%block(i)%material)*load%value, error)
-      end if
+      associate (m => mesh%block(i)%material)
+        if (load%kind == load_angular_velocity) then
+          call field%init_affine(centrifugal(load%value, load%density(m)), load%centre)
+        else if (load%kind == load_acceleration) then
+          call field%init(load%density(m)*load%value, error)
+        end if
+        if (load%kind /= load_force_density .and. allocated(load%density_formula)) then
+          if (len(load%density_formula(m)%s) > 0) call field%multiply_by_density(load%density_formula(m)%s, error)
+        end if
+      end associate
+      if (allocated(error)) exit
       call add_block(mesh, i, analysis, field, force, error, points)
     end do
     call field%destroy()

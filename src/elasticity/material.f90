@@ -10,6 +10,7 @@ module dotyk_elasticity_material
     option_name
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_elasticity_material_formulas, only: material_formulas_t
   use dotyk_elasticity_stiffness_tensor, only: invert_stiffness, kelvin, material_axes, rotate_stiffness, &
     scale_components, singular_ratio
   use dotyk_linalg_dense, only: symmetric_eigen
@@ -34,6 +35,9 @@ module dotyk_elasticity_material
     real(dp) :: expansion(6) = 0
     !> Formula in x, y, z of the modulus field, a factor on the stiffness; 1 everywhere where not allocated.
     character(:), allocatable :: modulus_formula
+    !> Constants that are formulas, each by its own. Those above then are of an isotropic material as soft and as nearly
+    !> incompressible as this one is anywhere (`dotyk_elasticity_constants_survey`).
+    type(material_formulas_t) :: formulas
     !> Young's modulus of the softest material axis: the smallest modulus of an orthotropic material; the smallest
     !> 1/S_ii, i = 1..3, of the compliance S of an anisotropic one [pressure].
     real(dp) :: least_young = 0
@@ -360,11 +364,12 @@ contains
     end if
   end subroutine material_split
 
-  !> Whether the stiffness varies in space.
+  !> Whether the stiffness, or the expansion, varies in space.
   pure logical function material_has_modulus_field(self) result(has)
     class(material_t), intent(in) :: self
     has = allocated(self%modulus_formula)
     if (has) has = len_trim(self%modulus_formula) > 0
+    has = has .or. self%formulas%vary()
   end function material_has_modulus_field
 
   !> Put a material into a parcel, or take it out.
@@ -380,6 +385,7 @@ contains
     call parcel%carry(self%density)
     call parcel%carry_fixed(size(self%expansion), self%expansion)
     call parcel%carry(self%modulus_formula)
+    call self%formulas%carry(parcel)
     call parcel%carry(self%least_young)
     call parcel%carry(self%incompressibility)
     call parcel%carry(self%bulk)

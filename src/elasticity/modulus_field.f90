@@ -21,7 +21,7 @@ contains
     !> Allocated where the formula does not parse.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: text(:)
-    if (material%has_modulus_field()) then
+    if (allocated(material%modulus_formula)) then
       allocate (text(1))
       text(1)%s = material%modulus_formula
     end if

@@ -6,7 +6,7 @@
 !> one-sided. Where a part of the dilatation is projected, the pressure is that of the recovered dilatation
 !> (`dotyk_elasticity_dilatation_fit`).
 module dotyk_elasticity_nodal_stress
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: gradient_slots
@@ -14,11 +14,10 @@ module dotyk_elasticity_nodal_stress
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_modulus_field, only: read_modulus_field
-  use dotyk_elasticity_point_stress, only: modulus_at
+  use dotyk_elasticity_material_field, only: point_constants_t
+  use dotyk_elasticity_node_constants, only: constants_of_nodes, find_homes
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_recovery_patch, only: diagonalize
-  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
   implicit none
@@ -27,8 +26,6 @@ module dotyk_elasticity_nodal_stress
 
   !> Radii below this fraction of the largest one are on the axis of an axisymmetric body.
   real(dp), parameter :: on_axis = 1.0e-9_dp
-  !> Where the modulus field has no value at a node, it is taken this fraction of the way to the centre of an element.
-  real(dp), parameter :: inward = 1.0e-6_dp
 
   !> Linear shape functions of the corners at the nodes of an element kind.
   type :: corner_weights_t
@@ -70,17 +67,20 @@ contains
     type(dilatation_fit_t), allocatable :: dilatation(:)
     type(corner_weights_t), allocatable :: of_block(:)
     type(energy_form_t) :: form
+    type(point_constants_t), allocatable :: here(:)
     real(dp), allocatable :: thermal(:, :), factor(:)
     integer, allocatable :: home(:, :)
-    real(dp) :: strain(6), axis_radius
+    real(dp) :: strain(6), matrix(6, 6), bulk, axis_radius
     integer :: b, i
     logical :: is_heated
     call find_homes(mesh, home)
-    call find_factors(mesh, material, home, factor, error)
+    call constants_of_nodes(mesh, analysis, material, home, factor, here, error)
     if (allocated(error)) return
     is_heated = .false.
     if (present(temperature)) is_heated = allocated(temperature)
     if (is_heated) thermal = temperature*spread(sum(expansion(:3, :), dim=1), 2, size(temperature, 2))
+    if (is_heated .and. allocated(here)) &
+      thermal = temperature*spread([(sum(here(i)%expansion(:3)), i=1, size(here))], 1, size(u, 1))
     call fit%init(mesh, u)
     call fit_dilatations(mesh, analysis, material, u, thermal, dilatation)
     call weigh_corners(mesh, analysis, material, of_block)
@@ -88,9 +88,9 @@ contains
     axis_radius = 0
     if (gradient_slots(analysis) > mesh%dimension) axis_radius = on_axis*maxval(abs(mesh%x(1, :)))
     allocate (stress(6, mesh%n_nodes(), size(u, 1)), source=0.0_dp)
-    !$omp parallel do default(none) schedule(static) private(b, strain) &
+    !$omp parallel do default(none) schedule(static) private(b, strain, matrix, bulk) &
     !$omp& shared(mesh, u, stress, temperature, expansion, fit, dilatation, of_block, form, factor, home, axis_radius) &
-    !$omp& shared(is_heated)
+    !$omp& shared(is_heated, here)
     do i = 1, size(stress, 2)
       if (home(1, i) == 0) cycle
       associate (weights => of_block(home(1, i)), &
@@ -99,75 +99,24 @@ contains
           call recovered_strain(fit, form, b, weights%at_node(:, home(3, i)), node, mesh%x(:, i), strain)
           if (size(form%component) == 4) &
             strain(3) = hoop_strain(mesh%x(1, i), u(b, 1, i), axis_radius, strain(1))
-          if (is_heated) strain = strain - temperature(b, i)*expansion(:, b)
-          stress(:, i, b) = matmul(weights%matrix, strain)
-          if (weights%bulk > 0) &
-            stress(:3, i, b) = stress(:3, i, b) + weights%bulk*fitted(dilatation(b), mesh%x, node, &
-                                                                      weights%at_node(:, home(3, i)), mesh%x(:, i))
+          matrix = weights%matrix
+          bulk = weights%bulk
+          if (allocated(here)) then
+            matrix = here(i)%matrix
+            bulk = here(i)%bulk
+            if (is_heated) strain = strain - temperature(b, i)*here(i)%expansion
+          else if (is_heated) then
+            strain = strain - temperature(b, i)*expansion(:, b)
+          end if
+          stress(:, i, b) = matmul(matrix, strain)
+          if (bulk > 0) stress(:3, i, b) = stress(:3, i, b) + &
+            bulk*fitted(dilatation(b), mesh%x, node, weights%at_node(:, home(3, i)), mesh%x(:, i))
           stress(:, i, b) = factor(i)*stress(:, i, b)
         end do
       end associate
     end do
     !$omp end parallel do
   end subroutine nodal_stresses
-
-  !> An element of each node: of the own ones, where the rank has some.
-  subroutine find_homes(mesh, home)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Block, element in it, and number in it of each node; 0 for nodes without (3, n_nodes).
-    integer, allocatable, intent(out) :: home(:, :)
-    integer :: b, e, i, number, round
-    allocate (home(3, mesh%n_nodes()), source=0)
-    ! Recovered strains are those of the whole body in own elements: these come first.
-    do round = 1, 2
-      number = 0
-      do b = 1, size(mesh%block)
-        do e = 1, size(mesh%block(b)%node, 2)
-          number = number + 1
-          if (mesh%is_own_element(number) .neqv. round == 1) cycle
-          do i = 1, size(mesh%block(b)%node, 1)
-            associate (node => mesh%block(b)%node(i, e))
-              if (home(1, node) == 0) home(:, node) = [b, e, i]
-            end associate
-          end do
-        end do
-      end do
-    end do
-  end subroutine find_homes
-
-  !> The modulus field at the nodes.
-  subroutine find_factors(mesh, material, home, value, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> Block, element and number of each node (3, n_nodes).
-    integer, intent(in) :: home(:, :)
-    !> The factor; NaN where it has no value (n_nodes) [].
-    real(dp), allocatable, intent(out) :: value(:)
-    !> Allocated where the formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: no_value
-    type(vector_field_t) :: field
-    integer :: i
-    allocate (value(size(home, 2)), source=1.0_dp)
-    call read_modulus_field(material, field, error)
-    if (allocated(error)) return
-    if (.not. field%constant) then
-      do i = 1, size(value)
-        if (home(1, i) == 0) cycle
-        call modulus_at(field, mesh%x(:, i), value(i), no_value)
-        if (.not. allocated(no_value) .and. value(i) > tiny(value) .and. ieee_is_finite(value(i))) cycle
-        associate (node => mesh%block(home(1, i))%node(:, home(2, i)))
-          call modulus_at(field, (1 - inward)*mesh%x(:, i) + inward*sum(mesh%x(:, node), dim=2)/size(node), value(i), &
-                          no_value)
-        end associate
-        if (allocated(no_value)) value(i) = ieee_value(value(i), ieee_quiet_nan)
-      end do
-    end if
-    call field%destroy()
-  end subroutine find_factors
 
   !> Weights and materials of the element kinds of all blocks.
   subroutine weigh_corners(mesh, analysis, material, of_block)

@@ -5,7 +5,7 @@ module dotyk_elasticity_point_stress
   use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, physical_gradients, point_shape_table_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
+  use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
   implicit none
   private
 
@@ -24,8 +24,13 @@ module dotyk_elasticity_point_stress
     real(dp), allocatable :: thermal(:, :, :)
     !> Their initial stresses; allocated where those of temperatures are (n_bodies, n_strains, n_nodes) [pressure].
     real(dp), allocatable :: initial(:, :, :)
-    !> Modulus field.
-    type(vector_field_t) :: factor
+    !> Temperatures of the bodies at the nodes, for materials of which more varies than a factor; none where not
+    !> allocated (n_bodies, n_nodes) [temperature].
+    real(dp), allocatable :: temperature(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer :: analysis = 0
+    !> The material in space.
+    type(material_field_t) :: field
   contains
     procedure :: init => point_material_init
   end type point_material_t
@@ -33,11 +38,11 @@ module dotyk_elasticity_point_stress
   !> Points on faces are moved towards the centre of the element by this fraction to find the modulus of the element.
   real(dp), parameter :: inward = 1.0e-6_dp
 
-  public :: modulus_at, stresses_at
+  public :: stresses_at
 
 contains
 
-  !> Create the material of an analysis; the modulus field is set elsewhere.
+  !> Create the material of an analysis; its field is set elsewhere.
   subroutine point_material_init(self, analysis, matrix)
     class(point_material_t), intent(inout) :: self
     !> Type of analysis: one of the `analysis_*` constants.
@@ -46,6 +51,7 @@ contains
     real(dp), intent(in) :: matrix(6, 6)
     integer :: k, n
     call self%form%init(analysis, matrix)
+    self%analysis = analysis
     self%slots = gradient_slots(analysis)
     n = self%form%n_strains
     allocate (self%stiffness(n, n), source=0.0_dp)
@@ -60,7 +66,7 @@ contains
 
   !> Stresses at all points of a table.
   subroutine stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material, points, node, all_x, all_u, at_faces, &
-                         inverse, radius, w, modulus, stress, worst, error)
+                         inverse, radius, w, modulus, stress, worst, error, matrix)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of points, with repetitions.
@@ -99,10 +105,14 @@ contains
     real(dp), intent(out) :: worst
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
+    !> Material at the points, by the factor: from strains to stresses (n_strains, n_strains, n_points) [pressure].
+    real(dp), intent(out), optional :: matrix(n_strains, n_strains, n_points)
+    type(point_constants_t) :: here
     real(dp) :: x(dim, n), u(n_bodies, dim, n), g_square(n_points), slope(n_points, dim, slots)
     real(dp) :: by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)
     real(dp) :: strain(n_points, n_strains), place(n_points, dim), centre(dim), point(dim)
     real(dp) :: at_rest(n_points, n_bodies, n_strains)
+    real(dp), allocatable :: varying(:, :, :), held(:, :), heat(:, :)
     integer :: i, k, q, s
     do i = 1, n
       x(:, i) = all_x(:, node(i))
@@ -112,15 +122,30 @@ contains
     modulus = 1
     call map_points(n, dim, slots, n_points, points%shape, points%shape_square, points%gradient, points%products, &
                     points%weight, x, inverse, radius, g_square, w, worst)
-    if (.not. material%factor%constant) then
+    if (material%field%varies) allocate (varying(n_strains, n_strains, n_points), held(n_strains, n_points))
+    if (.not. material%field%constant) then
       call interpolate(n, dim, n_points, points%shape, x, place)
       centre = sum(x, dim=2)/n
       do q = 1, n_points
         point = place(q, :)
         if (at_faces) point = point + inward*(centre - point)
-        call modulus_at(material%factor, point, modulus(q), error)
-        if (allocated(error)) return
+        if (material%field%varies) then
+          call material%field%at(material%analysis, point, here, error)
+          if (allocated(error)) return
+          modulus(q) = here%factor
+          varying(:, :, q) = here%matrix(material%form%component, material%form%component)
+          ! The stress per temperature whose expansion is held.
+          here%expansion = -matmul(here%matrix, here%expansion)
+          held(:, q) = here%expansion(material%form%component)
+        else
+          call material%field%factor_at(point, modulus(q), error)
+          if (allocated(error)) return
+        end if
       end do
+    end if
+    if (present(matrix)) then
+      matrix = spread(material%stiffness, 3, n_points)
+      if (material%field%varies) matrix = varying
     end if
     if (.not. worst > 0) return
     do i = 1, dim
@@ -130,6 +155,21 @@ contains
     do k = 1, n_bodies
       call physical_gradients(dim, slots, n_points, n_bodies, k, by_reference, inverse, displacement, radius, slope)
       call material%form%strains(n_points, slope, strain)
+      if (material%field%varies) then
+        if (allocated(material%temperature)) then
+          if (.not. allocated(heat)) then
+            allocate (heat(n_points, n_bodies))
+            call interpolate(n, n_bodies, n_points, points%shape, material%temperature(:, node), heat)
+          end if
+          do i = 1, n_strains
+            stress(:, i, k) = heat(:, k)*held(i, :)
+          end do
+        end if
+        do q = 1, n_points
+          stress(q, :, k) = stress(q, :, k) + matmul(varying(:, :, q), strain(q, :))
+        end do
+        cycle
+      end if
       do i = 1, n_strains
         do s = 1, n_strains
           if (.not. abs(material%stiffness(s, i)) > 0) cycle
@@ -141,7 +181,7 @@ contains
       call interpolate(n, n_bodies*n_strains, n_points, points%shape, material%thermal(:, :, node), at_rest)
       call add_at_rest()
     end if
-    if (.not. material%factor%constant) then
+    if (.not. material%field%constant) then
       do k = 1, n_bodies
         do s = 1, n_strains
           stress(:, s, k) = modulus*stress(:, s, k)
@@ -165,21 +205,4 @@ contains
       end do
     end subroutine add_at_rest
   end subroutine stresses_at
-
-  !> The modulus factor at a point.
-  subroutine modulus_at(factor, position, modulus, error)
-    !> Modulus field.
-    type(vector_field_t), intent(in) :: factor
-    !> The point (dim) [length].
-    real(dp), intent(in) :: position(:)
-    !> The factor [].
-    real(dp), intent(out) :: modulus
-    !> Allocated where the field has no value.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp) :: value(3)
-    modulus = 1
-    if (factor%constant) return
-    call factor%evaluate(position, value, error)
-    modulus = max(value(1), tiny(modulus))
-  end subroutine modulus_at
 end module dotyk_elasticity_point_stress

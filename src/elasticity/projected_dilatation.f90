@@ -21,6 +21,11 @@
 !> quadratic element: otherwise the rest of its dilatation would cost no energy, and displacement errors would be ten
 !> times larger (grad-div stabilization; Olshanskii and Reusken, Math. Comput. 73, 2004).
 !>
+!> Where the projected part b of the bulk modulus varies within an element by more than the modulus field, pressures p
+!> are sought among the projection functions times that field: they make int p m.e - p^2/(2 b) stationary, and the
+!> functions are orthonormal with the weight 1/b. Where b varies by more than a factor of 4, as in an element of which only a part
+!> is nearly incompressible, the excess is left unprojected (`limit_projected_part`).
+!>
 !> The projection uses the quadrature of the stiffness, weighted with the modulus field. In axisymmetric analyses
 !> u_r/r is part of the dilatation.
 module dotyk_elasticity_projected_dilatation
@@ -29,7 +34,7 @@ module dotyk_elasticity_projected_dilatation
   implicit none
   private
   public :: unprojected_bulk_ratio, n_projection_functions, project_onto_functions, projection_functions
-  public :: projected_dilatations, add_projected_stiffness
+  public :: projected_dilatations, add_projected_stiffness, limit_projected_part
 
   !> Largest number of projection functions on an element.
   integer, parameter, public :: max_projection_functions = 4
@@ -38,6 +43,9 @@ module dotyk_elasticity_projected_dilatation
   real(dp), parameter :: locking_free_ratio = 14.0_dp/3
   !> The same for quadratic elements of which only the mean dilatation is projected: Poisson's ratio 0.45.
   real(dp), parameter :: locking_free_ratio_of_mean = 29.0_dp/3
+
+  !> Greatest ratio of the projected parts of the bulk modulus in an element [].
+  real(dp), parameter :: most_variation = 4.0_dp
 
   !> A function that keeps less than this fraction of its norm when the functions before it are projected out depends on
   !> them linearly: the square root of the rounding of its squared norm.
@@ -73,6 +81,25 @@ contains
     n = 1
     if (kind == element_quad9 .or. kind == element_hex27) n = 1 + dimension
   end function n_projection_functions
+
+  !> Limit the variation of the projected part of the bulk modulus within an element: the excess joins the unprojected
+  !> part.
+  pure subroutine limit_projected_part(n_points, bulk, matrix)
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Projected parts of the bulk modulus; 0 at all points on return where there is none at one (n_points) [pressure].
+    real(dp), intent(inout) :: bulk(n_points)
+    !> Unprojected parts of the material: from strains to stresses (6, 6, n_points) [pressure].
+    real(dp), intent(inout) :: matrix(6, 6, n_points)
+    real(dp) :: most
+    integer :: q
+    most = most_variation*minval(bulk)
+    do q = 1, n_points
+      if (.not. bulk(q) > most) cycle
+      matrix(1:3, 1:3, q) = matrix(1:3, 1:3, q) + (bulk(q) - most)
+      bulk(q) = most
+    end do
+  end subroutine limit_projected_part
 
   !> Evaluate the projection functions at the quadrature points of an element: orthonormal in the weighted sum over
   !> them.

@@ -15,7 +15,6 @@ module dotyk_elasticity_residual_check
   use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_energy
   use dotyk_elasticity_flat_clusters, only: flat_clusters_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_modulus_field, only: read_modulus_field
   use dotyk_elasticity_point_stress, only: point_material_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -82,8 +81,9 @@ contains
       if (allocated(data%thermal)) then
         point_material(m)%thermal = data%thermal(:, :, :, m)
         point_material(m)%initial = data%initial
+        if (material(m)%formulas%vary()) point_material(m)%temperature = data%temperature
       end if
-      call read_modulus_field(material(m), point_material(m)%factor, error)
+      call point_material(m)%field%init(material(m), error)
       if (allocated(error)) exit
     end do
     if (allocated(error)) then
@@ -92,7 +92,7 @@ contains
     end if
     call clusters%init(mesh, data%faces)
     ! A formula serves one thread.
-    !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%factor%constant)) &
+    !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%field%constant)) &
     !$omp& private(failure, energy, b, e, k) &
     !$omp& shared(mesh, data, point_material, table, bubbles, clusters, u, least, factor, room, square, error)
     do c = 1, clusters%n
@@ -131,7 +131,7 @@ contains
     subroutine forget()
       integer :: m
       do m = 1, size(point_material)
-        call point_material(m)%factor%destroy()
+        call point_material(m)%field%destroy()
       end do
     end subroutine forget
   end subroutine check_by_residuals

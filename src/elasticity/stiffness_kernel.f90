@@ -7,7 +7,7 @@ module dotyk_elasticity_stiffness_kernel
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: gradient_products, stiffness_isotropic, stiffness_general, rotate_blocks
+  public :: gradient_products, stiffness_isotropic, stiffness_general, stiffness_varying, rotate_blocks
 
 contains
 
@@ -140,6 +140,50 @@ contains
       end do
     end do
   end subroutine stiffness_general
+
+  !> Stiffness of an element whose material matrix differs from point to point.
+  pure subroutine stiffness_varying(n, dim, slots, n_points, strain, material, g, w, k)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of gradient slots.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Strain index of each component and slot, 0 for none (dim, slots).
+    integer, intent(in) :: strain(dim, slots)
+    !> Material matrices: from strains to stresses (6, 6, n_points) [pressure].
+    real(dp), intent(in) :: material(6, 6, n_points)
+    !> Gradients of the shape functions (n, slots, n_points) [1/length].
+    real(dp), intent(in) :: g(n, slots, n_points)
+    !> Quadrature weights times the factor of the matrices (n_points) [volume].
+    real(dp), intent(in) :: w(n_points)
+    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
+    real(dp), intent(out) :: k(n, n, dim, dim)
+    real(dp) :: b(n, 6, dim), stress(6, n, dim)
+    integer :: i, j, q, s
+    k = 0
+    do q = 1, n_points
+      b = 0
+      do i = 1, dim
+        do s = 1, slots
+          if (strain(i, s) > 0) b(:, strain(i, s), i) = b(:, strain(i, s), i) + g(:, s, q)
+        end do
+        stress(:, :, i) = matmul(w(q)*material(:, :, q), transpose(b(:, :, i)))
+      end do
+      do j = 1, dim
+        do i = j, dim
+          k(:, :, i, j) = k(:, :, i, j) + matmul(b(:, :, i), stress(:, :, j))
+        end do
+      end do
+    end do
+    do j = 1, dim
+      do i = j + 1, dim
+        k(:, :, j, i) = transpose(k(:, :, i, j))
+      end do
+    end do
+  end subroutine stiffness_varying
 
   !> Rotate the unknowns of nodes into their local axes: K_ab <- R_a^T K_ab R_b.
   pure subroutine rotate_blocks(n, dim, n_frames, frame_of, frame, k)

@@ -6,6 +6,7 @@ module dotyk_elasticity_stress
   use dotyk_elasticity_dilatation_fit, only: smooth_pressures
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
+  use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -37,7 +38,7 @@ contains
     do m = 1, size(body%material)
       if (allocated(error)) exit
       if (allocated(body%initial%temperature)) &
-        thermal = body%initial%thermal_dilatation(body%material(m)%expansion)
+        call thermal_dilatation(body%mesh, body%analysis, body%material(m), body%initial, thermal)
       if (size(body%material) == 1) then
         call smooth_pressures(body%mesh, body%analysis, body%material(m), u, factor, stress, thermal)
       else

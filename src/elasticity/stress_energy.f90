@@ -135,26 +135,25 @@ contains
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
-    real(dp), allocatable :: ue(:, :)
-    real(dp) :: volume, stiffness
+    real(dp), allocatable :: ue(:, :), amplitude(:)
+    real(dp) :: volume
     integer :: e
     call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
     associate (n => points%n, dim => points%dim, m => points%n_points)
-      allocate (ue(dim, n))
+      allocate (ue(dim, n), amplitude(points%n_functions))
       do e = first, last
         call points%move_to(mesh, i_block, e, error)
         if (allocated(error)) exit
         ue(:, :) = u(:, points%node)
         call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, &
-                                   points%matrix, ue, stress(:, e), energy(e))
+                                   points%n_matrices, points%matrix, ue, stress(:, e), energy(e))
         volume = sum(points%w(:m))
-        stiffness = sum(points%stiffness(:m))
-        mean_modulus_factor(e) = stiffness/volume
+        mean_modulus_factor(e) = sum(points%stiffness(:m))/volume
         element_volume(e) = volume
         if (points%bulk > 0) then
-          call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, ue, &
-                              stress(1:3, e), energy(e))
+          call dilatation_energy(n, dim, points%n_functions, points%bulk, points%dilatation, ue, amplitude, energy(e))
+          stress(1:3, e) = stress(1:3, e) + points%bulk*points%pressure_integral(amplitude)/volume
         end if
         if (state%is_set()) call add_mean_initial_stress(points, state, stress(:, e))
       end do
@@ -163,7 +162,8 @@ contains
   end subroutine evaluate_elements
 
   !> Mean stress of an element, and its energy.
-  pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, matrix, u, stress, energy)
+  pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, n_matrices, matrix, u, &
+                                        stress, energy)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.
@@ -180,8 +180,10 @@ contains
     real(dp), intent(in) :: stiffness(n_points)
     !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: strain_of(dim, slots)
-    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    !> Number of matrices: 1, or one for each point.
+    integer, intent(in) :: n_matrices
+    !> Unprojected part of the material: from strains to stresses (6, 6, n_matrices) [pressure].
+    real(dp), intent(in) :: matrix(6, 6, n_matrices)
     !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
     !> Mean stress (6) [pressure].
@@ -204,15 +206,15 @@ contains
           strain(strain_of(i, s)) = strain(strain_of(i, s)) + slope
         end do
       end do
-      stress = matmul(matrix, strain)
+      stress = matmul(matrix(:, :, min(q, n_matrices)), strain)
       energy = energy + 0.5_dp*stiffness(q)*dot_product(strain, stress)
       total = total + stiffness(q)*stress
     end do
     stress = total/sum(w)
   end subroutine element_stress_energy
 
-  !> Add the contribution of the projected dilatation to the mean stress of an element and to its energy.
-  pure subroutine add_dilatation(n, dim, n_functions, bulk, d, volume, stiffness, u, normal_stress, energy)
+  !> Add the energy of the projected dilatation.
+  pure subroutine dilatation_energy(n, dim, n_functions, bulk, d, u, amplitude, energy)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.
@@ -223,20 +225,13 @@ contains
     real(dp), intent(in) :: bulk
     !> Linear forms from `projected_dilatations` (n*dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n*dim, n_functions)
-    !> Volume of the element [volume].
-    real(dp), intent(in) :: volume
-    !> Integral of the modulus field over the element [volume].
-    real(dp), intent(in) :: stiffness
     !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
-    !> Mean stresses xx, yy, zz, added to (3) [pressure].
-    real(dp), intent(inout) :: normal_stress(3)
+    !> Coefficients of the projection functions (n_functions) [sqrt(volume)].
+    real(dp), intent(out) :: amplitude(n_functions)
     !> Strain energy, added to [energy].
     real(dp), intent(inout) :: energy
-    real(dp) :: amplitude(n_functions)
     amplitude = matmul(reshape(transpose(u), [n*dim]), d)
-    ! Only the first function, a constant, has a mean.
-    normal_stress = normal_stress + bulk*amplitude(1)*sqrt(stiffness)/volume
     energy = energy + 0.5_dp*bulk*sum(amplitude**2)
-  end subroutine add_dilatation
+  end subroutine dilatation_energy
 end module dotyk_elasticity_stress_energy

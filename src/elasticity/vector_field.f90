@@ -26,11 +26,14 @@ module dotyk_elasticity_vector_field
     real(dp), private :: origin(3) = 0
     !> Formulas of the components; not set where the component is constant (3).
     type(formula_t) :: formula(3)
+    !> Formula of a density that multiplies the field; not set where there is none.
+    type(formula_t), private :: density
     !> Their texts, for messages; not allocated where the component is constant (3).
     type(text_t), private :: text(3)
   contains
     procedure :: init => vector_field_init
     procedure :: init_affine => vector_field_init_affine
+    procedure :: multiply_by_density => vector_field_multiply_by_density
     procedure :: evaluate => vector_field_evaluate
     procedure :: destroy => vector_field_destroy
   end type vector_field_t
@@ -79,6 +82,17 @@ contains
     self%constant = .false.
   end subroutine vector_field_init_affine
 
+  !> Multiply the field by a density.
+  subroutine vector_field_multiply_by_density(self, text, error)
+    class(vector_field_t), intent(inout) :: self
+    !> Its formula.
+    character(*), intent(in) :: text
+    !> Allocated where the formula does not parse.
+    type(error_t), allocatable, intent(out) :: error
+    call self%density%init(text, error)
+    if (.not. allocated(error)) self%constant = .false.
+  end subroutine vector_field_multiply_by_density
+
   !> Value of the field at a point.
   subroutine vector_field_evaluate(self, x, value, error)
     class(vector_field_t), intent(in) :: self
@@ -88,7 +102,7 @@ contains
     real(dp), intent(out) :: value(3)
     !> Allocated where a component has no finite value there, or one that is too large or too small.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: position(3)
+    real(dp) :: position(3), density
     integer :: i
     value = self%value
     if (self%constant) return
@@ -106,6 +120,16 @@ contains
       if (ieee_is_finite(value(i))) error%message = error%message//'; '//size_rule
       return
     end do
+    if (.not. self%density%is_set()) return
+    density = self%density%evaluate(position)
+    value = density*value
+    if (.not. is_too_large(density)) then
+      if (density >= 0) return
+    end if
+    !$omp critical (message)
+    call set_error(error, 'density_formula is '//to_text(density)//' at '//point_text(x)//', but must not be '// &
+                   'negative, nor beyond 1e40', exit_bad_input)
+    !$omp end critical (message)
   end subroutine vector_field_evaluate
 
   !> Free the formulas; the field is constantly zero afterwards.
@@ -115,6 +139,7 @@ contains
     do i = 1, 3
       call self%formula(i)%destroy()
     end do
+    call self%density%destroy()
     self%value = 0
     self%slope = 0
     self%origin = 0

@@ -198,7 +198,7 @@ contains
       do k = 1, size(body(load(i)%body)%material)
         associate (m => body(load(i)%body)%material(k))
           if (m == 0) cycle
-          if (.not. material(m)%density > 0) &
+          if (.not. (material(m)%density > 0 .or. len(material(m)%density_formula) > 0)) &
             call problems%add(load(i)%line, '&load: the material '//shown(material(m)%name)//' of body '// &
                               shown(body(load(i)%body)%name)//' has no density')
         end associate

@@ -61,6 +61,13 @@ module dotyk_input_case
     real(dp) :: stiffness(21) = 0
     !> Modulus field: factor of the elasticity matrix; empty where there is none.
     character(:), allocatable :: young_formula
+    !> Formulas of young and poisson; of young, poisson and shear; or of stiffness: empty where the number holds; not
+    !> allocated where none has a formula (2, 9 or 21).
+    type(text_t), allocatable :: stiffness_formula(:)
+    !> Formulas of the expansion (0, 1 or 3).
+    type(text_t), allocatable :: expansion_formula(:)
+    !> Formula of the density; empty where there is none.
+    character(:), allocatable :: density_formula
     !> Density; 0 where it is not given [mass/volume].
     real(dp) :: density = 0
     !> Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].

@@ -182,7 +182,7 @@ contains
       end select
       if (len(message) == 0) cycle
       place = ''
-      if (row%most > 1 .and. row%kind == kind_formula) place = '('//to_text(i)//')'
+      if (entry%n_values > 1 .and. row%kind == kind_formula) place = '('//to_text(i)//')'
       call problems%add(entry%value(i)%line, '&'//group_name//': '//row%key//place//message)
       entry%usable = .false.
     end do

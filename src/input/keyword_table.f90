@@ -178,14 +178,25 @@ contains
     call list%add('stiffness', kind_real, least=21, most=21, unit='pressure', &
                   meaning='anisotropic: upper triangle of the elasticity matrix by rows, order 11 22 33 23 13 12 '// &
                   'of its axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
-    call list%add('young_formula', kind_formula, &
-                  'modulus field: dimensionless factor of the elasticity matrix as a formula; with young=1 it is '// &
-                  'Young''s modulus itself')
+    call list%add('young_formula', kind_formula, most=3, &
+                  meaning='one: modulus field, dimensionless factor of the elasticity matrix as a formula; without '// &
+                  'young it is Young''s modulus itself [pressure]; three, without young: Young''s moduli of an '// &
+                  'orthotropic material [pressure]')
+    call list%add('poisson_formula', kind_formula, most=3, &
+                  meaning='Poisson''s ratio as formulas, in place of poisson')
+    call list%add('shear_formula', kind_formula, least=3, most=3, unit='pressure', &
+                  meaning='shear moduli as formulas, in place of shear')
+    call list%add('stiffness_formula', kind_formula, least=21, most=21, unit='pressure', &
+                  meaning='stiffness as formulas, in place of it')
     call list%add('density', kind_real, unit='mass/volume', positive=.true., &
-                  meaning='density, for angular_velocity of &load')
+                  meaning='density, for angular_velocity and acceleration of &load')
+    call list%add('density_formula', kind_formula, unit='mass/volume', &
+                  meaning='density as a formula')
     call list%add('expansion', kind_real, most=3, unit='1/temperature', &
                   meaning='coefficient of thermal expansion; orthotropic or anisotropic: one, or three along the '// &
                   'axes 1, 2, 3')
+    call list%add('expansion_formula', kind_formula, most=3, unit='1/temperature', &
+                  meaning='expansion as formulas')
   end subroutine add_material
 
   !> Keys of `&body`.

@@ -114,11 +114,16 @@ contains
         if (present(changed)) cycle
         do k = 1, size(body%material)
           if (.not. body%material(k)%has_modulus_field() .or. .not. problem%classes%is_representative(b)) cycle
-          allocate (formula(1))
-          formula(1)%s = body%material(k)%modulus_formula
-          call warn(quoted(body%name)//': young_formula', difference_in_volume(body%mesh, formula), &
-                    'elements', 'the stiffness and the estimated discretization error are')
-          deallocate (formula)
+          if (allocated(body%material(k)%modulus_formula)) then
+            allocate (formula(1))
+            formula(1)%s = body%material(k)%modulus_formula
+            call warn_of_material(': young_formula', formula)
+            deallocate (formula)
+          end if
+          if (allocated(body%material(k)%formulas%stiffness)) &
+            call warn_of_material(': material '//quoted(body%material(k)%name), body%material(k)%formulas%stiffness)
+          if (allocated(body%material(k)%formulas%expansion)) &
+            call warn_of_material(': expansion_formula', body%material(k)%formulas%expansion)
         end do
       end associate
     end do
@@ -136,6 +141,25 @@ contains
     end do
 
   contains
+
+    !> Add a warning about formulas of a material: each by itself, for they differ in size.
+    subroutine warn_of_material(name, formulas)
+      !> What has the formulas.
+      character(*), intent(in) :: name
+      !> The formulas (n).
+      type(text_t), intent(in) :: formulas(:)
+      type(text_t), allocatable :: one(:)
+      real(dp) :: difference
+      integer :: i
+      difference = 0
+      allocate (one(1))
+      do i = 1, size(formulas)
+        one(1)%s = formulas(i)%s
+        difference = max(difference, difference_in_volume(problem%body(b)%mesh, one))
+      end do
+      call warn(quoted(problem%body(b)%name)//name, difference, 'elements', &
+                'the stiffness and the estimated discretization error are')
+    end subroutine warn_of_material
 
     !> Add a warning where the difference is notable.
     subroutine warn(name, difference, where, what)

@@ -39,6 +39,7 @@ contains
     !> Allocated where the load cannot be used.
     type(error_t), allocatable, intent(out) :: error
     type(load_t) :: load
+    type(text_t), allocatable :: one(:)
     real(dp), allocatable :: before(:, :)
     integer :: m
     load%kind = given%kind
@@ -48,6 +49,14 @@ contains
     if (given%has_point) load%point = given%point
     load%centre = given%centre
     load%density = body%material%density
+    allocate (load%density_formula(size(body%material)))
+    do m = 1, size(body%material)
+      load%density_formula(m)%s = ''
+      if (.not. allocated(body%material(m)%formulas%density)) cycle
+      ! The formula multiplies the force of a unit density.
+      load%density(m) = 1
+      load%density_formula(m)%s = body%material(m)%formulas%density
+    end do
     before = body%load
     if (.not. acts_on_surface(given)) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
@@ -57,12 +66,20 @@ contains
       if (load%kind == load_angular_velocity) call balance_forces(before, accuracy, body)
       if (.not. allocated(body%density)) allocate (body%density(3, size(body%material)), source=0.0_dp)
       do m = 1, size(body%material)
-        if (load%kind == load_acceleration) body%density(:, m) = body%density(:, m) + load%density(m)*load%value
+        if (load%kind == load_acceleration .and. len(load%density_formula(m)%s) == 0) &
+          body%density(:, m) = body%density(:, m) + load%density(m)*load%value
         if (load%kind == load_force_density .and. size(load%formula) == 0) &
           body%density(:, m) = body%density(:, m) + load%value
       end do
       call note_resultant(body, body%load - before, option_name(load_names, given%kind))
       call note_difference(body, 'the force density', difference_in_volume(body%mesh, load%formula))
+      do m = 1, size(body%material)
+        if (load%kind == load_force_density .or. len(load%density_formula(m)%s) == 0) cycle
+        if (.not. allocated(one)) allocate (one(1))
+        one(1)%s = load%density_formula(m)%s
+        call note_difference(body, 'the density of material '//quoted(body%material(m)%name), &
+                             difference_in_volume(body%mesh, one))
+      end do
     else
       call add_surface_load(body%mesh, body%analysis, surface, load, body%load, error, body%applied)
       if (allocated(error)) return

@@ -14,7 +14,7 @@ module dotyk_model_body_setup
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
-  use dotyk_model_materials, only: build_material, turn_material
+  use dotyk_model_materials, only: build_material, survey_material, turn_material
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_volumes, only: volume_t
@@ -152,7 +152,9 @@ contains
     type(problem_list_t), intent(inout) :: problems
     type(error_t), allocatable :: failed
     integer :: k, before
+    logical :: failed_survey
     before = problems%count
+    failed_survey = .false.
     body%name = case%body(b)%name
     body%analysis = case%scene%analysis
     body%dimension = case%scene%dimension
@@ -173,7 +175,13 @@ contains
     do k = 1, size(body%material)
       call body%material(k)%check_plane(body%analysis, failed)
       call note(case%body(b)%line, failed)
+      call survey_material(body%mesh, body%analysis, k, case%solver%locking, body%material(k), failed)
+      call add_context(failed, 'body '//quoted(body%name)//': ')
+      failed_survey = failed_survey .or. allocated(failed)
+      call note(case%material(case%body(b)%material(k))%line, failed)
     end do
+    ! Loads would find the same mistakes.
+    if (failed_survey) return
 
     ! A single body has no pairs.
     if (size(case%body) > 1) call volume%take_boundary(mesh, surfaces%boundary)

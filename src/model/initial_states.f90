@@ -8,6 +8,8 @@ module dotyk_model_initial_states
   use dotyk_elasticity_initial_state, only: initial_state_t
   use dotyk_elasticity_initial_stress, only: add_initial_forces
   use dotyk_elasticity_load_report, only: difference_in_volume
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_part_sums, only: greatest_of_parts
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_input_case, only: field_input_t
@@ -130,17 +132,35 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Components below this fraction of the largest one are the rounding of a rotation.
     real(dp), parameter :: negligible = 1.0e-9_dp
-    real(dp) :: stress(6)
-    integer :: k
+    type(material_field_t) :: field
+    integer :: i, k, n
     if (.not. any(body%analysis == [analysis_plane_strain, analysis_axisymmetric])) return
     do k = 1, size(body%material)
-      stress = matmul(body%material(k)%stiffness, body%material(k)%expansion)
-      if (.not. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))) cycle
+      call field%init(body%material(k), error)
+      if (allocated(error)) return
+      n = merge(body%mesh%n_nodes(), 1, field%varies)
+      if (.not. any([(makes_shear(body%mesh%x(:, i)), i=1, n)])) cycle
       call set_error(error, 'material '//quoted(body%material(k)%name)//': its thermal expansion makes shear '// &
                      'stresses out of the plane, but analysis='''//option_name(analysis_names, body%analysis)// &
                      ''' assumes that nothing moves across it: the plane must be that of two axes of the material; '// &
                      'use analysis=''3d''', exit_bad_input)
-      return
+      exit
     end do
+
+  contains
+
+    !> Whether the expansion makes such stresses at a point.
+    logical function makes_shear(x)
+      !> The point (dim) [length].
+      real(dp), intent(in) :: x(:)
+      type(material_t) :: here
+      type(error_t), allocatable :: no_value
+      real(dp) :: stress(6)
+      here%stiffness = body%material(k)%stiffness
+      here%expansion = body%material(k)%expansion
+      if (field%varies) call field%whole_at(x, here, no_value)
+      stress = matmul(here%stiffness, here%expansion)
+      makes_shear = .not. allocated(no_value) .and. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))
+    end function makes_shear
   end subroutine check_expansion
 end module dotyk_model_initial_states

@@ -1,18 +1,13 @@
 !> The decision whether linear elements are elevated to order 2 against volumetric locking.
 module dotyk_model_locking
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_stress, locking_auto
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
-  use dotyk_model_materials, only: build_material
+  use dotyk_model_materials, only: build_material, linear_simplices_lock
   implicit none
   private
   public :: would_lock
-
-  !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids are elevated: Poisson's
-  !> ratio 0.45 [].
-  real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
 
 contains
 

@@ -2,13 +2,20 @@
 module dotyk_model_materials
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: locking_ignore, material_isotropic, material_orthotropic
+  use dotyk_base_options, only: locking_auto, locking_ignore, material_isotropic, material_orthotropic
+  use dotyk_elasticity_constants_survey, only: survey_constants
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_stiffness_tensor, only: material_axes, rotate_stiffness, rotate_strain
   use dotyk_input_case, only: material_input_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
-  public :: build_material, turn_material
+  public :: build_material, survey_material, turn_material
+
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids lock: Poisson's ratio 0.45
+  !> [].
+  real(dp), parameter, public :: linear_simplices_lock = 29.0_dp/3
 
 contains
 
@@ -23,6 +30,41 @@ contains
     !> Allocated where the constants are not those of a stable material.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: axes(3, 3)
+    if (allocated(given%stiffness_formula)) then
+      ! Until `survey_material` knows the constants.
+      call material%init_isotropic(given%name, 1.0_dp, 0.25_dp, error)
+    else
+      call set_constants(given, material, error)
+    end if
+    if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
+    if (allocated(error)) return
+    if (locking /= locking_ignore) call material%project_dilatation()
+    material%density = given%density
+    material%expansion(1:3) = given%expansion
+    associate (formulas => material%formulas)
+      formulas%kind = given%kind
+      formulas%constant = constants_of(given)
+      if (allocated(given%stiffness_formula)) formulas%stiffness = given%stiffness_formula
+      if (size(given%expansion_formula) > 0) formulas%expansion = given%expansion_formula
+      if (len(given%density_formula) > 0) formulas%density = given%density_formula
+    end associate
+    ! Equal ones are the same in all axes, to the bit.
+    if (all(abs(given%expansion - given%expansion(1)) <= 0) .and. .not. material%formulas%vary()) return
+    call material_axes(given%axis_1, given%axis_2, axes, error)
+    if (allocated(error)) return
+    material%formulas%axes = axes
+    if (any(abs(given%expansion - given%expansion(1)) > 0)) &
+      material%expansion = rotate_strain(material%expansion, axes)
+  end subroutine build_material
+
+  !> Set constants that are numbers.
+  subroutine set_constants(given, material, error)
+    !> `&material`.
+    type(material_input_t), intent(in) :: given
+    !> The material.
+    type(material_t), intent(out) :: material
+    !> Allocated where the constants are not those of a stable material.
+    type(error_t), allocatable, intent(out) :: error
     select case (given%kind)
     case (material_isotropic)
       call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)
@@ -32,16 +74,45 @@ contains
     case default
       call material%init_anisotropic(given%name, given%stiffness, given%axis_1, given%axis_2, error)
     end select
-    if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
-    if (allocated(error)) return
-    if (locking /= locking_ignore) call material%project_dilatation()
-    material%density = given%density
-    material%expansion(1:3) = given%expansion
-    ! Equal ones are the same in all axes, to the bit.
-    if (all(abs(given%expansion - given%expansion(1)) <= 0)) return
-    call material_axes(given%axis_1, given%axis_2, axes, error)
-    if (.not. allocated(error)) material%expansion = rotate_strain(material%expansion, axes)
-  end subroutine build_material
+  end subroutine set_constants
+
+  !> Constants of the elasticity matrix: isotropic: Young's modulus, Poisson's ratio; orthotropic: three Young's moduli,
+  !> Poisson's ratios and shear moduli; else the 21 of the stiffness (21) [pressure] or [].
+  pure function constants_of(given) result(constant)
+    !> `&material`.
+    type(material_input_t), intent(in) :: given
+    real(dp) :: constant(21)
+    constant = 0
+    select case (given%kind)
+    case (material_isotropic)
+      constant(:2) = [given%young(1), given%poisson(1)]
+    case (material_orthotropic)
+      constant(:9) = [given%young, given%poisson, given%shear]
+    case default
+      constant = given%stiffness
+    end select
+  end function constants_of
+
+  !> Visit the points of a material whose constants are formulas.
+  subroutine survey_material(mesh, analysis, number, locking, material, error)
+    !> Elements and nodes of the body, in their place.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Number of the material in the body.
+    integer, intent(in) :: number
+    !> One of `locking_*`.
+    integer, intent(in) :: locking
+    !> The material; its constants are set.
+    type(material_t), intent(inout) :: material
+    !> Allocated where the material is not stable at a point.
+    type(error_t), allocatable, intent(out) :: error
+    if (.not. material%formulas%vary()) return
+    call survey_constants(mesh, analysis, number, locking /= locking_ignore, &
+                          merge(linear_simplices_lock, huge(1.0_dp), locking == locking_auto), material, error)
+    ! Each rank has other elements of a body in parts.
+    if (mesh%is_in_parts()) call agree_on_error(error)
+  end subroutine survey_material
 
   !> Turn a material with its body.
   subroutine turn_material(rotation, material)
@@ -49,8 +120,9 @@ contains
     real(dp), intent(in) :: rotation(3, 3)
     !> The material, in global axes.
     type(material_t), intent(inout) :: material
-    if (material%isotropic) return
-    material%stiffness = rotate_stiffness(material%stiffness, rotation)
+    material%formulas%axes = matmul(rotation, material%formulas%axes)
+    ! An isotropic material that stands for formulas may have three expansions.
+    if (.not. material%isotropic) material%stiffness = rotate_stiffness(material%stiffness, rotation)
     associate (expansion => material%expansion)
       if (any(abs(expansion - [expansion(1), expansion(1), expansion(1), 0.0_dp, 0.0_dp, 0.0_dp]) > 0)) &
         expansion = rotate_strain(expansion, rotation)

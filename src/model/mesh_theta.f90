@@ -6,8 +6,7 @@ module dotyk_model_mesh_theta
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_modulus_field, only: read_modulus_field
-  use dotyk_elasticity_vector_field, only: vector_field_t
+  use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
@@ -57,14 +56,14 @@ contains
     real(dp), intent(inout) :: at_points(:)
     !> Allocated where the modulus field cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    type(vector_field_t) :: stiffness(size(body%material))
+    type(material_field_t) :: stiffness(size(body%material))
     real(dp), allocatable :: size_of(:), point(:, :), weight(:)
     real(dp) :: value(3), young
     integer :: i, m, of_rule
     ! Sizes are computed when needed: most facets may have no points.
     allocate (size_of(surface%n_facets), source=-1.0_dp)
     do m = 1, size(stiffness)
-      if (.not. allocated(error)) call read_modulus_field(body%material(m), stiffness(m), error)
+      if (.not. allocated(error)) call stiffness(m)%init(body%material(m), error)
     end do
     value(1) = body%mean_modulus_factor
     young = body%young()
@@ -84,7 +83,7 @@ contains
         m = body%mesh%block(surface%block(facet(i)))%material
         value(1) = 1
       end if
-      if (.not. stiffness(m)%constant) call stiffness(m)%evaluate(position(:, i), value, error)
+      if (.not. stiffness(m)%constant) call stiffness(m)%factor_at(position(:, i), value(1), error)
       if (allocated(error)) exit
       if (m > 1) value(1) = value(1)*(body%material(m)%least_young/body%material(1)%least_young)
       ! A modulus that vanishes on the surface must not make theta infinite.

@@ -105,6 +105,8 @@ def placed(rng):
     material = rng.choice([
         "young=14,1,1, poisson=0.3,0.3,0.4, shear=0.5,0.5,0.35, axis_1=1,1,0, axis_2=0,1,0",
         "young=14, poisson=0.3, young_formula='1+z/2'",
+        "young_formula='14+z', poisson_formula='0.3+0.1*sin(x)'",
+        "young_formula='9+z','2+x^2','3', poisson=0.1,0.1,0.1, shear_formula='1','2','1+y^2', axis_1=1,1,0, axis_2=0,1,0",
         "stiffness=3,1,1,0,0,0, 3,1,0,0,0, 3,0,0,0, 1,0,0, 1,0, 1"])
     text = """&scene mesh='a.msh' /
 &material name='m', %s /

@@ -1,0 +1,280 @@
+!> Material field: a material at the points of a body, where a modulus factor (`young_formula` in the input) or
+!> constants by formulas make it vary in space.
+!>
+!> With constants by formulas the stiffness at a point is written as a factor times a matrix, the factor being the least
+!> Young's modulus there over that of the material: so the factor has one meaning for all materials.
+!> Formulas are parsed here, because a formula serves one thread: no two threads share a field.
+module dotyk_elasticity_material_field
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_elasticity_elastic_constants, only: elastic_constants
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
+  use dotyk_elasticity_stiffness_tensor, only: rotate_strain
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
+  implicit none
+  private
+
+  !> The constants of a material at a point.
+  type, public :: point_constants_t
+    !> Factor on the stiffness, see above [].
+    real(dp) :: factor = 1
+    !> From strains to stresses of the analysis, without the projected part, by the factor (6, 6) [pressure].
+    real(dp) :: matrix(6, 6) = 0
+    !> Projected part of the bulk modulus, by the factor; 0 where the dilatation is not projected [pressure].
+    real(dp) :: bulk = 0
+    !> Thermal expansion, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
+    real(dp) :: expansion(6) = 0
+  end type point_constants_t
+
+  !> A material in space. It owns formulas: never copy it, and destroy it in the end.
+  type, public :: material_field_t
+    !> Whether the material is the same everywhere.
+    logical :: constant = .true.
+    !> Whether more varies than a factor: the matrix, or the expansion.
+    logical :: varies = .false.
+    !> The modulus factor, in the first component.
+    type(vector_field_t) :: factor
+    !> The material.
+    type(material_t), private :: material
+    !> Constants by formulas, three in each; none where not allocated.
+    type(vector_field_t), allocatable, private :: elastic(:)
+    !> Thermal expansion along the material axes, where it has formulas.
+    type(vector_field_t), private :: expansion
+  contains
+    procedure :: init => material_field_init
+    procedure :: at => material_field_at
+    procedure :: factor_at => material_field_factor_at
+    procedure :: whole_at => material_field_whole_at
+    procedure :: apply => material_field_apply
+    procedure :: destroy => material_field_destroy
+  end type material_field_t
+
+contains
+
+  !> Parse the formulas of a material.
+  subroutine material_field_init(self, material, error)
+    class(material_field_t), intent(inout) :: self
+    !> The material.
+    type(material_t), intent(in) :: material
+    !> Allocated where a formula does not parse.
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: text(:)
+    integer :: first, i, k, n
+    call self%destroy()
+    call read_modulus_field(material, self%factor, error)
+    if (allocated(error)) return
+    self%constant = self%factor%constant
+    self%varies = material%formulas%vary()
+    if (.not. self%varies) return
+    self%constant = .false.
+    self%material = material
+    if (allocated(material%formulas%stiffness)) then
+      n = size(material%formulas%stiffness)
+      allocate (self%elastic((n + 2)/3), text(3))
+      do i = 1, size(self%elastic)
+        first = 3*i - 2
+        do k = 1, 3
+          text(k)%s = ''
+          if (first + k - 1 <= n) text(k)%s = material%formulas%stiffness(first + k - 1)%s
+        end do
+        call self%elastic(i)%init(material%formulas%constant(first:first + 2), error, text)
+        if (allocated(error)) exit
+      end do
+    end if
+    if (.not. allocated(error) .and. allocated(material%formulas%expansion)) &
+      call self%expansion%init([0.0_dp, 0.0_dp, 0.0_dp], error, material%formulas%expansion)
+    if (allocated(error)) call self%destroy()
+  end subroutine material_field_init
+
+  !> The material at a point, where more than a factor varies, in global axes, without the modulus factor.
+  subroutine material_field_whole_at(self, x, here, error)
+    class(material_field_t), intent(in) :: self
+    !> The point (dim) [length].
+    real(dp), intent(in) :: x(:)
+    !> Its stiffness, moduli and expansion are set; the ratio of bulk to shear modulus is not.
+    type(material_t), intent(inout) :: here
+    !> Allocated where a formula has no value, or the material is not stable; names the material and the point.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: value(21)
+    integer :: i
+    if (allocated(self%elastic)) then
+      do i = 1, size(self%elastic)
+        call self%elastic(i)%evaluate(x, value(3*i - 2:3*i), error)
+        if (allocated(error)) exit
+      end do
+      if (allocated(error)) then
+        call locate('the constants by formulas: ', .false.)
+        return
+      end if
+      i = size(self%material%formulas%stiffness)
+      call elastic_constants(self%material%formulas, value(:i), here, error)
+      if (allocated(error)) then
+        call locate('', .true.)
+        return
+      end if
+    else
+      here%isotropic = self%material%isotropic
+      here%lambda = self%material%lambda
+      here%mu = self%material%mu
+      here%bulk = self%material%bulk
+      here%stiffness = self%material%stiffness
+      here%least_young = self%material%least_young
+    end if
+    here%expansion = self%material%expansion
+    if (.not. allocated(self%material%formulas%expansion)) return
+    call self%expansion%evaluate(x, value(:3), error)
+    if (allocated(error)) then
+      call locate('expansion_formula: ', .false.)
+      return
+    end if
+    here%expansion = 0
+    here%expansion(:3) = value(1)
+    if (size(self%material%formulas%expansion) == 1) return
+    here%expansion(:3) = value(:3)
+    here%expansion = rotate_strain(here%expansion, self%material%formulas%axes)
+
+  contains
+
+    !> Add the material, and maybe the point, to the message.
+    subroutine locate(what, with_point)
+      !> What has the formula.
+      character(*), intent(in) :: what
+      !> Whether the message does not name the point.
+      logical, intent(in) :: with_point
+      !$omp critical (message)
+      if (with_point) error%message = error%message//' at '//point_text(x)
+      call add_context(error, 'material '//quoted(self%material%name)//': '//what)
+      !$omp end critical (message)
+    end subroutine locate
+  end subroutine material_field_whole_at
+
+  !> The constants at a point, where more than a factor varies.
+  subroutine material_field_at(self, analysis, x, here, error, kind)
+    class(material_field_t), intent(in) :: self
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> The point (dim) [length].
+    real(dp), intent(in) :: x(:)
+    !> The constants.
+    type(point_constants_t), intent(out) :: here
+    !> Allocated where a formula has no value, or the material is not stable.
+    type(error_t), allocatable, intent(out) :: error
+    !> Element kind, where its part of the dilatation is projected; none is if absent.
+    integer, intent(in), optional :: kind
+    type(material_t) :: material
+    real(dp) :: kept, lambda, value(3)
+    call self%whole_at(x, material, error)
+    if (allocated(error)) return
+    kept = huge(kept)
+    if (present(kind)) then
+      ! Where nothing of the worst point is projected, nothing is, also at points that are no integration points.
+      associate (worst => self%material%incompressibility)
+        if (worst > unprojected_bulk_ratio(kind, worst)) then
+          material%incompressibility = material%bulk_over_shear()
+          kept = unprojected_bulk_ratio(kind, material%incompressibility)
+        end if
+      end associate
+    end if
+    call material%split(analysis, kept, here%matrix, lambda, here%bulk)
+    here%expansion = material%expansion
+    here%factor = material%least_young/self%material%least_young
+    here%matrix = here%matrix/here%factor
+    here%bulk = here%bulk/here%factor
+    if (self%factor%constant) return
+    call self%factor%evaluate(x, value, error)
+    if (allocated(error)) then
+      call add_context(error, 'young_formula: ')
+    else if (.not. value(1) > 0) then
+      !$omp critical (message)
+      call set_error(error, 'young_formula: the modulus factor must be positive, it is '//to_text(value(1))//' at '// &
+                     point_text(x), exit_bad_input)
+      !$omp end critical (message)
+    end if
+    here%factor = value(1)*here%factor
+  end subroutine material_field_at
+
+  !> The factor at a point; positive.
+  subroutine material_field_factor_at(self, x, factor, error)
+    class(material_field_t), intent(in) :: self
+    !> The point (dim) [length].
+    real(dp), intent(in) :: x(:)
+    !> The factor [].
+    real(dp), intent(out) :: factor
+    !> Allocated where the field has no value.
+    type(error_t), allocatable, intent(out) :: error
+    type(material_t) :: here
+    real(dp) :: value(3)
+    factor = 1
+    if (self%varies) then
+      call self%whole_at(x, here, error)
+      if (allocated(error)) return
+      factor = here%least_young/self%material%least_young
+    end if
+    if (self%factor%constant) return
+    call self%factor%evaluate(x, value, error)
+    factor = factor*max(value(1), tiny(factor))
+  end subroutine material_field_factor_at
+
+  !> Multiply the quadrature weights of an element by the factor, and evaluate what else varies.
+  subroutine material_field_apply(self, analysis, kind, shape, x, tag, w, error, matrix, bulk, expansion)
+    class(material_field_t), intent(in) :: self
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Element kind: one of the `element_*` constants.
+    integer, intent(in) :: kind
+    !> Shape functions at the points (n_nodes, n_points) [].
+    real(dp), intent(in) :: shape(:, :)
+    !> Nodes of the element (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Tag of the element, for messages.
+    integer(int64), intent(in) :: tag
+    !> Weights (n_points) [volume].
+    real(dp), intent(inout) :: w(:)
+    !> Allocated where a formula has no value, or the material is not stable at a point.
+    type(error_t), allocatable, intent(out) :: error
+    !> Matrices at the points, set where more than the factor varies (6, 6, n_points) [pressure].
+    real(dp), intent(inout), optional :: matrix(:, :, :)
+    !> Projected parts of the bulk modulus, set alike (n_points) [pressure].
+    real(dp), intent(inout), optional :: bulk(:)
+    !> Thermal expansions, set alike (6, n_points) [1/temperature].
+    real(dp), intent(inout), optional :: expansion(:, :)
+    type(point_constants_t) :: here
+    integer :: q
+    if (.not. self%varies) then
+      call apply_modulus_field(self%factor, shape, x, tag, w, error)
+      return
+    end if
+    do q = 1, size(w)
+      call self%at(analysis, matmul(x, shape(:, q)), here, error, kind)
+      if (allocated(error)) then
+        !$omp critical (message)
+        error%message = error%message//' (element '//to_text(tag)//')'
+        !$omp end critical (message)
+        return
+      end if
+      w(q) = w(q)*here%factor
+      if (present(matrix)) matrix(:, :, q) = here%matrix
+      if (present(bulk)) bulk(q) = here%bulk
+      if (present(expansion)) expansion(:, q) = here%expansion
+    end do
+  end subroutine material_field_apply
+
+  !> Free the formulas; the field is constant afterwards.
+  subroutine material_field_destroy(self)
+    class(material_field_t), intent(inout) :: self
+    integer :: i
+    call self%factor%destroy()
+    call self%expansion%destroy()
+    if (allocated(self%elastic)) then
+      do i = 1, size(self%elastic)
+        call self%elastic(i)%destroy()
+      end do
+      deallocate (self%elastic)
+    end if
+    self%constant = .true.
+    self%varies = .false.
+  end subroutine material_field_destroy
+end module dotyk_elasticity_material_field
