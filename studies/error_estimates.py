@@ -4,7 +4,7 @@
 usage: studies/error_estimates.py [--dotyk FILE] [--before FILE] [--only NAME...] [--three] [--shells]
 
 Prints a table in Markdown; with --before that of another executable stands beside it. Scenes: tests/support/estimate_scenes.py;
-with --shells instead shells of one layer under pressure, tests/support/shell_scenes.py.
+with --shells instead shells of one layer under pressure and under a punch, tests/support/shell_scenes.py.
 """
 import argparse
 import pathlib
@@ -15,6 +15,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT/'tests/support'))
 import estimate_scenes  # noqa: E402
 import shell_scenes  # noqa: E402
+from shell_scenes import energy_norm  # noqa: E402
 
 DIVISIONS = (4, 8)
 SLENDERNESS = (20, 200, 1000)
@@ -33,6 +34,24 @@ def shells(programs):
                 print('| %s 1:%d | %s | %s |' % (name, slenderness, kind, ' | '.join(row)), flush=True)
 
 
+def pressed_roofs(programs):
+    """A roof of one layer of elements under a punch: against two layers of 32 by 32 hexahedra."""
+    print('\n| elements | cells | energy over that of the finest | true error | estimate/true%s |'
+          % (' before and now' * (len(programs) > 1)))
+    print('|---|---:|---:|---:|---:|')
+    with tempfile.TemporaryDirectory(prefix='dotyk-estimates-') as folder:
+        finest, finest_norm, _ = shell_scenes.pressed_roof(folder, programs[-1], 'hex27', 32, 2, 10)
+        for kind in shell_scenes.KINDS:
+            for n in (*DIVISIONS, 16):
+                estimates = []
+                for program in programs:
+                    file, norm, estimate = shell_scenes.pressed_roof(folder, program, kind, n)
+                    estimates.append(estimate)
+                true = energy_norm.distance_meshes(file, finest)/norm
+                print('| %s | %d x %d | %.2f | %.2g %% | %s |' % (kind, n, n, (norm/finest_norm)**2, 100*true, ', '.join(
+                    '%.2g' % (estimate/true) for estimate in estimates)), flush=True)
+
+
 def main():
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -40,7 +59,7 @@ def main():
     parser.add_argument('--before', help='another executable, for comparison')
     parser.add_argument('--only', nargs='*', help='names of scenes')
     parser.add_argument('--three', action='store_true', help='elements of three dimensions too')
-    parser.add_argument('--shells', action='store_true', help='shells under pressure')
+    parser.add_argument('--shells', action='store_true', help='shells under pressure and under a punch')
     options = parser.parse_args()
     programs = [str(pathlib.Path(program).resolve()) for program in (options.before, options.dotyk) if program]
     print('| scene | elements |' + ''.join(' true error, %d divisions | estimate/true%s |' % (n, ' before and now' * (len(programs) > 1))
@@ -48,6 +67,7 @@ def main():
     print('|---|---|' + '---:|---:|' * len(DIVISIONS))
     if options.shells:
         shells(programs)
+        pressed_roofs(programs)
         return
     for name in options.only or [*estimate_scenes.SCENES, *estimate_scenes.WRAPPED]:
         with tempfile.TemporaryDirectory(prefix='dotyk-estimates-') as folder:

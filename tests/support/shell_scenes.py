@@ -65,6 +65,47 @@ def bend(path, shape):
         file.write("\n".join(lines))
 
 
+def on(axis, value):
+    """Facets of the grid at this coordinate."""
+    return lambda place: bool(np.all(np.abs(place[:, axis] - value) < 1e-9))
+
+
+def pressed_roof(folder, dotyk, kind, n, layers=1, near=4):
+    """A quarter of a cylindrical roof, R/t = 50, clamped at its edges, under a round punch of near by near cells.
+
+    Results file, energy norm and estimated relative error.
+    """
+    stem, thickness, width, aside = "roof %s %d %d" % (kind, n, layers), 0.02, 0.2, 10
+    path = os.path.join(folder, stem)
+    line = ANGLE * grid.even(0, 1, n)**1.5
+    square = aside + grid.even(0, width, near)
+    roof = grid.Block("roof", line, line, grid.even(0, 1, layers), patches={
+        "left": on(0, 0), "right": on(0, ANGLE), "front": on(1, 0), "back": on(1, ANGLE), "outside": on(2, 1)})
+    punch = grid.Block("punch", square, square, grid.even(0, 1, 2), patches={
+        "punch left": on(0, aside), "punch front": on(1, aside), "round": on(2, 0), "punch top": on(2, 1)})
+    grid.write_mesh(path + ".msh", [roof, punch], kind)
+
+    def shape(x):
+        y, of_punch = cylinder(x, thickness), x[:, 0] > aside / 2
+        a, b, c = (x[of_punch] - [aside, aside, 0]).T
+        low = 1 + thickness / 2 + (a**2 + b**2) / 0.6
+        y[of_punch] = np.stack([a, b, low + (1.3 - low) * c], axis=1)
+        return y
+    bend(path + ".msh", shape)
+    supports = (("roof", "left", "'x'"), ("roof", "front", "'y'"), ("roof", "right", "'xyz'"), ("roof", "back", "'xyz'"),
+                ("punch", "punch left", "'x'"), ("punch", "punch front", "'y'"), ("punch", "punch top", "'z', value=0,0,-2e-3"))
+    with open(path + ".nml", "w", encoding="ascii") as file:
+        file.write("&scene mesh='%s.msh', output='%s.vtkhdf' /\n&material name='m', young=1, poisson=%g /\n"
+                   "&body name='roof', volume='roof', material='m' /\n&body name='punch', volume='punch', material='m' /\n"
+                   "&contact name='c', surface_a='roof:outside', surface_b='punch:round' /\n&solver theta=0 /\n"
+                   % (stem, stem, POISSON))
+        file.writelines("&support body='%s', surface='%s', fix=%s /\n" % support for support in supports)
+    subprocess.run([dotyk, stem + ".nml", "--quiet"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    with h5py.File(path + ".vtkhdf") as file:
+        found = file["dotyk/summary"].attrs
+        return path + ".vtkhdf", found["energy_norm"], found["error_discretization"]
+
+
 def ratio(folder, dotyk, name, kind, n, slenderness):
     """True relative error of a shell of n by n cells, and the estimate over the true error."""
     stem, thickness = "%s %s %d %d" % (name, kind, n, slenderness), 1 / slenderness
