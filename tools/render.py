@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Renders a results file to a picture, without a screen: the deformed shape, coloured by a field.
+"""Renders a results file to a picture, without a screen: the deformed shape, coloured by a field. Also the faces of CAD files that
+`dotyk --check` writes (CASE.faces.vtu), with their numbers.
 
 examples: tools/render.py hertz.vtkhdf
           tools/render.py hertz.vtkhdf -o hertz.png --field contact_pressure --scale 20 --view 1,-2,0.7 --edges
+          tools/render.py assembly.faces.vtu --view 1,2,-1
           tools/render.py hertz.vtkhdf --clip 0,1,0 --range 0,4e8 --unit MPa --factor 1e-6
 Needs VTK for Python (Debian: python3-vtk9) and, where there is no display, xvfb-run (Debian: xvfb, xauth).
 """
@@ -37,7 +39,7 @@ def arguments():
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
-    add("file", help="results file (.vtkhdf)")
+    add("file", help="results file (.vtkhdf), or faces with their numbers (.faces.vtu)")
     add("-o", "--output", help="picture (.png); default: the results file's name with .png")
     add("--case", help="load case by name; default: the first one")
     add("--field", default="von_mises", help="von_mises (default), contact_pressure, displacement (its magnitude), or "
@@ -86,6 +88,88 @@ def read_grid(path):
     if grid.GetNumberOfCells() == 0:
         sys.exit("render: '%s' has no elements" % path)
     return grid
+
+
+def read_faces(path):
+    """The facets of CAD files, which have points of their own, as one grid."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLUnstructuredGridReader()
+    if not pathlib.Path(path).is_file() or not reader.CanReadFile(path):
+        sys.exit("render: '%s' is no file of faces" % path)
+    reader.SetFileName(path)
+    reader.Update()
+    grid = reader.GetOutput()
+    if grid.GetCellData().GetArray("face") is None:
+        sys.exit("render: '%s' has no faces: dotyk --check CASE.nml writes them as CASE.faces.vtu" % path)
+    # Facets of a body that meet get the same points.
+    body = np.repeat(vtk_to_numpy(grid.GetCellData().GetArray("body")), np.diff(vtk_to_numpy(grid.GetCells().GetOffsetsArray())))
+    _, first, which = np.unique(np.column_stack((vtk_to_numpy(grid.GetPoints().GetData()), body)), axis=0, return_index=True, return_inverse=True)
+    points, cells = vtkPoints(), vtkCellArray()
+    points.SetData(numpy_to_vtk(vtk_to_numpy(grid.GetPoints().GetData())[first], deep=True))
+    cells.SetData(numpy_to_vtkIdTypeArray(vtk_to_numpy(grid.GetCells().GetOffsetsArray()).astype(np.int64), deep=True),
+                  numpy_to_vtkIdTypeArray(which.ravel().astype(np.int64), deep=True))
+    types = numpy_to_vtk(vtk_to_numpy(grid.GetCellTypesArray()), deep=True)
+    grid.SetPoints(points)
+    grid.SetCells(types, cells)
+    return grid
+
+
+def add_numbers(renderer, grid, size):
+    """The number of each face at one of its facets that are seen; the camera is set and the faces are drawn."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+    from vtkmodules.vtkFiltersCore import vtkCellCenters
+    from vtkmodules.vtkRenderingCore import vtkActor2D, vtkSelectVisiblePoints
+    from vtkmodules.vtkRenderingLabel import vtkLabeledDataMapper
+
+    centres, seen = vtkCellCenters(), vtkSelectVisiblePoints()
+    corners = vtk_to_numpy(grid.GetPoints().GetData())
+    nodes, offsets = (vtk_to_numpy(a) for a in (grid.GetCells().GetConnectivityArray(), grid.GetCells().GetOffsetsArray()))
+    a, b, c = (corners[nodes[offsets[:-1] + i]] for i in range(3))
+    front = np.einsum("ij,ij->i", np.cross(b - a, c - a), np.array(renderer.GetActiveCamera().GetPosition()) - a) > 0
+    array = numpy_to_vtk(np.where(front, vtk_to_numpy(grid.GetCellData().GetArray("face")), 0).astype(np.int32), deep=True)
+    array.SetName("front")
+    grid.GetCellData().AddArray(array)
+    centres.SetInputData(grid)
+    seen.SetInputConnection(centres.GetOutputPort())
+    seen.SetRenderer(renderer)
+    seen.SetToleranceWorld(0.003 * grid.GetLength())
+    seen.Update()
+    found = seen.GetOutput()
+    places, numbers = [], []
+    if found.GetNumberOfPoints():
+        x, face = vtk_to_numpy(found.GetPoints().GetData()), vtk_to_numpy(found.GetPointData().GetArray("front"))
+        for number in np.unique(face[face > 0]):
+            own = x[face == number]
+            places.append(own[np.linalg.norm(own - own.mean(axis=0), axis=1).argmin()])
+            numbers.append(number)
+    points, labels, mapper, actor = vtkPoints(), vtkPolyData(), vtkLabeledDataMapper(), vtkActor2D()
+    for place in places:
+        points.InsertNextPoint(place)
+    labels.SetPoints(points)
+    array = numpy_to_vtk(np.array(numbers, dtype=np.int32), deep=True)
+    array.SetName("face")
+    labels.GetPointData().AddArray(array)
+    mapper.SetInputData(labels)
+    mapper.SetLabelModeToLabelFieldData()
+    mapper.SetFieldDataName("face")
+    text = mapper.GetLabelTextProperty()
+    text.SetColor(0.05, 0.05, 0.05)
+    text.SetFontSize(size)
+    text.SetJustificationToCentered()
+    text.SetVerticalJustificationToCentered()
+    text.ItalicOff()
+    text.ShadowOff()
+    actor.SetMapper(mapper)
+    renderer.AddActor2D(actor)
+    return numbers
 
 
 def take_case(grid, path, name):
@@ -396,7 +480,10 @@ def render(options):
     from vtkmodules.vtkRenderingCore import (vtkActor, vtkLightKit, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
                                              vtkTextActor, vtkWindowToImageFilter)
 
-    grid = read_grid(options.file)
+    of_faces = options.file.endswith(".vtu")
+    grid = read_faces(options.file) if of_faces else read_grid(options.file)
+    if of_faces:
+        options.field, options.caption = "none", options.caption or ""
     if options.case:
         take_case(grid, options.file, options.case)
     n_bodies = int(grid.GetCellData().GetArray("body").GetRange()[1])
@@ -478,6 +565,9 @@ def render(options):
     window.SetSize(width, height)
     window.AddRenderer(renderer)
     window.Render()
+    if of_faces:
+        numbers = add_numbers(renderer, grid, int(width / 70))
+        window.Render()
     image.SetInput(window)
     image.ReadFrontBufferOff()
     image.Update()
@@ -488,6 +578,9 @@ def render(options):
     writer.Write()
     if writer.GetErrorCode() or not pathlib.Path(output).is_file():
         sys.exit("render: '%s' cannot be written" % output)
+    if of_faces:
+        print("%s: faces %s" % (output, ", ".join(map(str, numbers))))
+        return
     print("%s: %s, %g to %g, displacements x %g" % (output, options.field, *limits, factor))
 
 

@@ -7,7 +7,7 @@ module dotyk_base_files
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
     print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file, &
-    is_vtu_file
+    is_vtu_file, is_stl_file, is_med_file
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192
@@ -184,9 +184,23 @@ contains
   pure logical function is_cad_file(path)
     !> Path.
     character(*), intent(in) :: path
-    character(5), parameter :: endings(*) = [character(5) :: '.step', '.stp', '.iges', '.igs', '.brep', '.brp']
+    character(5), parameter :: endings(*) = [character(5) :: '.step', '.stp', '.iges', '.igs', '.brep', '.brp', '.stl']
     is_cad_file = any(endings == lower(path(max(1, index(path, '.', back=.true.)):)))
   end function is_cad_file
+
+  !> Whether a CAD file has triangles, by its name.
+  pure logical function is_stl_file(path)
+    !> Path.
+    character(*), intent(in) :: path
+    is_stl_file = lower(path(max(1, len(path) - 3):)) == '.stl'
+  end function is_stl_file
+
+  !> Whether a file is a mesh of the format MED, which gmsh converts, by its name.
+  pure logical function is_med_file(path)
+    !> Path.
+    character(*), intent(in) :: path
+    is_med_file = lower(path(max(1, len(path) - 3):)) == '.med'
+  end function is_med_file
 
   !> Whether a file is a deck of Abaqus or CalculiX, by its name.
   pure logical function is_inp_file(path)

@@ -2,10 +2,12 @@
 !> and surfaces of .inp files, which other programs made.
 module dotyk_driver_cad_faces
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file, is_vtu_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file, is_med_file, is_stl_file, is_vtu_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
+  use dotyk_driver_face_drawing, only: face_drawing_t
+  use dotyk_driver_face_shape, only: shape_text
   use dotyk_input_case, only: case_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -15,6 +17,7 @@ module dotyk_driver_cad_faces
   use dotyk_mesh_physical_group, only: group_names, groups_named
   use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
+  use dotyk_ranks_communication, only: this_rank
   implicit none
   private
   public :: show_cad_faces
@@ -37,18 +40,21 @@ contains
     type(body_mesh_t) :: body_mesh
     type(meshing_t) :: meshing
     type(error_t), allocatable :: error
+    type(face_drawing_t) :: drawing
+    character(:), allocatable :: path
     integer :: b, first
+    logical :: written
     meshing = meshing_of(case)
     do first = 1, size(case%body)
-      if (.not. (is_cad_file(case%body(first)%mesh) .or. is_inp_file(case%body(first)%mesh) .or. &
-                 is_vtu_file(case%body(first)%mesh)) .or. seen(first, .false.)) cycle
+      if (.not. is_listed(case%body(first)%mesh) .or. seen(first, .false.)) cycle
       call read_mesh(case%body(first)%mesh, case%scene%dimension, mesh, meshing, error)
       if (allocated(error)) return
       call add_unions(case, case%body(first)%mesh, mesh)
       call show_volumes(mesh, case%scene%dimension, log)
       if (is_cad_file(case%body(first)%mesh)) then
-        call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates, in mm: about their area, '// &
-                      'centre, and normal where plane')
+        call log%line('  faces of '//case%body(first)%mesh//' in its own coordinates'// &
+                      trim(merge('       ', ', in mm', is_stl_file(case%body(first)%mesh)))// &
+                      ': about their area, centre, and normal where plane')
       else
         call log%line('  surfaces of '//case%body(first)%mesh//' in its own coordinates: about their '// &
                       trim(merge('area  ', 'length', case%scene%dimension == 3))//', centre, and normal where plane')
@@ -57,9 +63,14 @@ contains
         if (case%body(b)%mesh /= case%body(first)%mesh .or. seen(b, .true.)) cycle
         call extract_body(mesh, case%body(b)%volume, case%scene%dimension, body_mesh, error)
         if (allocated(error)) return
-        call show_faces(mesh, body_mesh, quoted(case%body(b)%name)//', '//case%body(b)%volume, log)
+        call show_faces(mesh, body_mesh, b, quoted(case%body(b)%name)//', '//case%body(b)%volume, log, drawing)
       end do
     end do
+    if (drawing%n_facets == 0 .or. this_rank() > 0) return
+    path = case%scene%output
+    path = path(:index(path, '.', back=.true.))//'faces.vtu'
+    call drawing%write(path, written)
+    if (written) call log%line('  the faces are drawn in '//path//': tools/render.py shows their numbers')
 
   contains
 
@@ -78,6 +89,13 @@ contains
       seen = .false.
     end function seen
   end subroutine show_cad_faces
+
+  !> Whether the volumes and faces of a file are listed.
+  pure logical function is_listed(path)
+    !> Path of the file.
+    character(*), intent(in) :: path
+    is_listed = is_cad_file(path) .or. is_inp_file(path) .or. is_vtu_file(path) .or. is_med_file(path)
+  end function is_listed
 
   !> List the volumes of a mesh; of a CAD file, the solids that have names.
   subroutine show_volumes(mesh, dimension, log)
@@ -108,21 +126,25 @@ contains
   end subroutine show_volumes
 
   !> List the faces of one body.
-  subroutine show_faces(mesh, body_mesh, title, log)
+  subroutine show_faces(mesh, body_mesh, body, title, log, drawing)
     !> The mesh of the file.
     type(mesh_t), intent(in) :: mesh
     !> That of the body.
     type(body_mesh_t), intent(in) :: body_mesh
+    !> Number of the body.
+    integer, intent(in) :: body
     !> Names of the body and of the volume.
     character(*), intent(in) :: title
     !> Gets the lines.
     type(log_t), intent(inout) :: log
+    !> Gets the faces of CAD files.
+    type(face_drawing_t), intent(inout) :: drawing
     type(text_t), allocatable :: names(:)
     type(surface_t) :: surface
     type(error_t), allocatable :: error
-    character(:), allocatable :: line
+    character(:), allocatable :: line, shape
     real(dp) :: area, centre(3), normal(3)
-    integer :: i
+    integer :: i, number, status
     call log%line('    '//title)
     call surface_names(mesh, body_mesh, names)
     do i = 1, size(names)
@@ -130,8 +152,16 @@ contains
       if (allocated(error)) cycle
       call measure(body_mesh%x, surface, area, centre, normal)
       line = '      '//names(i)%s//repeat(' ', max(1, 12 - len(names(i)%s)))//to_text(area, 4)//', '//vector(centre)
-      if (norm2(normal) > plane) line = line//', '//vector(normal)
+      if (norm2(normal) > plane) then
+        line = line//', '//vector(normal)
+      else if (size(body_mesh%x, 1) == 3) then
+        shape = shape_text(body_mesh%x, surface)
+        if (len(shape) > 0) line = line//', '//shape
+      end if
       call log%line(line)
+      if (index(names(i)%s, 'face ') /= 1 .or. .not. is_cad_file(mesh%file)) cycle
+      read (names(i)%s(6:), *, iostat=status) number
+      if (status == 0) call drawing%add(body_mesh%x, surface, number, body)
     end do
   end subroutine show_faces
 

@@ -143,8 +143,9 @@ contains
     call list%add('mesh', kind_text, &
                   'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1), .geo (meshed by gmsh), .inp '// &
                   '(Abaqus, CalculiX: sets of elements are volumes, surfaces and sets of nodes surfaces), .vtu '// &
-                  '(VTK: values of arrays of integers of cells are volumes and surfaces, those of points surfaces), or '// &
-                  'a CAD file (.step, .stp, .iges, .igs, .brep, .brp; meshed by gmsh, lengths in mm), whose volumes '// &
+                  '(VTK: values of arrays of integers of cells are volumes and surfaces, those of points '// &
+                  'surfaces), .med (converted by gmsh), or a CAD file (.step, .stp, .iges, .igs, .brep, .brp, '// &
+                  '.stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), whose volumes '// &
                   'are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers them; '// &
                   'relative to the namelist file')
     call list%add('mesh_size', kind_real, unit='length', positive=.true., &

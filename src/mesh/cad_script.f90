@@ -4,6 +4,7 @@
 module dotyk_mesh_cad_script
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_mesh_stl_script, only: stl_script
   implicit none
   private
   public :: cad_script, script_of_solid
@@ -18,17 +19,26 @@ module dotyk_mesh_cad_script
 contains
 
   !> The script.
-  function cad_script(size, order) result(text)
+  function cad_script(size, order, of_triangles) result(text)
     !> Size of the elements away from curved faces; not positive: a fraction of each solid [length].
     real(dp), intent(in) :: size
     !> Order of the elements, 1 or 2.
     integer, intent(in) :: order
-    character(:), allocatable :: text
+    !> Whether the file is an STL file.
+    logical, intent(in) :: of_triangles
+    character(:), allocatable :: text, beginning, unit
     character, parameter :: lf = new_line('a')
-    text = 'Mesh.ElementOrder = '//to_text(order)//';'//lf// &
+    beginning = ''
+    unit = ' mm: lengths are in mm'
+    if (of_triangles) then
+      ! Curvature is in the edges of triangles only; mid-side nodes stay on their chords.
+      beginning = 'Mesh.SecondOrderLinear = 1;'//lf//stl_script()
+      unit = ''
+    end if
+    text = beginning//'Mesh.ElementOrder = '//to_text(order)//';'//lf// &
       ! Quadratic elements at curved faces must not be inverted.
       'Mesh.HighOrderOptimize = '//to_text(merge(2, 0, order > 1))//';'//lf// &
-      'Mesh.MeshSizeFromCurvature = '//to_text(around_circle)//';'//lf// &
+      'Mesh.MeshSizeFromCurvature = '//to_text(merge(0, around_circle, of_triangles))//';'//lf// &
       'solid() = Volume{:};'//lf// &
       'If (#solid() == 0)'//lf// &
       '  Error("the file has no solids");'//lf// &
@@ -44,16 +54,29 @@ contains
     if (size > 0) then
       text = text//'  If (extent > '//to_text(most_along_solid)//'*'//to_text(size, 17)//')'//lf// &
         '    Error("mesh_size is less than 1/'//to_text(most_along_solid)// &
-        ' of the extent of solid %g, %g mm: lengths are in mm", solid(i), extent);'//lf// &
+        ' of the extent of solid %g, %g'//unit//'", solid(i), extent);'//lf// &
         '    Exit;'//lf// &
         '  EndIf'//lf// &
         'EndFor'//lf// &
         'Mesh.MeshSizeMax = '//to_text(size, 17)//';'//lf
+    else if (of_triangles) then
+      ! Sizes at points do not reach the inside of faces of triangles.
+      text = text//'  Field[i+1] = Box;'//lf//'  Field[i+1].VIn = extent/'//to_text(along_solid)//';'//lf// &
+        '  Field[i+1].VOut = 1e22;'//lf// &
+        '  Field[i+1].XMin = box(0) - extent/100;  Field[i+1].XMax = box(3) + extent/100;'//lf// &
+        '  Field[i+1].YMin = box(1) - extent/100;  Field[i+1].YMax = box(4) + extent/100;'//lf// &
+        '  Field[i+1].ZMin = box(2) - extent/100;  Field[i+1].ZMax = box(5) + extent/100;'//lf// &
+        'EndFor'//lf// &
+        'all = #solid() + 1;'//lf// &
+        'Field[all] = Min;'//lf// &
+        'Field[all].FieldsList = {1:#solid()};'//lf// &
+        'Background Field = all;'//lf
     else
       text = text//'  MeshSize{ PointsOf{ Volume{solid(i)}; } } = extent/'//to_text(along_solid)//';'//lf// &
         'EndFor'//lf
     end if
-    text = text//names_of_solids()//'face() = Surface{:};'//lf// &
+    if (.not. of_triangles) text = text//names_of_solids()
+    text = text//'face() = Surface{:};'//lf// &
       'For i In {0:#face()-1}'//lf// &
       '  Physical Surface(Sprintf("face %g", face(i))) = {face(i)};'//lf// &
       'EndFor'//lf

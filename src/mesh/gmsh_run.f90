@@ -8,14 +8,15 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_content_hash, only: content_hash_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_machine, exit_not_written
-  use dotyk_base_files, only: is_cad_file, own_mark, remove_leftovers, write_new
+  use dotyk_base_files, only: is_cad_file, is_med_file, is_stl_file, own_mark, remove_leftovers, write_new
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, status_not_confined, stop_if_interrupted
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: to_text
   use dotyk_mesh_cad_script, only: cad_script, script_of_solid
   use dotyk_mesh_geometry_sources, only: geometry_sources_t
+  use dotyk_mesh_gmsh_log, only: advice, is_complete, read_log
   use dotyk_mesh_mesh_cache, only: find_cache
   implicit none
   private
@@ -36,8 +37,6 @@ module dotyk_mesh_gmsh_run
 
   !> Exit status of the shell for a program that it does not find or cannot run.
   integer, parameter :: status_not_executable = 126, status_not_found = 127
-  !> Greatest number of lines of the gmsh log in a message.
-  integer, parameter :: max_lines = 6
   !> Exit status of the shell for a program that crashed, and the greatest number of solids that are tried for it.
   integer, parameter :: status_crashed = 128, most_tried = 40
 
@@ -93,7 +92,7 @@ contains
       return
     end if
     script = ''
-    if (is_cad_file(geo_file)) script = cad_script(meshing%size, meshing%order)
+    if (is_cad_file(geo_file)) script = cad_script(meshing%size, meshing%order, is_stl_file(geo_file))
     call name_mesh(geo_file, dimension, sources, script, base, error)
     if (allocated(error)) return
     meshing%for_once = allocated(sources%doubt)
@@ -254,7 +253,7 @@ contains
     !> Set if gmsh fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
-    character(:), allocatable :: path, temporary, errors, counts, more
+    character(:), allocatable :: path, temporary, errors, counts, more, task
     integer :: status
     path = geo_file
     ! gmsh would read a name with a leading minus as an option.
@@ -271,7 +270,10 @@ contains
     else
       path = ' '//shell_quoted(path)
     end if
-    call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
+    ! Meshes are converted only.
+    task = ' -'//to_text(dimension)
+    if (is_med_file(geo_file)) task = ' -save'
+    call run_command(shell_quoted(executable())//task//' -format msh41 -bin -o '// &
                      shell_quoted(temporary//'.msh')//path//more, temporary//'.log', status, confined=no_shell)
     if (len(script) > 0) call remove_file(temporary//'.geo')
     if (interrupted()) then
@@ -293,6 +295,7 @@ contains
       if (len(errors) == 0) errors = new_line('a')//'  exit status '//to_text(status)
       if (status >= status_crashed .and. len(script) > 0) &
         errors = errors//crash_text(path, dimension, script, temporary, no_shell)
+      errors = errors//advice(geo_file, errors)
       call set_error(error, geo_file//': gmsh could not mesh it'//trim(merge(' under --no-shell', '                 ', &
                      no_shell))//':'//errors//new_line('a')//'  (full log: '//base//'.log)')
     else if (index(counts, ' 0 elements') > 0) then
@@ -335,51 +338,4 @@ contains
     text = text//', as it does where a curved face ends in a point, such as the apex of a cone: blunt or cut the '// &
            'solid there, try another mesh_size or mesh_order=1, or mesh it by a .geo file'
   end function crash_text
-
-  !> Extract errors and counts from the gmsh log.
-  subroutine read_log(log, errors, counts)
-    !> Cursor over the log.
-    type(byte_cursor_t), intent(inout) :: log
-    !> The first errors, each on a line of its own, empty where there is none.
-    character(:), allocatable, intent(out) :: errors
-    !> The last line that counts nodes and elements.
-    character(:), allocatable, intent(out) :: counts
-    character(:), allocatable :: line
-    integer :: n
-    errors = ''
-    counts = ''
-    n = 0
-    do while (log%position <= log%size)
-      call log%get_line(line)
-      if (index(line, ' nodes ') > 0 .and. index(line, ' elements') > 0) counts = line
-      if (index(line, 'Error   : ') /= 1) cycle
-      line = line(len('Error   : ') + 1:)
-      ! Lines of the summary of errors at the end of the log.
-      if (index(line, '---') == 1 .or. index(line, 'Mesh generation error') == 1 .or. index(line, '  ') == 1 .or. &
-          index(line, 'Check the full log') == 1) cycle
-      if (index(errors//new_line('a'), new_line('a')//'  '//line//new_line('a')) > 0) cycle
-      n = n + 1
-      if (n <= max_lines) errors = errors//new_line('a')//'  '//line
-    end do
-  end subroutine read_log
-
-  !> Whether a mesh file ends with the end of a section.
-  logical function is_complete(file) result(complete)
-    !> Path of the mesh.
-    character(*), intent(in) :: file
-    !> Longer than any '$EndPeriodic' or '$EndElements'.
-    integer, parameter :: tail_length = 32
-    character(tail_length) :: tail
-    integer(int64) :: n_bytes
-    integer :: unit, status
-    complete = .false.
-    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status)
-    if (status /= 0) return
-    inquire (unit=unit, size=n_bytes)
-    if (n_bytes > tail_length) then
-      read (unit, pos=n_bytes - tail_length + 1, iostat=status) tail
-      complete = status == 0 .and. index(tail, '$End') > 0 .and. tail(tail_length:) == achar(10)
-    end if
-    close (unit)
-  end function is_complete
 end module dotyk_mesh_gmsh_run

@@ -1,7 +1,8 @@
 !> Mesh files of bodies.
 module dotyk_model_mesh_file
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file, is_vtu_file
+  use dotyk_base_files, only: is_cad_file, is_inp_file, is_med_file, is_stl_file, is_vtu_file
+  use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: remove_file
   use dotyk_input_case, only: case_t
   use dotyk_mesh_gmsh, only: read_gmsh
@@ -9,6 +10,8 @@ module dotyk_model_mesh_file
   use dotyk_mesh_inp, only: read_inp
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_smooth_faces, only: join_smooth_faces
+  use dotyk_mesh_stl_script, only: sharp
   use dotyk_mesh_volume_union, only: add_volume_union
   use dotyk_mesh_vtu, only: read_vtu
   use dotyk_ranks_communication, only: this_rank
@@ -67,11 +70,11 @@ contains
     end do
   end subroutine add_unions
 
-  !> Whether a file is a geometry that gmsh meshes.
+  !> Whether a file is a geometry that gmsh meshes, or a mesh that it converts.
   pure logical function is_geometry(path)
     !> Its path.
     character(*), intent(in) :: path
-    is_geometry = is_cad_file(path)
+    is_geometry = is_cad_file(path) .or. is_med_file(path)
     if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
   end function is_geometry
 
@@ -103,6 +106,7 @@ contains
     if (is_geometry(path)) call mesh_geometry(path, dimension, msh, error, meshing)
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
     if (meshing%for_once) call remove_file(msh)
+    if (is_stl_file(path) .and. .not. allocated(error)) call join_smooth_faces(mesh, sharp*acos(-1.0_dp)/180)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
   end subroutine read_or_make

@@ -35,6 +35,65 @@ class Cad(dotyk_case.Case):
                 energy = 30**2 / (2 * 200e3) * 20 * 10 * 8
                 self.assertAlmostEqual(self.results("case.vtkhdf")["dotyk/summary"].attrs["strain_energy"] / energy, 1, delta=1e-9)
 
+    def stl(self, geometry, name="parts.stl"):
+        """The triangles of the surfaces of a geometry."""
+        self.write("make.geo", 'SetFactory("OpenCASCADE");\n' + geometry)
+        subprocess.run(["gmsh", "-2", "make.geo", "-format", "stl", "-o", name], cwd=self.folder, check=True, capture_output=True)
+
+    def test_triangles(self):
+        """Closed surfaces of an STL file are solids; their faces are those of the parts, whatever gmsh divides them into."""
+        self.stl("Box(1) = {0, 0, 0, 20, 10, 5};  Cylinder(2) = {40, 0, 0, 0, 0, 8, 2};  Mesh.MeshSizeMax = 2;  Mesh.MeshSizeFromCurvature = 24;\n")
+        scene = SCENE.replace("&contact auto=.true. /\n", "") % ("stl", "")
+        self.write("list.nml", scene[:scene.index("&support")].replace(", mesh_size=4", ""))
+        listed = self.dotyk("list.nml", "--check")
+        self.assertIn("faces of parts.stl in its own coordinates: about their area, centre, and normal where plane\n", listed)
+        box, pin = listed.split("'part 1', solid 1\n")[1].split("    'part 2', solid 2\n")
+        faces = dict(re.findall(r"      face (\d+) +\S+ \(.*?\), (\(.*?\))\n", box))
+        self.assertEqual(sorted(faces.values()), sorted("(%s)" % n for n in ("-1, 0, 0", "1, 0, 0", "0, -1, 0", "0, 1, 0", "0, 0, -1", "0, 0, 1")))
+        for area in (" 50, ", " 100, ", " 200, "):
+            self.assertEqual(box.count(area), 2)
+        areas = [float(a) for a in re.findall(r"face \d+ +(\S+),", pin.split("\n\n")[0])]
+        self.assertEqual(len(areas), 3)
+        for area, exact in zip(sorted(areas), (12.566, 12.566, 100.53)):
+            self.assertBetween(0.95 * exact, area, exact)
+        number = {normal: face for face, normal in faces.items()}
+        self.write("case.nml", scene.replace("part *", "part 1").replace("solid *", "solid 1").replace(", repeat=2", "").replace("face 5", "face " + number["(0, 0, -1)"]).replace(
+            "'part 2', surface='face 12'", "'part 1', surface='face %s'" % number["(0, 0, 1)"]))
+        self.dotyk("case.nml")
+        energy = 30**2 / (2 * 200e3) * 20 * 10 * 5
+        self.assertAlmostEqual(self.results("case.vtkhdf")["dotyk/summary"].attrs["strain_energy"] / energy, 1, delta=1e-9)
+
+    def test_triangles_that_are_refused(self):
+        scene = "&scene mesh='parts.stl' /\n&material name='m', young=1, poisson=0 /\n&body name='a', volume='solid 1', material='m' /\n"
+        self.write("case.nml", scene)
+        self.stl("Box(1) = {0, 0, 0, 2, 2, 2};\n")
+        whole = (self.folder / "parts.stl").read_text().split("endfacet")
+        self.write("parts.stl", "endfacet".join(whole[:1] + whole[2:]))
+        self.assertIn("parts.stl: gmsh could not mesh it:\n  No elements in volume 1", self.dotyk("case.nml", code=2))
+        self.assertIn("the surface must be closed, without holes", self.dotyk("case.nml", code=2))
+        self.stl("Box(1) = {0, 0, 0, 2, 2, 2};  Box(2) = {0.5, 0.5, 0.5, 1, 1, 1};\n")
+        self.assertIn("closed surface 2 lies in the box of closed surface 1, a part or a cavity", self.dotyk("case.nml", code=2))
+        self.write("parts.stl", "hello\n")
+        self.assertIn("the file has no triangles", self.dotyk("case.nml", code=2))
+
+    def test_med(self):
+        """Meshes of the format MED are converted by a gmsh that knows it; Debian's does not, and says so. Here one stands for the other: its
+        file of that name is its own format."""
+        self.write("make.geo", 'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 20, 10, 8};  Physical Volume("block") = {1};\n'
+                   'Physical Surface("low") = {5};  Physical Surface("top") = {6};\n')
+        subprocess.run(["gmsh", "-3", "make.geo", "-format", "msh41", "-o", "parts.med"], cwd=self.folder, check=True, capture_output=True)
+        self.write("case.nml", "&scene mesh='parts.med' /\n&material name='steel', young=200e3, poisson=0 /\n&body name='a', volume='block', material='steel' "
+                   "/\n&support body='a', surface='low', fix='xyz' /\n&load body='a', surface='top', pressure=30 /\n")
+        text = self.dotyk("case.nml", code=2)
+        self.assertIn("parts.med: gmsh could not mesh it:", text)
+        self.assertIn("set DOTYK_GMSH to one that has it (gmsh.info, pip install gmsh), or convert the file to .vtu or .msh", text)
+        fake = self.write("gmsh.sh", "#!/bin/sh\ncase \"$*\" in *-save*parts.med) ln -sf parts.med parts-of-med.msh; n=$(echo \"$@\" | sed "
+                          "'s/parts.med$/parts-of-med.msh/'); exec gmsh $(eval echo $n);; esac\nexec gmsh \"$@\"\n")
+        fake.chmod(0o755)
+        self.dotyk("case.nml", DOTYK_GMSH=str(fake))
+        energy = 30**2 / (2 * 200e3) * 20 * 10 * 8
+        self.assertAlmostEqual(self.results("case.vtkhdf")["dotyk/summary"].attrs["strain_energy"] / energy, 1, delta=1e-9)
+
     def test_mesh_of_its_own(self):
         """Size and order; one mesh for each of them is kept, and taken again."""
         self.parts()
@@ -60,9 +119,28 @@ class Cad(dotyk_case.Case):
         text = self.dotyk("case.nml", "--check")
         self.assertIn("faces of parts.step in its own coordinates, in mm: about their area, centre, and normal where plane", text)
         self.assertIn("    'part 2', solid 2\n      face 7      30, (0, 5, 6.5), (-1, 0, 0)\n", text)
-        self.assertRegex(text, r"\n      face 13 +100\.\d*, \(40, \S+, 4\)\n")
+        self.assertRegex(text, r"\n      face 13 +100\.\d*, \(40, \S+, 4\), cylinder of radius 2 about \(0, 0, 1\)\n")
         self.assertIn(", (40, ", text)
         self.assertEqual(text.count("      face "), 15)
+
+    def test_shapes_and_picture(self):
+        """Cylinders, holes and spheres in any direction; cones are none of them. The faces with their numbers are in a file."""
+        self.write("make.geo", 'SetFactory("OpenCASCADE");\nCylinder(1) = {0, 0, 0, 6, 0, 8, 5};  Cylinder(2) = {-3, 0, -4, 12, 0, 16, 2};\n'
+                   "BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };  Sphere(4) = {30, 0, 0, 4};\n"
+                   'Cone(5) = {50, 0, 0, 0, 0, 8, 4, 2};  Save "parts.step";\n')
+        subprocess.run(["gmsh", "-0", "make.geo"], cwd=self.folder, check=True, capture_output=True)
+        self.write("case.nml", SCENE[:SCENE.index("&support")].replace("repeat=2", "repeat=3") % ("step", ", mesh_order=1"))
+        text = self.dotyk("case.nml", "--check")
+        for shape in ("cylinder of radius 5 about (0.6, 0, 0.8)", "hole of radius 2 about (0.6, 0, 0.8)", "sphere of radius 4"):
+            self.assertEqual(text.count(", %s\n" % shape), 1, text)
+        self.assertEqual(text.count(" of radius "), 3, text)
+        self.assertIn("the faces are drawn in case.faces.vtu", text)
+        drawing = (self.folder / "case.faces.vtu").read_text()
+        array = {name: values.split() for name, values in re.findall(r'Name="(\w+)"[^>]*>([^<]*)<', drawing)}
+        self.assertEqual(sorted(set(array["face"]), key=int), re.findall(r"\n      face (\d+) ", text))
+        self.assertEqual(set(array["body"]), {"1", "2", "3"})
+        self.assertEqual(len(array["Points"]), 3 * int(array["offsets"][-1]))
+        self.assertEqual(len(array["types"]), len(array["face"]))
 
     def test_names_of_solids(self):
         """Names of the file beside numbers; those that several solids have get numbers."""

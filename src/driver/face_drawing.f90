@@ -1,0 +1,110 @@
+!> A picture of the faces of CAD files with their numbers: facets in a file for ParaView and tools/render.py.
+module dotyk_driver_face_drawing
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Facets so far, each with points of its own.
+  type, public :: face_drawing_t
+    !> Number of points and facets.
+    integer :: n_points = 0, n_facets = 0
+    !> The points (3, room) [length].
+    real(dp), allocatable :: x(:, :)
+    !> Corners, number of the face and of the body of each facet (3, room).
+    integer, allocatable :: facet(:, :)
+  contains
+    procedure :: add => drawing_add
+    procedure :: write => drawing_write
+  end type face_drawing_t
+
+contains
+
+  !> Add a face.
+  subroutine drawing_add(self, x, surface, face, body)
+    class(face_drawing_t), intent(inout) :: self
+    !> Nodes of the body (3, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> The face.
+    type(surface_t), intent(in) :: surface
+    !> Its number, and that of the body.
+    integer, intent(in) :: face, body
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: larger(:, :)
+    integer, allocatable :: more(:, :)
+    integer :: f, n, room
+    if (.not. allocated(self%x)) allocate (self%x(3, 0), self%facet(3, 0))
+    room = self%n_facets + surface%n_facets
+    if (room > size(self%facet, 2)) then
+      room = 2*room
+      allocate (larger(3, 4*room), more(3, room))
+      larger(:, :self%n_points) = self%x(:, :self%n_points)
+      more(:, :self%n_facets) = self%facet(:, :self%n_facets)
+      call move_alloc(larger, self%x)
+      call move_alloc(more, self%facet)
+    end if
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      n = kind%n_corners
+      self%x(:, self%n_points + 1:self%n_points + n) = x(:, surface%node(:n, f))
+      self%n_points = self%n_points + n
+      self%n_facets = self%n_facets + 1
+      self%facet(:, self%n_facets) = [n, face, body]
+    end do
+  end subroutine drawing_add
+
+  !> Write the file.
+  subroutine drawing_write(self, path, written)
+    class(face_drawing_t), intent(in) :: self
+    !> Path of the file; it is replaced.
+    character(*), intent(in) :: path
+    !> Whether it could be written.
+    logical, intent(out) :: written
+    !> Cell types of VTK: triangle and quadrilateral.
+    integer, parameter :: type_of(3:4) = [5, 9]
+    integer :: unit, status, i, n
+    open (newunit=unit, file=path, action='write', status='replace', iostat=status)
+    written = status == 0
+    if (.not. written) return
+    write (unit, '(a)', iostat=status) '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian">', &
+      '<UnstructuredGrid>', '<Piece NumberOfPoints="'//to_text(self%n_points)//'" NumberOfCells="'// &
+      to_text(self%n_facets)//'">', '<CellData>'
+    call write_integers('face', self%facet(2, :self%n_facets))
+    call write_integers('body', self%facet(3, :self%n_facets))
+    write (unit, '(a)', iostat=status) '</CellData>', &
+      '<Points>', '<DataArray type="Float64" Name="Points" NumberOfComponents="3" format="ascii">'
+    write (unit, '(3es18.9)', iostat=status) self%x(:, :self%n_points)
+    write (unit, '(a)', iostat=status) '</DataArray>', '</Points>', '<Cells>'
+    call write_integers('connectivity', [(i, i=0, self%n_points - 1)])
+    call write_integers('offsets', [(sum_of(i), i=1, self%n_facets)])
+    call write_integers('types', type_of(self%facet(1, :self%n_facets)))
+    write (unit, '(a)', iostat=status) '</Cells>', '</Piece>', '</UnstructuredGrid>', '</VTKFile>'
+    written = status == 0
+    close (unit, iostat=status)
+    written = written .and. status == 0
+
+  contains
+
+    !> Corners of the facets up to one; called for one after another.
+    integer function sum_of(f)
+      !> The facet.
+      integer, intent(in) :: f
+      if (f == 1) n = 0
+      n = n + self%facet(1, f)
+      sum_of = n
+    end function sum_of
+
+    !> Write an array.
+    subroutine write_integers(name, value)
+      !> Its name.
+      character(*), intent(in) :: name
+      !> Its values (n).
+      integer, intent(in) :: value(:)
+      write (unit, '(a)', iostat=status) '<DataArray type="Int32" Name="'//name//'" format="ascii">'
+      write (unit, '(12(i0, 1x))', iostat=status) value
+      write (unit, '(a)', iostat=status) '</DataArray>'
+    end subroutine write_integers
+  end subroutine drawing_write
+end module dotyk_driver_face_drawing
