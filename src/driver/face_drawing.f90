@@ -65,36 +65,51 @@ contains
     !> Cell types of VTK: triangle and quadrilateral.
     integer, parameter :: type_of(3:4) = [5, 9]
     integer :: unit, status, i, n
+    integer, allocatable :: offset(:)
     open (newunit=unit, file=path, action='write', status='replace', iostat=status)
     written = status == 0
     if (.not. written) return
-    write (unit, '(a)', iostat=status) '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian">', &
-      '<UnstructuredGrid>', '<Piece NumberOfPoints="'//to_text(self%n_points)//'" NumberOfCells="'// &
-      to_text(self%n_facets)//'">', '<CellData>'
+    allocate (offset(self%n_facets))
+    n = 0
+    do i = 1, self%n_facets
+      n = n + self%facet(1, i)
+      offset(i) = n
+    end do
+    call write_line('<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian">')
+    call write_line('<UnstructuredGrid>')
+    call write_line('<Piece NumberOfPoints="'//to_text(self%n_points)//'" NumberOfCells="'// &
+                    to_text(self%n_facets)//'">')
+    call write_line('<CellData>')
     call write_integers('face', self%facet(2, :self%n_facets))
     call write_integers('body', self%facet(3, :self%n_facets))
-    write (unit, '(a)', iostat=status) '</CellData>', &
-      '<Points>', '<DataArray type="Float64" Name="Points" NumberOfComponents="3" format="ascii">'
+    call write_line('</CellData>')
+    call write_line('<Points>')
+    call write_line('<DataArray type="Float64" Name="Points" NumberOfComponents="3" format="ascii">')
     write (unit, '(3es18.9)', iostat=status) self%x(:, :self%n_points)
-    write (unit, '(a)', iostat=status) '</DataArray>', '</Points>', '<Cells>'
+    written = written .and. status == 0
+    call write_line('</DataArray>')
+    call write_line('</Points>')
+    call write_line('<Cells>')
     call write_integers('connectivity', [(i, i=0, self%n_points - 1)])
-    call write_integers('offsets', [(sum_of(i), i=1, self%n_facets)])
+    call write_integers('offsets', offset)
     call write_integers('types', type_of(self%facet(1, :self%n_facets)))
-    write (unit, '(a)', iostat=status) '</Cells>', '</Piece>', '</UnstructuredGrid>', '</VTKFile>'
-    written = status == 0
+    call write_line('</Cells>')
+    call write_line('</Piece>')
+    call write_line('</UnstructuredGrid>')
+    call write_line('</VTKFile>')
     close (unit, iostat=status)
     written = written .and. status == 0
 
   contains
 
-    !> Corners of the facets up to one; called for one after another.
-    integer function sum_of(f)
-      !> The facet.
-      integer, intent(in) :: f
-      if (f == 1) n = 0
-      n = n + self%facet(1, f)
-      sum_of = n
-    end function sum_of
+    !> Write a line.
+    subroutine write_line(text)
+      !> The line.
+      character(*), intent(in) :: text
+      integer :: fault
+      write (unit, '(a)', iostat=fault) text
+      written = written .and. fault == 0
+    end subroutine write_line
 
     !> Write an array.
     subroutine write_integers(name, value)
@@ -102,9 +117,11 @@ contains
       character(*), intent(in) :: name
       !> Its values (n).
       integer, intent(in) :: value(:)
-      write (unit, '(a)', iostat=status) '<DataArray type="Int32" Name="'//name//'" format="ascii">'
-      write (unit, '(12(i0, 1x))', iostat=status) value
-      write (unit, '(a)', iostat=status) '</DataArray>'
+      integer :: fault
+      call write_line('<DataArray type="Int32" Name="'//name//'" format="ascii">')
+      write (unit, '(12(i0, 1x))', iostat=fault) value
+      written = written .and. fault == 0
+      call write_line('</DataArray>')
     end subroutine write_integers
   end subroutine drawing_write
 end module dotyk_driver_face_drawing

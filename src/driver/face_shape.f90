@@ -42,7 +42,8 @@ contains
     end if
     centre = sum(p, dim=2)/size(p, 2)
     call fit_cylinder(p, normal, centre, axis, radius)
-    if (fits(distances())) text = words('cylinder', 'hole')//' of radius '//to_text(radius, 4)//' about '//vector_text(axis)
+    if (.not. fits(distances())) return
+    text = words('cylinder', 'hole')//' of radius '//to_text(radius, 4)//' about '//vector_text(axis)
 
   contains
 

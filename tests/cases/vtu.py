@@ -79,7 +79,7 @@ class Vtu(dotyk_case.Case):
         of = elements("prism15")
         first = self.patch("prism15", of)
         for mode in MODES:
-            for size in (4, 8):
+            for size in (4, 8) if "zlib" in mode else (4,):
                 with self.subTest(mode, size=size):
                     for one, other in zip(first, self.patch("prism15", of, mode=mode, size=size)):
                         np.testing.assert_array_equal(one, other)
