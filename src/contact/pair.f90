@@ -41,7 +41,7 @@ module dotyk_contact_pair
     !> Whether ranks divide the search.
     type(division_t) :: division
     !> Group of the input, for messages.
-    character(8) :: group = '&contact'
+    character(13) :: group = '&contact'
     !> Whether vertices and edges that face nothing touch in points.
     logical :: touches_in_points = .true.
   end type pair_settings_t

@@ -214,8 +214,9 @@ contains
         pair%gap(i) = formula%evaluate(x)
         if (.not. is_too_large(pair%gap(i))) cycle
         !$omp critical (message)
-        call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is '//to_text(pair%gap(i))//' at ('// &
-                       to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        call set_error(error, trim(settings%group)//' '//quoted(settings%name)//': gap_formula is '// &
+                       to_text(pair%gap(i))//' at ('//to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', &
+                       exit_bad_input)
         !$omp end critical (message)
         if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
         return

@@ -26,6 +26,8 @@ module dotyk_elasticity_support
   type, public :: support_t
     !> The surface.
     type(surface_t) :: surface
+    !> Line of the input, for messages; 0: unknown.
+    integer :: line = 0
     !> Directions of prescribed displacements.
     type(directions_t) :: fix
     !> Prescribed displacement (3) [length].
@@ -286,7 +288,10 @@ contains
     do i = 1, size(source)
       if (any(source(:i - 1) == source(i))) cycle
       name = 'the axis of symmetry'
-      if (source(i) > 0) name = quoted(supports(source(i))%surface%name)
+      if (source(i) > 0) then
+        name = quoted(supports(source(i))%surface%name)
+        if (supports(source(i))%line > 0) name = name//' of line '//to_text(supports(source(i))%line)
+      end if
       if (len(names) > 0) names = names//', '
       names = names//name
     end do

@@ -97,7 +97,8 @@ contains
       end do
       worst = maxloc(work, 1)
       call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
-                     ': no equilibrium: the tension of a &bolt moves it, and neither supports nor contact resist: '// &
+                     ': no equilibrium: the tension of '//bolts_of(worst)//' moves it, and neither supports nor '// &
+                     'contact resist: '// &
                      modes(worst)%combination_text(amplitude(first(worst):first(worst + 1) - 1))// &
                      '; add a &support, or a &contact that the bolt presses together', exit_not_solvable)
       return
@@ -130,6 +131,23 @@ contains
                    'resist: '//motion_of(worst)//others// &
                    '; add a &support, a &contact that resists the motion, or another &load', exit_not_solvable)
   contains
+    !> The bolts of a body, or those of others.
+    function bolts_of(which) result(text)
+      !> Index of the body.
+      integer, intent(in) :: which
+      character(:), allocatable :: text
+      integer :: k
+      text = ''
+      do k = 1, size(case%tie)
+        associate (bolt => case%tie(k))
+          if (.not. bolt%is_bolt .or. all([bolt%body_a, bolt%body_b] /= which)) cycle
+          if (len(text) > 0) text = text//', '
+          text = text//'&bolt '//quoted(bolt%name)//' (line '//to_text(bolt%line)//')'
+        end associate
+      end do
+      if (len(text) == 0) text = 'a &bolt'
+    end function bolts_of
+
     !> How a body moves, and the force or moment that moves it.
     function motion_of(which) result(text)
       !> Index of the body.

@@ -182,9 +182,11 @@ contains
       n = n + 1
       fixed(n)%surface = support(g)%surface
       fixed(n)%fix = support(g)%fix
+      fixed(n)%line = case%support(group(g)%member(1))%line
       do i = 1, size(group(g)%member)
         associate (given => case%support(group(g)%member(i)))
           if (.not. applies_in(given%in_case, k)) cycle
+          fixed(n)%line = given%line
           fixed(n)%value = given%value
           fixed(n)%formula = given%value_formula
           call check_formula(body, 'the support of '//quoted(given%surface), fixed(n)%surface, given%value_formula)

@@ -174,6 +174,7 @@ contains
                body_b => problem%body(problem%pair(k)%body_b))
       if (any(given%gap_kind == [gap_constant, gap_formula])) then
         settings%name = pair%name
+        settings%group = '&contact_case'
         settings%gap_kind = given%gap_kind
         settings%gap = given%gap
         if (given%gap_kind == gap_formula) call formula%init(given%gap_formula, error)

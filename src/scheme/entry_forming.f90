@@ -163,8 +163,8 @@ contains
         product = [product, (task_t(b, i, k), k=1, i)]
       end do
     end do
-    ! Substitutions and products take about as long as each other.
-    of_substitution = max(1.0_dp, real(size(product), dp)/max(1, size(substitution)))
+    ! Substitutions and products take about as long as each other; progress counts whole units.
+    of_substitution = max(1.0_dp, anint(real(size(product), dp)/max(1, size(substitution))))
     call expect_progress(size(substitution)*of_substitution + size(product))
     n_blas = blas_threads()
     if (size(substitution) > 1) call set_blas_threads(1)

@@ -266,6 +266,18 @@ class Runs(dotyk_case.Case):
         self.assertEqual((results.converged, results.status), (False, "max_iterations"))
         self.assertEqual(results.summary["iterations"], len(results.history["energy"]))
 
+    def test_status_of_load_cases(self):
+        scene = column(**{**ENDLESS, "max_iterations": 3})
+        scene.case(name="idle")
+        scene.case(name="loaded")
+        results = dotyk.run(scene, self.case)
+        self.assertEqual((results.converged, results.status), (False, "max_iterations"))
+        self.assertEqual(results.case("idle").status, "max_iterations")
+        scene = column()
+        scene.case(name="one")
+        scene.case(name="two")
+        self.assertEqual(dotyk.run(scene, self.case).status, "converged")
+
     def test_restart(self):
         solver = {"scheme": "neumann", "theta_relative": 1e-2, "tolerance": 1e-8}
         first = dotyk.run(column(**solver), self.case)

@@ -91,7 +91,7 @@ class Robustness(dotyk_case.Case):
 
     def test_contradicting_supports(self):
         text = self.dotyk(self.scene(more="&support body='lower', surface='bottom', fix='z', value=0,0,1 /\n"), code=2)
-        self.assertIn("body 'lower': contradictory supports at node", text)
+        self.assertRegex(text, r"body 'lower': contradictory supports at node .*\(surfaces '.*' of line \d+, '.*' of line \d+\)")
         self.assertIn("'bottom'", text)
         self.assertFalse((self.folder/"case.vtkhdf").exists())
 

@@ -248,7 +248,7 @@ class Ties(Case):
                  ("case.nml:7: &contact 'k'", "is in part between the faces that 'joint' (line 6) ties",)),
                 ([(tie % "").replace("tie", "bolt")], 2, ("'force' or 'shortening' is missing",)),
                 ([(tie % ", force=1, shortening=1").replace("tie", "bolt")], 2, ("only one can be meant",)),
-                ([(tie % ", force=1").replace("tie", "bolt")], 3, ("no equilibrium",)),
+                ([(tie % ", force=1").replace("tie", "bolt")], 3, ("no equilibrium", "the tension of &bolt '", "' (line ")),
                 ([tie % "", "&support body='low', surface='top', fix='xyz' /",
                   "&support body='up', surface='bottom', fix='xyz', value=1,0,0 /"], 3, ("case.nml: tie 'joint' cannot be closed",))):
             with self.subTest(extra=extra):

@@ -232,7 +232,11 @@ class Results:
 
     @property
     def status(self):
-        """How the run ended: 'converged', 'max_iterations', 'interrupted', ... (docs/results.md)."""
+        """How the run ended: 'converged', 'max_iterations', 'interrupted', ... (docs/results.md). Of load cases none of
+        which is chosen: 'converged' where all are, or that of the first one that is not."""
+        if self.cases and self.case_name is None:
+            ends = [self.case(name).status for name in self.cases]
+            return next((end for end in ends if end != 'converged'), 'converged')
         return self.summary['status']
 
     @functools.cached_property
