@@ -124,15 +124,17 @@ contains
         associate (p => parts_a%part(i), q => parts_b%part(j))
           tolerance%explained_a = explained_a(p%node)
           tolerance%explained_b = explained_b(q%node)
-          call check_parts(division, p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
-          call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
+          if (.not. problem%body(b)%mesh%is_open) &
+            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
+          if (.not. problem%body(a)%mesh%is_open) &
+            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
         end associate
       end do
     end do
     found = a_in_b
     if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
     if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
-    if (found%worst%depth > 0) return
+    if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
       call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
                                 found%worst%position)

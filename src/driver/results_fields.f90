@@ -65,6 +65,12 @@ contains
       n_points(b) = body(b)%mesh%n_whole_nodes()
       n_cells(b) = body(b)%mesh%n_whole_elements()
       n_connectivity(b) = connectivity_length(body(b)%mesh)
+      if (.not. allocated(body(b)%mesh%face)) cycle
+      ! The faces of a body without volume, all of which every rank has, are its cells.
+      if (allocated(mesh%block)) deallocate (mesh%block)
+      mesh%block = body(b)%mesh%face
+      n_cells(b) = mesh%n_elements()
+      n_connectivity(b) = connectivity_length(mesh)
     end do
     if (this_rank() == 0 .and. step == 1) &
       call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
@@ -77,6 +83,7 @@ contains
       call fields%init(body(b), ranks, b)
       if (step == 1) then
         call fields%mesh(body(b)%mesh, mesh)
+        if (allocated(body(b)%mesh%face)) mesh%block = body(b)%mesh%face
         do k = 1, size(mesh%block)
           mesh%block(k)%material = case%body(b)%material(mesh%block(k)%material)
         end do
@@ -118,11 +125,13 @@ contains
       end if
       if (case%output%stress) then
         call fields%of_elements(stress_of(solution(b)), values)
+        if (allocated(body(b)%mesh%face)) values = spread([(0.0_dp, k=1, 6)], 2, int(n_cells(b)))
         mises = [(von_mises(values(:, e)), e=1, size(values, 2))]
         if (may_write()) call file%write_stress(b, values, mises, error)
       end if
       if (case%output%error) then
         call fields%of_elements(errors_of(budget%of_element(b)), values)
+        if (allocated(body(b)%mesh%face)) values = spread([0.0_dp], 2, int(n_cells(b)))
         if (may_write()) call file%write_discretization_error(b, reshape(values, [size(values)]), error)
       end if
     end do

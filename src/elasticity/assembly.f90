@@ -67,7 +67,8 @@ contains
       call weight_moduli(material, mesh%block(i)%material, element_integral(first:last))
     end do
     volume = sum(element_volume)
-    mean_modulus_factor = sum(element_integral)/volume
+    mean_modulus_factor = 1
+    if (volume > 0) mean_modulus_factor = sum(element_integral)/volume
     call add_springs(mesh, analysis, constraint, positions, matrix, rhs)
   end subroutine assemble_stiffness
 

@@ -3,6 +3,7 @@ module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
   use dotyk_base_text, only: counted, join, shown, split_words, text_t, to_text
+  use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: body_input_t, material_input_t, scene_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -276,7 +277,7 @@ contains
     body%name = text_of(group, 'name')
     if (index(body%name, ':') > 0) &
       call report(problems, group, 'name', 'name: '//shown(body%name)//' must not contain '':''')
-    call read_volumes(group, materials, problems, body)
+    call read_volumes(group, materials, scene%dimension, problems, body)
     if (is_given(group, 'mesh')) then
       call read_mesh_path(group, directory, scene%dimension, problems, body%mesh)
       if (len(body%mesh) > 0 .and. body%mesh == scene%output) &
@@ -291,11 +292,13 @@ contains
   end subroutine read_body
 
   !> Read the volumes of a body and their materials.
-  subroutine read_volumes(group, materials, problems, body)
+  subroutine read_volumes(group, materials, dimension, problems, body)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the materials.
     type(names_t), intent(in) :: materials
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
+    integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     !> The body; its volumes and materials are set.
@@ -305,6 +308,24 @@ contains
     integer :: i, k
     call texts_of(group, 'volume', body%volumes)
     call texts_of(group, 'material', names)
+    body%is_surface = is_given(group, 'surface')
+    if (body%is_surface) then
+      body%volumes = [text_t(text_of(group, 'surface'))]
+      call refuse(group, 'volume', 'surface', problems)
+      call refuse(group, 'material', 'surface', problems)
+      call refuse(group, 'crack', 'surface', problems)
+      body%has_facing = is_given(group, 'facing')
+      call read_vector(group, 'facing', .false., dimension, problems, body%facing)
+      ! It has none: the first one stands in.
+      body%material = [1]
+      body%material_of = [1]
+      body%volume = union_name(body)
+      return
+    end if
+    if (.not. is_given(group, 'volume')) call problems%add(group%line, "&body: 'volume' is missing")
+    if (.not. is_given(group, 'material')) call problems%add(group%line, "&body: 'material' is missing")
+    if (is_given(group, 'facing')) &
+      call report(problems, group, 'facing', 'facing tells the side of a body without volume: it needs surface')
     do i = 2, size(body%volumes)
       if (any([(body%volumes(k)%s == body%volumes(i)%s, k=1, i - 1)])) &
         call report(problems, group, 'volume', 'volume: '//shown(body%volumes(i)%s)//' is named twice')

@@ -195,6 +195,7 @@ contains
     do i = 1, size(load)
       if (.not. any(load(i)%kind == [load_angular_velocity, load_acceleration]) .or. load(i)%body == 0) cycle
       if (any(load%of_mass .and. load%body == load(i)%body)) cycle
+      if (body(load(i)%body)%is_surface) cycle
       do k = 1, size(body(load(i)%body)%material)
         associate (m => body(load(i)%body)%material(k))
           if (m == 0) cycle

@@ -101,6 +101,14 @@ module dotyk_input_case
     real(dp) :: angle = 0
     !> Whether faces of the body that touch without common nodes are a crack that is meant.
     logical :: crack = .false.
+    !> Whether it has no volume: its groups are those of a surface, and it is rigid.
+    logical :: is_surface = .false.
+    !> Whether a point is given that sees the side of contact of this surface.
+    logical :: has_facing = .false.
+    !> This point, in coordinates of the mesh (3) [length].
+    real(dp) :: facing(3) = 0
+  contains
+    procedure :: has_shape_of => body_input_has_shape_of
   end type body_input_t
 
   !> `&support`, or `&spring`: an elastic one.
@@ -362,6 +370,15 @@ module dotyk_input_case
   public :: applies_in, contact_case_input_t, load_case_input_t, tie_input_t
 
 contains
+
+  !> Whether two bodies of one mesh file are the same part of it.
+  pure logical function body_input_has_shape_of(self, other) result(same)
+    class(body_input_t), intent(in) :: self
+    !> The other body.
+    type(body_input_t), intent(in) :: other
+    same = self%volume == other%volume .and. (self%is_surface .eqv. other%is_surface) .and. &
+           (self%has_facing .eqv. other%has_facing) .and. .not. any(abs(self%facing - other%facing) > 0)
+  end function body_input_has_shape_of
 
   !> Number of load cases: at least one.
   pure integer function case_n_cases(self) result(n)

@@ -33,6 +33,7 @@ contains
                       '          shear=0.7e9,0.6e9,0.04e9, axis_1=1,0,0, axis_2=0,1,0 /')
     groups(3) = group('body', at_least_one, 'an elastic body', &
                       "&body name='block', volume='block', material='steel' /"//lf// &
+                      "&body name='plate', mesh='plate.msh', surface='plate', facing=0,0,-1 /"//lf// &
                       "&body name='roller 2', mesh='roller.msh', volume='roller', material='steel',"//lf// &
                       '      at=0.1,0,0, axis=0,0,1, angle=15 /'//lf// &
                       "&body name='pin', volume='core', 'shell', material='steel', 'rubber' /"//lf// &
@@ -207,11 +208,20 @@ contains
     call list%begin_group('body')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the body')
-    call list%add('volume', kind_text, most=most_volumes, required=.true., &
+    call list%add('volume', kind_text, most=most_volumes, &
                   meaning='physical group of the elements in the mesh (in two dimensions a physical surface); '// &
-                  'several ones that share nodes are one body')
-    call list%add('material', kind_text, most=most_volumes, required=.true., &
-                  meaning='name of the material; of several volumes, one for all or one each')
+                  'several ones that share nodes are one body; required but with surface')
+    call list%add('material', kind_text, most=most_volumes, &
+                  meaning='name of the material; of several volumes, one for all or one each; required but with '// &
+                  'surface')
+    call list%add('surface', kind_text, &
+                  meaning='in place of volume, for a body of &rigid_body: physical group of a surface, in two '// &
+                  'dimensions of a curve, without elements behind it. It has no material; one of its sides touches '// &
+                  'others')
+    call list%add('facing', kind_real, least=2, most=3, unit='length', &
+                  meaning='with surface: a point that sees the side of contact, in coordinates of the mesh. '// &
+                  'Required where the surface is open; of a closed one the outside touches others, if absent. The '// &
+                  'orientation of the facets in the file does not matter')
     call list%add('mesh', kind_text, &
                   'mesh file of the body; if absent, mesh of &scene')
     call list%add('at', kind_real, least=2, most=3, unit='length', &

@@ -1,7 +1,7 @@
 !> Reads `&rigid_body` from checked groups: bodies of which nothing but rigid motions is left.
 module dotyk_input_rigid_bodies
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, response_multigrid
+  use dotyk_base_options, only: analysis_axisymmetric, load_force_density, response_multigrid
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: applies_in, case_t, rigid_input_t
@@ -74,7 +74,20 @@ contains
       if (body_of(i) == 0) cycle
       call compare(case%rigid(i), case%rigid(:i - 1))
     end do
+    do i = 1, size(case%body)
+      if (.not. case%body(i)%is_surface .or. any(case%rigid%body == i)) cycle
+      call problems%add(case%body(i)%line, '&body: '//shown(case%body(i)%name)//' is a surface without volume: it '// &
+                        'is rigid; add &rigid_body body='//shown(case%body(i)%name)//', or give volume and material')
+    end do
     if (size(case%rigid) == 0) return
+    do i = 1, size(case%load)
+      if (case%load(i)%body == 0) cycle
+      ! Where wildcards name it, as in gravity on all bodies, it has no share.
+      if (case%load(i)%any_body .or. .not. case%body(case%load(i)%body)%is_surface) cycle
+      if (case%load(i)%kind == load_force_density) &
+        call problems%add(case%load(i)%line, '&load: body '//shown(bodies%name(case%load(i)%body)%s)//' has no '// &
+                          'volume for force_density: give force and moment on its surface')
+    end do
     if (case%solver%response == response_multigrid) &
       call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &
                         'response=''multigrid'': remove that')

@@ -119,12 +119,15 @@ contains
     if (size(case%contact) + size(case%tie) == 0) call log%line('  no contact pairs: one linear solve per body')
   end subroutine show_bodies
 
-  !> Names of the materials of a body, or their number where these are too long for the table.
+  !> Names of the materials of a body, or their number where these are too long for the table; none of a body without
+  !> volume.
   function names_of(body) result(text)
     !> The body.
     type(body_t), intent(in) :: body
     character(:), allocatable :: text
     integer :: m
+    text = ''
+    if (allocated(body%mesh%face)) return
     text = body%material(1)%name
     do m = 2, size(body%material)
       text = text//', '//body%material(m)%name

@@ -30,6 +30,11 @@ module dotyk_mesh_body_mesh
     !> Elements, one block for each material and kind (n_blocks); nodes are body-local numbers, volumes are positive;
     !> `group` is not used.
     type(element_block_t), allocatable :: block(:)
+    !> Faces of a rigid body without volume, likewise, oriented outward; then it has no elements. Not allocated for
+    !> other bodies (`dotyk_mesh_rigid_surface`).
+    type(element_block_t), allocatable :: face(:)
+    !> Whether these faces enclose no volume: they have a side, but no inside.
+    logical :: is_open = .false.
     !> The elements are quadratic on the straight edges and faces of the linear elements of the file
     !> (`dotyk_mesh_order_elevation`).
     logical :: order_elevated = .false.
@@ -52,7 +57,7 @@ module dotyk_mesh_body_mesh
     procedure :: carry => body_mesh_carry
   end type body_mesh_t
 
-  public :: extract_body, connected_components, number_nodes
+  public :: extract_body, connected_components, gather_elements, number_nodes
 
 contains
 
@@ -174,31 +179,42 @@ contains
     class(body_mesh_t), intent(inout) :: self
     !> The parcel.
     type(parcel_t), intent(inout) :: parcel
-    logical :: has_blocks, has_whole
-    integer :: n(1), b
+    logical :: has_whole
     call parcel%carry(self%file)
     call parcel%carry(self%dimension)
     call parcel%carry(self%x)
     call parcel%carry(self%node_tag)
     call parcel%carry(self%mesh_node)
     call parcel%carry(self%order_elevated)
-    has_blocks = allocated(self%block)
-    if (has_blocks) n = shape(self%block)
-    call parcel%carry_shape(has_blocks, n)
-    if (has_blocks .and. parcel%is_read) allocate (self%block(n(1)))
-    if (has_blocks) then
-      do b = 1, n(1)
-        call parcel%carry(self%block(b)%kind)
-        call parcel%carry(self%block(b)%material)
-        call parcel%carry(self%block(b)%node)
-        call parcel%carry(self%block(b)%tag)
-      end do
-    end if
+    call carry_blocks(parcel, self%block)
+    call carry_blocks(parcel, self%face)
+    call parcel%carry(self%is_open)
     has_whole = allocated(self%whole)
     call parcel%carry(has_whole)
     if (has_whole .and. parcel%is_read) allocate (self%whole)
     if (has_whole) call self%whole%carry(parcel)
   end subroutine body_mesh_carry
+
+  !> Put blocks of elements into a parcel, or take them out.
+  subroutine carry_blocks(parcel, block)
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    !> The blocks, if there are any (n_blocks).
+    type(element_block_t), allocatable, intent(inout) :: block(:)
+    logical :: has_blocks
+    integer :: n(1), b
+    has_blocks = allocated(block)
+    if (has_blocks) n = shape(block)
+    call parcel%carry_shape(has_blocks, n)
+    if (.not. has_blocks) return
+    if (parcel%is_read) allocate (block(n(1)))
+    do b = 1, n(1)
+      call parcel%carry(block(b)%kind)
+      call parcel%carry(block(b)%material)
+      call parcel%carry(block(b)%node)
+      call parcel%carry(block(b)%tag)
+    end do
+  end subroutine carry_blocks
 
   !> Extract the elements of the physical groups of one name from a mesh, and check them.
   !>
@@ -337,7 +353,7 @@ contains
     integer, intent(out) :: component(:)
     !> Number of components.
     integer, intent(out) :: n_components
-    integer :: b, e, i, first, other
+    integer :: i
     if (allocated(body_mesh%whole)) then
       component = body_mesh%whole%component
       n_components = body_mesh%whole%n_components
@@ -345,16 +361,8 @@ contains
     end if
     ! Union-find: each node points to a node of lower number in its component, or to itself.
     component = [(i, i=1, size(component))]
-    do b = 1, size(body_mesh%block)
-      do e = 1, size(body_mesh%block(b)%tag)
-        first = root_of(component, body_mesh%block(b)%node(1, e))
-        do i = 2, size(body_mesh%block(b)%node, 1)
-          other = root_of(component, body_mesh%block(b)%node(i, e))
-          component(max(first, other)) = min(first, other)
-          first = min(first, other)
-        end do
-      end do
-    end do
+    call join_nodes(body_mesh%block, component)
+    if (allocated(body_mesh%face)) call join_nodes(body_mesh%face, component)
     n_components = 0
     do i = 1, size(component)
       if (component(i) == i) then
@@ -365,4 +373,23 @@ contains
       end if
     end do
   end subroutine connected_components
+
+  !> Join the nodes of each element.
+  subroutine join_nodes(block, parent)
+    !> Elements (n_blocks).
+    type(element_block_t), intent(in) :: block(:)
+    !> A node of lower number in the component of each node, or itself (n_nodes).
+    integer, intent(inout) :: parent(:)
+    integer :: b, e, i, first, other
+    do b = 1, size(block)
+      do e = 1, size(block(b)%tag)
+        first = root_of(parent, block(b)%node(1, e))
+        do i = 2, size(block(b)%node, 1)
+          other = root_of(parent, block(b)%node(i, e))
+          parent(max(first, other)) = min(first, other)
+          first = min(first, other)
+        end do
+      end do
+    end do
+  end subroutine join_nodes
 end module dotyk_mesh_body_mesh

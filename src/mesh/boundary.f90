@@ -29,6 +29,10 @@ contains
       allocate (surface%block(surface%n_facets), surface%element(surface%n_facets), source=0)
       return
     end if
+    if (allocated(mesh%face)) then
+      call take_faces(mesh, surface)
+      return
+    end if
     call faces%find(mesh)
     n = count(faces%times == 1)
     surface%n_facets = n
@@ -50,4 +54,23 @@ contains
       surface%element(n) = e
     end do
   end subroutine extract_boundary
+
+  !> All faces of a body without volume; they have no parent elements.
+  subroutine take_faces(mesh, surface)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The boundary.
+    type(surface_t), intent(inout) :: surface
+    integer :: b, first, n
+    n = sum([(size(mesh%face(b)%tag), b=1, size(mesh%face))])
+    surface%n_facets = n
+    allocate (surface%kind(n), surface%node(max_facet_nodes, n), surface%block(n), surface%element(n), source=0)
+    first = 0
+    do b = 1, size(mesh%face)
+      n = size(mesh%face(b)%tag)
+      surface%kind(first + 1:first + n) = mesh%face(b)%kind
+      surface%node(:size(mesh%face(b)%node, 1), first + 1:first + n) = mesh%face(b)%node
+      first = first + n
+    end do
+  end subroutine take_faces
 end module dotyk_mesh_boundary

@@ -29,7 +29,7 @@ module dotyk_mesh_surface
     integer, allocatable :: node(:, :)
     !> Block of the body mesh to which the parent element of each facet belongs (n_facets).
     integer, allocatable :: block(:)
-    !> Number of the parent element in its block (n_facets).
+    !> Number of the parent element in its block, 0 where there is none: on bodies without volume (n_facets).
     integer, allocatable :: element(:)
     !> Element tag of each facet in the file (n_facets).
     integer(int64), allocatable :: tag(:)
@@ -77,7 +77,11 @@ contains
       call node_numbers(mesh, body_mesh, number)
       call gather_facets(mesh, body_mesh%dimension, number, wanted, table, tag, entity)
       surface%order_elevated = body_mesh%order_elevated
-      call find_parents(body_mesh, table, surface, parents)
+      if (allocated(body_mesh%face)) then
+        call find_faces(body_mesh, table, surface, parents)
+      else
+        call find_parents(body_mesh, table, surface, parents)
+      end if
       call choose_facets(mesh, surface_name, body_mesh%dimension, tag, entity, parents, surface, error)
       if (surface%n_facets > 0 .or. allocated(error)) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
@@ -238,6 +242,32 @@ contains
       end do
     end do
   end subroutine find_parents
+
+  !> Find the facets of a table among the faces of a body without volume.
+  subroutine find_faces(body_mesh, table, surface, times)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Facets by their corners.
+    type(corner_table_t), intent(in) :: table
+    !> Surface; it gets one facet for each entry of the table, without parents.
+    type(surface_t), intent(inout) :: surface
+    !> 1 for the facets that are faces, 0 for others (n_facets).
+    integer, allocatable, intent(out) :: times(:)
+    type(element_kind_t) :: kind
+    integer :: b, e, facet
+    allocate (surface%kind(table%n), surface%node(max_facet_nodes, table%n), surface%block(table%n), &
+              surface%element(table%n), times(table%n), source=0)
+    do b = 1, size(body_mesh%face)
+      kind = element_kind(body_mesh%face(b)%kind)
+      do e = 1, size(body_mesh%face(b)%tag)
+        facet = table%find(body_mesh%face(b)%node(:kind%n_corners, e))
+        if (facet == 0) cycle
+        times(facet) = 1
+        surface%kind(facet) = body_mesh%face(b)%kind
+        surface%node(:kind%n_nodes, facet) = body_mesh%face(b)%node(:, e)
+      end do
+    end do
+  end subroutine find_faces
 
   !> Keep some facets.
   subroutine keep_facets(surface, tag, entity, kept)

@@ -58,6 +58,8 @@ contains
       load%density_formula(m)%s = body%material(m)%formulas%density
     end do
     before = body%load
+    ! A body without volume has neither mass nor weight.
+    if (allocated(body%mesh%face) .and. .not. acts_on_surface(given)) return
     if (.not. acts_on_surface(given)) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
       ! Each rank has other elements of a body in parts.

@@ -89,11 +89,12 @@ contains
         if (present(shares)) then
           call shares%take_part(case, c, volume)
         else
-          call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
+          call volume%take(mesh, case%scene, case%body(c), locks(c))
         end if
         n_same = 0
         do k = c, size(body)
-          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
+          if (.not. same(k) .or. (locks(k) .neqv. locks(c))) cycle
+          if (.not. case%body(k)%has_shape_of(case%body(c))) cycle
           done(k) = .true.
           n_same = n_same + 1
           call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)

@@ -111,7 +111,7 @@ contains
     do c = 1, size(chosen)
       of_volume = chosen .and. survey%first_of_volume == c
       if (.not. any(of_volume)) cycle
-      call volume%take(mesh, case%body(c)%volume, case%scene%dimension, survey%locks(c))
+      call volume%take(mesh, case%scene, case%body(c), survey%locks(c))
       self%joints(c) = volume%joints
       do k = c, size(chosen)
         if (of_volume(k)) call build_body(case, mesh, volume, k, self%body(k), self%surfaces(k), self%support_used, &

@@ -3,9 +3,11 @@
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: int64
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
   use dotyk_elasticity_shortest_extent, only: measure_part
+  use dotyk_input_case, only: body_input_t, scene_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_boundary_part, only: find_entities
@@ -14,6 +16,7 @@ module dotyk_model_volumes
   use dotyk_mesh_layer_surface, only: extract_layer_surface, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
+  use dotyk_mesh_rigid_surface, only: extract_rigid_surface, facing_t
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_model_volume_parts, only: volume_share_t
@@ -48,23 +51,28 @@ module dotyk_model_volumes
 
 contains
 
-  !> Extract a volume from a mesh.
-  subroutine volume_take(self, mesh, name, dimension, locks)
+  !> Extract the volume of a body from a mesh, or its surface where it has no volume.
+  subroutine volume_take(self, mesh, scene, given, locks)
     class(volume_t), intent(out) :: self
     !> The mesh.
     type(mesh_t), intent(in) :: mesh
-    !> Physical group of the volume.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    !> The scene, for its dimension and analysis.
+    type(scene_input_t), intent(in) :: scene
+    !> The body.
+    type(body_input_t), intent(in) :: given
     !> Whether linear triangles, tetrahedra, prisms and pyramids would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
-    call extract_body(mesh, name, dimension, self%mesh, self%error)
+    allocate (self%surface(4))
+    if (given%is_surface) then
+      call extract_rigid_surface(mesh, given%volume, scene%dimension, scene%analysis == analysis_axisymmetric, &
+                                 facing_t(given%has_facing, given%facing), self%mesh, self%error)
+      return
+    end if
+    call extract_body(mesh, given%volume, scene%dimension, self%mesh, self%error)
     if (.not. allocated(self%error)) call self%joints%find(self%mesh)
     if (locks .and. .not. allocated(self%error)) then
       if (has_linear_simplices(self%mesh)) call elevate_order(self%mesh)
     end if
-    allocate (self%surface(4))
   end subroutine volume_take
 
   !> Make the part of this rank, with all ranks.
