@@ -23,8 +23,8 @@
 !>
 !> Where the projected part b of the bulk modulus varies within an element by more than the modulus field, pressures p
 !> are sought among the projection functions times that field: they make int p m.e - p^2/(2 b) stationary, and the
-!> functions are orthonormal with the weight 1/b. Where b varies by more than a factor of 4, as in an element of which only a part
-!> is nearly incompressible, the excess is left unprojected (`limit_projected_part`).
+!> functions are orthonormal with the weight 1/b. Where b varies by more than a factor of 4, as in an element of which
+!> only a part is nearly incompressible, the excess is left unprojected (`limit_projected_part`).
 !>
 !> The projection uses the quadrature of the stiffness, weighted with the modulus field. In axisymmetric analyses
 !> u_r/r is part of the dilatation.
