@@ -95,16 +95,13 @@ module dotyk_input_case
     character(:), allocatable :: mesh
     !> Position of the origin of its mesh (3) [length].
     real(dp) :: at(3) = 0
-    !> Axis through the origin of the mesh about which the body is rotated first, as written (3) [].
-    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp]
-    !> Angle of that rotation [degrees].
-    real(dp) :: angle = 0
+    !> Axis through the origin of the mesh about which the body is rotated first, as written (3) []; angle [degrees].
+    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp], angle = 0
     !> Whether faces of the body that touch without common nodes are a crack that is meant.
     logical :: crack = .false.
-    !> Whether it has no volume: its groups are those of a surface, and it is rigid.
-    logical :: is_surface = .false.
-    !> Whether a point is given that sees the side of contact of this surface.
-    logical :: has_facing = .false.
+    !> Whether it has no volume: its groups are those of a surface, and it is rigid; whether a point is given that sees
+    !> the side of contact of this surface.
+    logical :: is_surface = .false., has_facing = .false.
     !> This point, in coordinates of the mesh (3) [length].
     real(dp) :: facing(3) = 0
   contains
@@ -325,10 +322,8 @@ module dotyk_input_case
 
   !> The whole file.
   type, public :: case_t
-    !> Path of the namelist file, as named by the user.
-    character(:), allocatable :: file
-    !> Its directory with a slash at the end; empty for the working directory.
-    character(:), allocatable :: directory
+    !> Path of the namelist file, as named by the user; its directory with a slash at the end, or empty.
+    character(:), allocatable :: file, directory
     !> The whole text of the file.
     character(:), allocatable :: text
     !> Whether geometries may start no program and write no file but their mesh (command line).
@@ -345,10 +340,8 @@ module dotyk_input_case
     type(load_input_t), allocatable :: load(:)
     !> Rigid bodies (n_rigid).
     type(rigid_input_t), allocatable :: rigid(:)
-    !> Temperatures in the order of the file, no two of one body (n_temperatures).
-    type(field_input_t), allocatable :: temperature(:)
-    !> Initial stresses likewise (n_initial_stresses).
-    type(field_input_t), allocatable :: initial_stress(:)
+    !> Temperatures, and initial stresses, in the order of the file, no two of one body and load case (number of these).
+    type(field_input_t), allocatable :: temperature(:), initial_stress(:)
     !> Contact pairs in the order of the file (n_pairs).
     type(contact_input_t), allocatable :: contact(:)
     !> Ties in the order of the file, bolts after them (n_ties).

@@ -5,7 +5,7 @@ module dotyk_input_parse
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_attachments, only: read_masses, read_rigid_bodies, read_springs
-  use dotyk_input_bodies, only: read_body, read_material
+  use dotyk_input_bodies, only: read_body
   use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
   use dotyk_input_boundary, only: append_places, check_densities, read_load, read_support
   use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
@@ -14,6 +14,7 @@ module dotyk_input_parse
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
   use dotyk_input_load_cases, only: cases_of, read_contact_cases, read_load_cases
+  use dotyk_input_materials, only: read_material
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups

@@ -21,7 +21,8 @@ module dotyk_input_values
 
   public :: is_given, is_usable, line_of, count_of
   public :: text_of, texts_of, real_of, reals_of, integer_of, integers_of, has_option, logical_of
-  public :: pick_groups, gather_names, find_name, first_names, refer, report
+  public :: read_numbers
+  public :: pick_groups, gather_names, find_name, first_names, refer, refuse, report
 
 contains
 
@@ -294,4 +295,32 @@ contains
     end do
     if (size(name) > most) text = text//' and '//to_text(size(name) - most)//' more'
   end function first_names
+
+  !> Report a key that another one excludes.
+  subroutine refuse(group, key, other, problems)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> The excluded key.
+    character(*), intent(in) :: key
+    !> The key that excludes it.
+    character(*), intent(in) :: other
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    if (is_given(group, key)) call report(problems, group, key, key//' does not go together with '//other)
+  end subroutine refuse
+
+  !> Copy the numbers of a key; components that the key does not have keep their values.
+  subroutine read_numbers(group, key, values)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Name of the key.
+    character(*), intent(in) :: key
+    !> Values of the key (at least as many as the key has) [unit of the key].
+    real(dp), intent(inout) :: values(:)
+    real(dp), allocatable :: numbers(:)
+    integer :: n
+    call reals_of(group, key, numbers)
+    n = min(size(numbers), size(values))
+    values(:n) = numbers(:n)
+  end subroutine read_numbers
 end module dotyk_input_values
