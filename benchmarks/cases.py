@@ -2,6 +2,7 @@
 """One case and many load cases of one assembly: time of both, and their ratio.
 
 usage: benchmarks/cases.py [--dotyk PROGRAM] [--folder FOLDER] [-n DIVISIONS] [--cases NUMBER] [--history] [--output 'error_parts='''']
+                           [--response full]
 
 Two blocks of n*n*n hexahedra with 20 nodes, meshes that do not match; the upper one floats and is pressed on the lower one by pressures whose
 place moves from case to case.
@@ -26,14 +27,14 @@ SCENE = """&scene /
 &support body='lower', surface='bottom', fix='xyz' /
 &support body='upper', surface='sides x', fix='x' /
 &contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /
-&solver theta=0, tolerance=1e-6 /
+&solver theta=0, tolerance=1e-6, response='%s' /
 &output %s /
 """
 
 
 def run(options, folder, n):
     """Solve n cases; the log, and the seconds of the run."""
-    lines = [SCENE % options.output]
+    lines = [SCENE % (options.response, options.output)]
     for k in range(n):
         more = ", history=.true." if options.history and k else ""
         lines.append("&case name='case %d'%s /" % (k + 1, more))
@@ -58,6 +59,7 @@ def main():
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--history", action="store_true")
     parser.add_argument("--output", default="")
+    parser.add_argument("--response", default="auto")
     options = parser.parse_args()
     folder = pathlib.Path(options.folder or tempfile.mkdtemp(prefix="dotyk-cases-"))
     folder.mkdir(exist_ok=True)

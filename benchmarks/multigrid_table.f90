@@ -105,8 +105,8 @@ contains
     ! Blocks grow in three directions, plates and beams along one or two.
     scale = usual_size/operator%grid%n
     work = corner_flops*(real(operator%grid%n, dp)/operator%grid%interpolation%n)**2*scale**power
-    if (factor_is_better(operator%expected_steps(), usual_size, work)) choice = 'cheaper'
-    if (factor_is_better(operator%expected_steps(), usual_size, 0.0_dp)) choice = 'trial'
+    if (factor_is_better(operator%expected_steps(), 1, usual_size, work)) choice = 'cheaper'
+    if (factor_is_better(operator%expected_steps(), 1, usual_size, 0.0_dp)) choice = 'trial'
     if (.not. suits_multigrid(body)) choice = 'material'
     if (multigrid_obstacle(body) /= obstacle_none) choice = 'obstacle'
     x = body%rhs

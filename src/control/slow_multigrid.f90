@@ -36,18 +36,20 @@ contains
   !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 1.1 to
   !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
   !> held below.
-  subroutine find_slow_ones(classes, n_rows, slot, size_of)
+  subroutine find_slow_ones(classes, n_rows, n_cases, slot, size_of)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Number of contact rows.
     integer, intent(in) :: n_rows
+    !> Number of load cases: a factor serves all of them, p-multigrid solves each.
+    integer, intent(in) :: n_cases
     !> Analysed, or factorized and tried (n_bodies).
     type(operator_slot_t), intent(in) :: slot(:)
     !> Analysed; says which ones are slow on return (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)
     real(dp) :: flops, of_rows
     integer :: b
-    of_rows = dense_factors*(active*n_rows)**3/3
+    of_rows = n_cases*dense_factors*(active*n_rows)**3/3
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
@@ -57,7 +59,7 @@ contains
         if (.not. flops > 0) flops = size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2* &
           merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
         if (flops > 0) flops = max(tiny(flops), flops - of_rows)
-        size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), flops)
+        size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n_cases, n*count(classes%first == b), flops)
       end associate
     end do
     size_of%is_slow = size_of(classes%first)%is_slow
@@ -67,15 +69,17 @@ contains
   end subroutine find_slow_ones
 
   !> Whether a factor is better than p-multigrid.
-  elemental logical function factor_is_better(steps, n, flops) result(is_better)
+  elemental logical function factor_is_better(steps, n_cases, n, flops) result(is_better)
     !> Iterations of a solve by p-multigrid.
     real(dp), intent(in) :: steps
+    !> Number of load cases.
+    integer, intent(in) :: n_cases
     !> Unknowns of the bodies that would share the factor.
     real(dp), intent(in) :: n
     !> Operations of the factorization; 0 where they are not known.
     real(dp), intent(in) :: flops
     is_better = steps > most_steps
-    if (flops > 0) is_better = is_better .or. flops < cycles_per_step*steps*work_of_cycle*n
+    if (flops > 0) is_better = is_better .or. flops < n_cases*cycles_per_step*steps*work_of_cycle*n
   end function factor_is_better
 
   !> Replace the p-multigrids that converge slowly.
