@@ -4,6 +4,8 @@
 !> Each side has a row of its own in the vertex that both sides have there, and the tie makes their displacements equal.
 !> The two rows then differ by the master surface alone, and would divide the pressure at will. One body in place of
 !> both has one row there, whose dual shape function is the sum of those of both sides: the weighted mean of the rows.
+!> Where the third surface is the slave, its vertices at the edge of the tie have a row in the pair of each side, which
+!> are one alike.
 module dotyk_control_joined_rows
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
@@ -18,11 +20,15 @@ module dotyk_control_joined_rows
   real(dp), parameter :: touching = 1.0e-3_dp
   !> Rows whose normals differ by less than 40 degrees are those of one smooth surface.
   real(dp), parameter :: smooth_cosine = 0.766_dp
+  !> A generic direction: not normal to the planes of a regular mesh, whose vertices would all be close along it [].
+  real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
 
   !> Contact rows near a side of a tie.
   type :: side_rows_t
     !> Contact rows, their pairs, and the nearest vertices of the tie (n).
     integer, allocatable :: row(:), pair(:), vertex(:)
+    !> Their numbers in the pairs (n).
+    integer, allocatable :: own(:)
     !> Whether the row is in that vertex (n).
     logical, allocatable :: is_there(:)
     !> Normals, those of the master side rotated to the slave side (dimension, n) [].
@@ -56,7 +62,7 @@ contains
         call find_rows_near(pair, rows%body_b, tie(k), .true., master)
         do i = 1, size(slave%row)
           if (.not. slave%is_there(i)) cycle
-          call find_counterpart(pair, slave, i, master, parent, found, faces_other)
+          call find_counterpart(pair, tie, slave, i, master, parent, found, faces_other)
           if (found > 0) then
             call join(parent, slave%row(i), found)
           else if (faces_other) then
@@ -64,6 +70,7 @@ contains
           end if
         end do
       end associate
+      call join_rows_on_masters(pair, tie, k, parent)
     end do
     n = 0
     do i = 1, size(parent)
@@ -77,9 +84,11 @@ contains
   end subroutine find_joined_rows
 
   !> The row on the master side of a tie that is one with a row on the slave side.
-  subroutine find_counterpart(pair, slave, i, master, parent, found, faces_other)
+  subroutine find_counterpart(pair, tie, slave, i, master, parent, found, faces_other)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
     !> Rows on the slave side.
     type(side_rows_t), intent(in) :: slave
     !> The row among these.
@@ -90,15 +99,16 @@ contains
     integer, intent(inout) :: parent(:)
     !> Number of the row; 0 where there is none.
     integer, intent(out) :: found
-    !> Whether rows near the vertex on the master side touch the same body from the same side.
+    !> Whether rows near the vertex on the master side touch the same body, or one that is tied to it there, from the
+    !> same side.
     logical, intent(out) :: faces_other
     integer :: j
     found = 0
     faces_other = .false.
     do j = 1, size(master%row)
       if (master%vertex(j) /= slave%vertex(i) .or. master%row(j) == slave%row(i)) cycle
-      if (pair(master%pair(j))%body_b /= pair(slave%pair(i))%body_b) cycle
       if (dot_product(master%normal(:, j), slave%normal(:, i)) < smooth_cosine) cycle
+      if (.not. is_one_master(pair, tie, slave%pair(i), slave%own(i), master%pair(j), master%own(j))) cycle
       faces_other = .true.
       if (.not. master%is_there(j)) cycle
       ! Of several, as where pairs meet on the master surface, the one of the same pair.
@@ -106,6 +116,89 @@ contains
     end do
     if (found > 0) found = root_of(parent, found)
   end subroutine find_counterpart
+
+  !> Join the rows of a slave vertex that has one on each of two master bodies, near the edge at which these are tied.
+  subroutine join_rows_on_masters(pair, tie, k, parent)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    !> The tie of the bodies.
+    integer, intent(in) :: k
+    !> Rows that are one already; joined (n_rows).
+    integer, intent(inout) :: parent(:)
+    real(dp), allocatable :: along(:)
+    integer, allocatable :: order(:)
+    real(dp) :: apart
+    integer :: p, q, i, j, l
+    apart = touching*tie(k)%facet_size
+    associate (rows => tie(k)%component(1))
+      ! Rotated sides are not side by side.
+      if (rows%body_a == rows%body_b .or. allocated(rows%turn)) return
+      do p = 1, size(pair)
+        if (pair(p)%body_b /= rows%body_a) cycle
+        do q = 1, size(pair)
+          if (pair(q)%body_b /= rows%body_b .or. pair(q)%body_a /= pair(p)%body_a) cycle
+          along = matmul(direction(:rows%dimension), pair(q)%row_position)
+          if (allocated(order)) deallocate (order)
+          allocate (order(size(along)))
+          call sort_order(along, order)
+          along = along(order)
+          do i = 1, pair(p)%n_rows
+            associate (x => pair(p)%row_position(:, i))
+              do l = first_above(along, dot_product(direction(:rows%dimension), x) - apart), size(along)
+                if (along(l) > dot_product(direction(:rows%dimension), x) + apart) exit
+                j = order(l)
+                if (norm2(pair(q)%row_position(:, j) - x) > apart) cycle
+                if (dot_product(pair(q)%row_normal(:, j), pair(p)%row_normal(:, i)) < smooth_cosine) cycle
+                if (.not. is_one_master(pair, tie, p, i, q, j)) cycle
+                call join(parent, sum(pair(:p - 1)%n_rows) + i, sum(pair(:q - 1)%n_rows) + j)
+              end do
+            end associate
+          end do
+        end do
+      end do
+    end associate
+  end subroutine join_rows_on_masters
+
+  !> Whether two rows have the same master body, or bodies that are tied to each other within their reach.
+  logical function is_one_master(pair, tie, p, i, q, j) result(is_one)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Ties (n_ties).
+    type(tied_surfaces_t), intent(in) :: tie(:)
+    !> Pair of the first row, and its number in it.
+    integer, intent(in) :: p, i
+    !> Pair of the other one, and its number in it.
+    integer, intent(in) :: q, j
+    integer :: k, l
+    real(dp) :: reach
+    associate (a => pair(p)%body_b, b => pair(q)%body_b, x => pair(p)%row_position(:, i))
+      is_one = a == b
+      do k = 1, size(tie)
+        if (is_one) exit
+        associate (rows => tie(k)%component(1))
+          if (allocated(rows%turn)) cycle
+          if (.not. (rows%body_a == a .and. rows%body_b == b .or. rows%body_a == b .and. rows%body_b == a)) cycle
+          reach = tie(k)%facet_size + max(extent(pair(p), i), extent(pair(q), j))
+          is_one = any([(norm2(rows%row_position(:, l) - x) <= reach, l=1, rows%n_rows)])
+        end associate
+      end do
+    end associate
+  end function is_one_master
+
+  !> Greatest distance of the points of a row from it [length].
+  pure real(dp) function extent(pair, i)
+    !> The pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> The row.
+    integer, intent(in) :: i
+    integer :: k
+    extent = 0
+    do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
+      extent = max(extent, norm2(pair%position(:, pair%average%column(k)) - pair%row_position(:, i)))
+    end do
+  end function extent
 
   !> Contact rows of a slave body near the vertices of a tie.
   subroutine find_rows_near(pair, body, tie, from_master, near)
@@ -119,15 +212,14 @@ contains
     logical, intent(in) :: from_master
     !> The rows.
     type(side_rows_t), intent(out) :: near
-    ! A generic direction: not normal to the planes of a regular mesh, whose vertices would all be close along it.
-    real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
     real(dp), allocatable :: along(:)
     integer, allocatable :: order(:)
     real(dp) :: x(tie%component(1)%dimension), normal(tie%component(1)%dimension), distance, nearest
     integer :: p, i, j, first, vertex, before, n
     associate (rows => tie%component(1), d => tie%component(1)%dimension)
       n = sum(pair%n_rows, mask=pair%body_a == body)
-      allocate (near%row(n), near%pair(n), near%vertex(n), near%is_there(n), near%normal(d, n), order(rows%n_rows))
+      allocate (near%row(n), near%pair(n), near%vertex(n), near%own(n), near%is_there(n), near%normal(d, n), &
+                order(rows%n_rows))
       along = matmul(direction(:d), rows%row_position)
       call sort_order(along, order)
       along = along(order)
@@ -155,6 +247,7 @@ contains
           if (vertex == 0) cycle
           n = n + 1
           near%row(n) = before + i
+          near%own(n) = i
           near%pair(n) = p
           near%vertex(n) = vertex
           near%is_there(n) = nearest <= touching*tie%facet_size
@@ -163,6 +256,7 @@ contains
       end do
     end associate
     near%row = near%row(:n)
+    near%own = near%own(:n)
     near%pair = near%pair(:n)
     near%vertex = near%vertex(:n)
     near%is_there = near%is_there(:n)

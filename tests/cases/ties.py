@@ -91,10 +91,15 @@ class Ties(Case):
 
     def test_contact_beside(self):
         """Two tied blocks lie on a plate, which the joint runs into, under a pressure that tilts them: contact below is
-        that of one block of the same mesh."""
+        that of one block of the same mesh, whichever side is the slave; the vertices of the plate are at the joint, or beside it."""
+        for slave, n in (("block", 4), ("plate", 4), ("plate", 7)):
+            with self.subTest(slave=slave, n=n):
+                self.compare_beside(slave, n)
+
+    def compare_beside(self, slave, n_plate):
         found, pressure = [], []
         for parts in ("left", "right"), ("both",):
-            self.write("plate.geo", blocks.block_geo("hex8", (4, 4, 2), (-0.5, -0.5, -1), (3, 2, 1)))
+            self.write("plate.geo", blocks.block_geo("hex8", (n_plate, 4, 2), (-0.5, -0.5, -1), (3, 2, 1)))
             lines = ["&scene mesh='plate.geo' /", MATERIAL, "&body name='plate', volume='block', material='steel' /",
                      "&support body='plate', surface='bottom', fix='xyz' /"]
             for name, n, x, width in ("left", 2, 0, 1), ("right", 2, 1, 1), ("both", 4, 0, 2):
@@ -105,7 +110,8 @@ class Ties(Case):
                            "{0.99, -1, -1, 1.01, 2, 2}};\n")
                 lines += ["&body name='%s', volume='block', material='steel', mesh='%s.geo' /" % (name, name),
                           "&load body='%s', surface='top', pressure_formula='100*(1+x)' /" % name,
-                          "&contact name='%s', surface_a='%s:bottom', surface_b='plate:top', theta=0 /" % (name, name)]
+                          "&contact name='%s', surface_a='%s', surface_b='%s', theta=0 /" % (
+                              name, *((name + ":bottom", "plate:top")[::1 if slave == "block" else -1]))]
             if len(parts) == 2:
                 lines.append("&tie name='joint', surface_a='left:joint', surface_b='right:joint' /")
             file = self.solve("beside", lines)[2]
@@ -114,7 +120,7 @@ class Ties(Case):
             pressure.append({tuple(x[:2]): p for name in parts for x, p in zip(
                 file["dotyk/contact"][name]["position"][()], file["dotyk/contact"][name]["pressure"][()])})
         self.assertAlmostEqual(found[0][0] / found[1][0], 1, delta=1e-9)
-        np.testing.assert_allclose([force for _, force in found], 400, rtol=1e-9)
+        np.testing.assert_allclose([abs(force) for _, force in found], 400, rtol=1e-9)
         peak = max(pressure[1].values())
         for place, value in pressure[0].items():
             self.assertAlmostEqual(value / peak, pressure[1][place] / peak, delta=1e-9, msg=place)
