@@ -13,6 +13,9 @@ module dotyk_driver_face_shape
 
   !> Mean deviation of the corners, relative to the radius, up to which a face has a shape.
   real(dp), parameter :: tolerance = 5.0e-3_dp
+  !> Distance of the middle of a facet from the axis or centre, relative to the radius, at least: seven facets around. The
+  !> corners of a box lie on a sphere, too.
+  real(dp), parameter :: least_middle = 0.9_dp
   !> Greatest radius, relative to the extent of the face.
   real(dp), parameter :: greatest_radius = 100
   !> Steps of Newton's method, and components of vectors that are 0.
@@ -28,40 +31,43 @@ contains
     !> The face.
     type(surface_t), intent(in) :: surface
     character(:), allocatable :: text
-    real(dp), allocatable :: p(:, :), normal(:, :)
+    real(dp), allocatable :: p(:, :), middle(:, :), normal(:, :)
     real(dp) :: centre(3), axis(3), radius, extent
     text = ''
-    call find_corners(x, surface, p, normal)
+    call find_corners(x, surface, p, middle, normal)
     if (size(p, 2) < 6) return
     centre = sum(p, dim=2)/size(p, 2)
     extent = maxval(maxval(p, dim=2) - minval(p, dim=2))
     call fit_sphere(p, centre, radius)
-    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1))) then
+    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) then
       text = words('sphere', 'hollow sphere')//' of radius '//to_text(radius, 4)
       return
     end if
     centre = sum(p, dim=2)/size(p, 2)
     call fit_cylinder(p, normal, centre, axis, radius)
-    if (.not. fits(distances())) return
+    if (.not. fits(distances(p), distances(middle))) return
     text = words('cylinder', 'hole')//' of radius '//to_text(radius, 4)//' about '//vector_text(axis)
 
   contains
 
     !> Distances from the axis.
-    function distances() result(distance)
-      real(dp) :: distance(size(p, 2))
+    pure function distances(q) result(distance)
+      !> Points (3, n) [length].
+      real(dp), intent(in) :: q(:, :)
+      real(dp) :: distance(size(q, 2))
       integer :: i
-      do i = 1, size(p, 2)
-        distance(i) = norm2(p(:, i) - centre - axis*dot_product(p(:, i) - centre, axis))
+      do i = 1, size(q, 2)
+        distance(i) = norm2(q(:, i) - centre - axis*dot_product(q(:, i) - centre, axis))
       end do
     end function distances
 
     !> Whether distances are the radius.
-    logical function fits(distance)
-      !> The distances [length].
-      real(dp), intent(in) :: distance(:)
+    logical function fits(distance, of_middles)
+      !> The distances of corners, and of the middles of facets [length].
+      real(dp), intent(in) :: distance(:), of_middles(:)
       fits = radius > 0 .and. radius < greatest_radius*extent
       if (fits) fits = norm2(distance - radius) < tolerance*radius*sqrt(real(size(distance), dp))
+      if (fits) fits = minval(of_middles) > least_middle*radius
     end function fits
 
     !> The word for a face that bulges out, or for one that bulges in.
@@ -75,29 +81,33 @@ contains
   end function shape_text
 
   !> Corners of the facets, as often as facets have them, and the areas and normals of these.
-  subroutine find_corners(x, surface, p, normal)
+  subroutine find_corners(x, surface, p, middle, normal)
     !> Nodes of the body (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The face.
     type(surface_t), intent(in) :: surface
     !> The corners (3, n) [length].
     real(dp), allocatable, intent(out) :: p(:, :)
+    !> Middles of their facets (3, n) [length].
+    real(dp), allocatable, intent(out) :: middle(:, :)
     !> Area times normal of their facets (3, n) [area].
     real(dp), allocatable, intent(out) :: normal(:, :)
     type(element_kind_t) :: kind
     integer :: f, n
-    allocate (p(3, 4*surface%n_facets), normal(3, 4*surface%n_facets))
+    allocate (p(3, 4*surface%n_facets), middle(3, 4*surface%n_facets), normal(3, 4*surface%n_facets))
     n = 0
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
       associate (corner => surface%node(:kind%n_corners, f))
         p(:, n + 1:n + kind%n_corners) = x(:, corner)
+        middle(:, n + 1:n + kind%n_corners) = spread(sum(x(:, corner), dim=2)/kind%n_corners, 2, kind%n_corners)
         normal(:, n + 1:n + kind%n_corners) = &
           spread(cross(x(:, corner(2)) - x(:, corner(1)), x(:, corner(3)) - x(:, corner(1))), 2, kind%n_corners)
       end associate
       n = n + kind%n_corners
     end do
     p = p(:, :n)
+    middle = middle(:, :n)
     normal = normal(:, :n)
   end subroutine find_corners
 

@@ -82,6 +82,9 @@ class Inp(dotyk_case.Case):
                                        ("of right", "5", "(1.6, 0.5, 0.5)")):
                 self.assertRegex(listed, r"\n      %s +%s, %s" % (name, area, re.escape(centre)))
             self.assertIn("than on those: 'more' (1 of 9)\n", listed)
+        # The corners of a box lie on a sphere, its sides do not.
+        self.assertNotIn('sphere', listed)
+        self.assertNotIn('cylinder', listed)
         # an end of the left body only; the interface is no outer face
         self.assertRegex(self.check(text, "left"), r"\n      ends +1, \(0, 0.5, 0.5\), \(-1, 0, 0\)\n")
         self.assertIn("'of right' has no facet on this body", self.check(
