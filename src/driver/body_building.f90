@@ -48,15 +48,32 @@ contains
     if (allocated(error)) return
     if (in_parts) then
       call build_bodies(case, problem%body, surfaces, remarks, error, shares)
+      call put_first(survey%remark, remarks)
       return
     end if
     if (may_be_split) may_be_split = are_maybe_large(case, survey)
     if (survey%is_known .and. .not. may_be_split) &
       call build_dealt_bodies(case, survey, problem%body, surfaces, remarks, problem%classes, problem%ranks, &
                               problem%modes, are_dealt)
-    if (are_dealt) return
+    if (are_dealt) then
+      call put_first(survey%remark, remarks)
+      return
+    end if
     call build_bodies(case, problem%body, surfaces, remarks, error)
   end subroutine read_bodies
+
+  !> Put what the log says of mesh files before what it says of bodies.
+  pure subroutine put_first(first, remarks)
+    !> Of the files (n_first).
+    type(text_t), intent(in) :: first(:)
+    !> Of the bodies; all on return (n_remarks).
+    type(text_t), allocatable, intent(inout) :: remarks(:)
+    type(text_t), allocatable :: all_of_them(:)
+    allocate (all_of_them(size(first) + size(remarks)))
+    all_of_them(:size(first)) = first
+    all_of_them(size(first) + 1:) = remarks
+    call move_alloc(all_of_them, remarks)
+  end subroutine put_first
 
   !> Whether p-multigrid may be chosen for a body.
   pure logical function are_maybe_large(case, survey) result(are_large)

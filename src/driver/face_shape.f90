@@ -13,8 +13,8 @@ module dotyk_driver_face_shape
 
   !> Mean deviation of the corners, relative to the radius, up to which a face has a shape.
   real(dp), parameter :: tolerance = 5.0e-3_dp
-  !> Distance of the middle of a facet from the axis or centre, relative to the radius, at least: seven facets around. The
-  !> corners of a box lie on a sphere, too.
+  !> Distance of the middle of a facet from the axis or centre, relative to the radius, at least: seven facets around.
+  !> The corners of a box lie on a sphere, too.
   real(dp), parameter :: least_middle = 0.9_dp
   !> Greatest radius, relative to the extent of the face.
   real(dp), parameter :: greatest_radius = 100
@@ -39,7 +39,8 @@ contains
     centre = sum(p, dim=2)/size(p, 2)
     extent = maxval(maxval(p, dim=2) - minval(p, dim=2))
     call fit_sphere(p, centre, radius)
-    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) then
+    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), &
+             norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) then
       text = words('sphere', 'hollow sphere')//' of radius '//to_text(radius, 4)
       return
     end if

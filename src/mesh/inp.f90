@@ -196,7 +196,6 @@ contains
     integer :: i, j, n_left, n_partly
     remark = ''
     n_partly = 0
-    if (builder%selection%counts_only) return
     associate (part => state%slot(1)%part)
       allocate (is_member(part%n_nodes), source=.false.)
       if (part%n_node_sets > 0 .or. any([(part%surface(i)%of_nodes .or. any(part%surface(i)%face(:part%surface(i)%n) &

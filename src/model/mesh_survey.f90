@@ -14,6 +14,7 @@ module dotyk_model_mesh_survey
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_physical_group, only: groups_named
   use dotyk_model_locking, only: would_lock
+  use dotyk_model_joints, only: add_remark
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_ranks_exchange, only: on_any_rank
   implicit none
@@ -27,6 +28,8 @@ module dotyk_model_mesh_survey
     integer, allocatable :: first_of_file(:), first_of_volume(:)
     !> Whether linear elements of a body would lock and are elevated to order 2 (n_bodies).
     logical, allocatable :: locks(:)
+    !> What the log is to say of the files (n_remarks).
+    type(text_t), allocatable :: remark(:)
     !> Number of elements of each kind in the volume of a body (n_element_kinds, n_bodies).
     integer(int64), allocatable, private :: n_of_kind(:, :)
   contains
@@ -55,7 +58,7 @@ contains
     integer :: b, c, n
     n = size(case%body)
     self%locks = [(would_lock(case, b), b=1, n)]
-    allocate (self%first_of_file(n), self%first_of_volume(n))
+    allocate (self%first_of_file(n), self%first_of_volume(n), self%remark(0))
     ! Bodies without volume are built by all ranks.
     if (any(case%body%is_surface)) return
     allocate (self%n_of_kind(n_element_kinds, n), source=0_int64)
@@ -81,6 +84,7 @@ contains
       ! A mesh that is made for each run is another one on each rank.
       if (on_any_rank(allocated(failed) .or. meshing%for_once)) return
       if (interrupted()) return
+      if (len(meshing%remark) > 0) call add_remark(self%remark, meshing%remark)
       call add_unions(case, case%body(b)%mesh, mesh)
       do c = b, n
         if (self%first_of_file(c) == b) &
