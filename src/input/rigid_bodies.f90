@@ -1,7 +1,8 @@
 !> Reads `&rigid_body` from checked groups: bodies of which nothing but rigid motions is left.
 module dotyk_input_rigid_bodies
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_force_density, response_multigrid
+  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
+    load_names, option_name, response_multigrid
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: applies_in, case_t, rigid_input_t
@@ -84,9 +85,10 @@ contains
       if (case%load(i)%body == 0) cycle
       ! Where wildcards name it, as in gravity on all bodies, it has no share.
       if (case%load(i)%any_body .or. .not. case%body(case%load(i)%body)%is_surface) cycle
-      if (case%load(i)%kind == load_force_density) &
-        call problems%add(case%load(i)%line, '&load: body '//shown(bodies%name(case%load(i)%body)%s)//' has no '// &
-                          'volume for force_density: give force and moment on its surface')
+      if (any(case%load(i)%kind == [load_force_density, load_acceleration, load_angular_velocity])) &
+        call problems%add(case%load(i)%line, '&load: body '//shown(bodies%name(case%load(i)%body)%s)//' has '// &
+                          'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// &
+                          ': give force and moment on its surface')
     end do
     if (case%solver%response == response_multigrid) &
       call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &

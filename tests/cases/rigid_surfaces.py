@@ -173,7 +173,9 @@ class RigidSurfaces(dotyk_case.Case):
                 ("mesh='low.geo', volume='block'", [rigid], "'material' is missing"),
                 ("mesh='low.geo', material='steel'", [rigid], "'volume' is missing"),
                 ("mesh='low.geo', volume='block', material='steel', facing=1,1,1", [rigid], "it needs surface"),
-                (quad + ", facing=1,1,0", [rigid, "&load body='punch', force_density=0,0,1 /"], "has no volume"),
+                (quad + ", facing=1,1,0", [rigid, "&load body='punch', force_density=0,0,1 /"], "has neither volume nor mass for force_density"),
+                (quad + ", facing=1,1,0", [rigid, "&load body='punch', acceleration=0,0,1 /"], "nor mass for acceleration"),
+                (quad + ", facing=1,1,0", [rigid, "&load body='punch', angular_velocity=0,0,1 /"], "nor mass for angular_velocity"),
                 (quad + ", facing=1,1,0", [rigid, "&support body='punch', surface='bottom', fix='x' /"], "is rigid")):
             with self.subTest(message):
                 self.assertIn(message, self.scene([*LOW, "&body name='punch', %s /" % punch, *lines], code=2))
