@@ -14,7 +14,7 @@ module dotyk_control_joined_rows
   use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
-  public :: find_joined_rows
+  public :: find_joined_rows, pair_of_other_roles
 
   !> Vertices of both sides are one where they are closer than this, in facets [].
   real(dp), parameter :: touching = 1.0e-3_dp
@@ -186,6 +186,38 @@ contains
       end do
     end associate
   end function is_one_master
+
+  !> The pair in which contact goes on across a tie with the roles exchanged: the third body is the master of one of both
+  !> sides, and the slave of the other one. Rows are in the vertices of different bodies then, and none are joined.
+  integer function pair_of_other_roles(pair, tie, p) result(other)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> The tie.
+    type(tied_surfaces_t), intent(in) :: tie
+    !> The pair in which a side of the tie is the slave.
+    integer, intent(in) :: p
+    integer :: i, j, l, side
+    associate (rows => tie%component(1), x => pair(p)%row_position)
+      side = 0
+      if (pair(p)%body_a == rows%body_a) side = rows%body_b
+      if (pair(p)%body_a == rows%body_b) side = rows%body_a
+      ! Rotated sides are not side by side.
+      if (allocated(rows%turn)) side = 0
+      do other = 1, merge(size(pair), 0, side > 0)
+        if (pair(other)%body_b /= side .or. pair(other)%body_a /= pair(p)%body_b) cycle
+        if (pair(p)%body_b == side) cycle
+        do i = 1, pair(p)%n_rows
+          if (all([(norm2(rows%row_position(:, l) - x(:, i)) > tie%facet_size, l=1, rows%n_rows)])) cycle
+          do j = 1, pair(other)%n_rows
+            if (norm2(pair(other)%row_position(:, j) - x(:, i)) > &
+                extent(pair(p), i) + extent(pair(other), j)) cycle
+            if (dot_product(pair(other)%row_normal(:, j), pair(p)%row_normal(:, i)) < -smooth_cosine) return
+          end do
+        end do
+      end do
+    end associate
+    other = 0
+  end function pair_of_other_roles
 
   !> Greatest distance of the points of a row from it [length].
   pure real(dp) function extent(pair, i)

@@ -5,7 +5,7 @@ module dotyk_log_tie_tables
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
-  use dotyk_control_joined_rows, only: find_joined_rows
+  use dotyk_control_joined_rows, only: find_joined_rows, pair_of_other_roles
   use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_load_tables, only: vector_text
@@ -33,7 +33,7 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)
     character(20) :: label
     integer, allocatable :: joined_row(:), n_split(:, :)
-    integer :: k, p
+    integer :: k, p, q
     if (size(tie) == 0) return
     call log%line('')
     call log%line('  tie                  area tied   surfaces')
@@ -53,6 +53,12 @@ contains
     call find_joined_rows(pair, tie, joined_row, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)
+        q = pair_of_other_roles(pair, tie(k), p)
+        if (q > 0) &
+          call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
+                        ' as '//quoted(pair(q)%name)//', with the slave on the other side: the pressure there is '// &
+                        'divided at will between both; make '//quoted(body(pair(p)%body_b)%name)// &
+                        ' surface_a, or surface_b, of both')
         if (n_split(p, k) == 0) cycle
         call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
                       ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface fit no '// &

@@ -96,6 +96,23 @@ class Ties(Case):
             with self.subTest(slave=slave, n=n):
                 self.compare_beside(slave, n)
 
+    def test_other_roles(self):
+        """A body that is the slave of one of two tied bodies and the master of the other one divides the pressure at the tie: a
+        warning names the pairs."""
+        lines = ["&scene analysis='plane_strain', mesh='plate.geo' /", MATERIAL,
+                 "&body name='plate', volume='block', material='steel' /", "&support body='plate', surface='bottom', fix='xy' /"]
+        self.write("plate.geo", blocks.block_geo("quad4", (4, 1), (-0.5, -1), (3, 1)))
+        for name, x in ("left", 0), ("right", 1):
+            self.write(name + ".geo", blocks.block_geo("quad4", 2, (x, 0)) + 'Physical Curve("joint") = {Curve In BoundingBox '
+                       "{0.99, -1, -1, 1.01, 2, 1}};\n")
+            lines += ["&body name='%s', volume='block', material='steel', mesh='%s.geo' /" % (name, name),
+                      "&load body='%s', surface='top', pressure=1 /" % name]
+        lines.append("&tie name='joint', surface_a='left:joint', surface_b='right:joint' /")
+        contact = "&contact name='%s', surface_a='%s', surface_b='%s' /"
+        for right, warns in (("right:bottom", "plate:top"), False), (("plate:top", "right:bottom"), True):
+            log = self.solve("roles", [*lines, contact % ("one", "left:bottom", "plate:top"), contact % ("two", *right)])[0]
+            self.assertEqual(warns, "warning: 'one' goes on across the tie 'joint' as 'two', with the slave on the other side" in log)
+
     def compare_beside(self, slave, n_plate):
         found, pressure = [], []
         for parts in ("left", "right"), ("both",):
