@@ -1,7 +1,7 @@
 !> A volume of a mesh and its surfaces, extracted once for all bodies that use it: the whole volume, or the part of it
 !> that this rank goes on with.
 module dotyk_model_volumes
-  use dotyk_base_error, only: error_t, exit_bad_input, set_error
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: int64
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: text_t
@@ -20,7 +20,6 @@ module dotyk_model_volumes
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_model_volume_parts, only: volume_share_t
-  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
 
@@ -65,11 +64,6 @@ contains
     logical, intent(in) :: locks
     allocate (self%surface(4))
     if (given%is_surface) then
-      if (n_ranks() > 1) then
-        call set_error(self%error, 'bodies without volume (surface of &body) are not built for several '// &
-                      'ranks: start the program without mpirun, or give a volume', exit_bad_input)
-        return
-      end if
       call extract_rigid_surface(mesh, given%volume, scene%dimension, scene%analysis == analysis_axisymmetric, &
                                  facing_t(given%has_facing, given%facing), self%mesh, self%error)
       return
