@@ -187,8 +187,9 @@ contains
     end associate
   end function is_one_master
 
-  !> The pair in which contact goes on across a tie with the roles exchanged: the third body is the master of one of both
-  !> sides, and the slave of the other one. Rows are in the vertices of different bodies then, and none are joined.
+  !> The pair in which contact goes on across a tie with the roles exchanged: the third body is the master of one side,
+  !> and the slave of the other one; 0 where there is none. The rows are in the vertices of different bodies then, and
+  !> none are joined.
   integer function pair_of_other_roles(pair, tie, p) result(other)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
