@@ -124,6 +124,8 @@ contains
     real(dp), allocatable :: xi(:, :), shape(:)
     integer, allocatable :: corner(:)
     integer :: b, a, c, e, i, node
+    ! A body without volume has nodes of no element.
+    first = 0
     do i = 1, size(vertex)
       if (vertex(i) > 0) first(i) = position(vertex(i))
       key(i) = 1
