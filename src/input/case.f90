@@ -13,6 +13,7 @@ module dotyk_input_case
     default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, load_traction, &
     material_isotropic
   use dotyk_base_text, only: quoted, text_t
+  use dotyk_input_body, only: body_input_t
   use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t
   use dotyk_input_tie, only: tie_input_t
   implicit none
@@ -75,38 +76,6 @@ module dotyk_input_case
     !> Whether they are given.
     logical :: expands = .false.
   end type material_input_t
-
-  !> `&body`.
-  type, public :: body_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Name that other groups refer to.
-    character(:), allocatable :: name
-    !> Physical group of its elements in the mesh; of several ones the name of their union: those of one material
-    !> joined by `, `, materials by `; `.
-    character(:), allocatable :: volume
-    !> The physical groups (n_volumes).
-    type(text_t), allocatable :: volumes(:)
-    !> Number of the material of each of them in `material` (n_volumes).
-    integer, allocatable :: material_of(:)
-    !> Indices of its materials, each once; 0 for an unknown one (n_materials).
-    integer, allocatable :: material(:)
-    !> Its mesh: its own, or that of the scene.
-    character(:), allocatable :: mesh
-    !> Position of the origin of its mesh (3) [length].
-    real(dp) :: at(3) = 0
-    !> Axis through the origin of the mesh about which the body is rotated first, as written (3) []; angle [degrees].
-    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp], angle = 0
-    !> Whether faces of the body that touch without common nodes are a crack that is meant.
-    logical :: crack = .false.
-    !> Whether it has no volume: its groups are those of a surface, and it is rigid; whether a point is given that sees
-    !> the side of contact of this surface.
-    logical :: is_surface = .false., has_facing = .false.
-    !> This point, in coordinates of the mesh (3) [length].
-    real(dp) :: facing(3) = 0
-  contains
-    procedure :: has_shape_of => body_input_has_shape_of
-  end type body_input_t
 
   !> `&support`, or `&spring`: an elastic one.
   type, public :: support_input_t
@@ -360,18 +329,9 @@ module dotyk_input_case
     procedure :: in_case_text => case_in_case_text
   end type case_t
 
-  public :: applies_in, contact_case_input_t, load_case_input_t, tie_input_t
+  public :: applies_in, body_input_t, contact_case_input_t, load_case_input_t, tie_input_t
 
 contains
-
-  !> Whether two bodies of one mesh file are the same part of it.
-  pure logical function body_input_has_shape_of(self, other) result(same)
-    class(body_input_t), intent(in) :: self
-    !> The other body.
-    type(body_input_t), intent(in) :: other
-    same = self%volume == other%volume .and. (self%is_surface .eqv. other%is_surface) .and. &
-           (self%has_facing .eqv. other%has_facing) .and. .not. any(abs(self%facing - other%facing) > 0)
-  end function body_input_has_shape_of
 
   !> Number of load cases: at least one.
   pure integer function case_n_cases(self) result(n)

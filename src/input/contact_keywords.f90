@@ -110,9 +110,20 @@ contains
     call list%begin_group('bolt')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the bolt')
-    call list%add('surface_a', kind_text, required=.true., &
-                  meaning='flat cut through the bolt as one half has it, as ''body:surface'': the finer mesh')
-    call list%add('surface_b', kind_text, required=.true., &
+    call list%add('body', kind_text, &
+                  meaning='body that the program cuts in two, ''NAME (1)'' and ''NAME (2)'', with wildcards '// &
+                  'several; supports, loads, pairs and other groups that name NAME hold for both')
+    call list%add('point', kind_real, least=2, most=3, unit='length', &
+                  meaning='a point of the plane of the cut, with the bodies in place: elements whose centres lie '// &
+                  'ahead of the plane make up the second half')
+    call list%add('normal', kind_real, least=2, most=3, &
+                  meaning='normal of this plane, the axis of the bolt')
+    call list%add('surface', kind_text, &
+                  meaning='in place of the plane, a flat surface of the mesh inside the body')
+    call list%add('surface_a', kind_text, &
+                  meaning='without body, flat cut through the bolt as one half has it, as ''body:surface'': the '// &
+                  'finer mesh')
+    call list%add('surface_b', kind_text, &
                   meaning='the same cut as the other half has it')
     call list%add('force', kind_real, unit='force', positive=.true., &
                   meaning='tension of the bolt: the halves are pulled together until the cut transmits it')

@@ -75,8 +75,9 @@ contains
     groups(12) = group('tie', any_number, 'two surfaces that are joined: equal displacements, whatever their meshes', &
                       "&tie name='weld', surface_a='rib:foot', surface_b='plate:top' /"//lf// &
                       "&tie name='sectors', surface_a='sector:right', surface_b='sector:left', axis=0,0,1, angle=30 /")
-    groups(13) = group('bolt', any_number, 'pretension of a bolt that two bodies make up, the halves on both sides '// &
-                       'of a flat cut; exactly one of force and shortening', &
+    groups(13) = group('bolt', any_number, 'pretension of a bolt: of a body that is cut in two, or of two bodies '// &
+                       'on both sides of a flat cut; exactly one of force and shortening', &
+                       "&bolt name='M12', body='bolt *', point=0,0,40, normal=0,0,1, force=35e3 /"//lf// &
                        "&bolt name='M12', surface_a='shank:cut', surface_b='head:cut', force=35e3 /")
     groups(14) = group('case', any_number, 'a load case: loads, values of supports, temperatures, initial '// &
                       'stresses, gaps and theta by case; without this group there is one, unnamed', &

@@ -11,6 +11,7 @@ module dotyk_input_parse
   use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
+  use dotyk_input_cut_bodies, only: cut_bodies
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
   use dotyk_input_load_cases, only: cases_of, read_contact_cases, read_load_cases
@@ -140,6 +141,7 @@ contains
     end do
     case%body = case%body(:n)
     if (n > size(picked)) call name_copies(case%body, problems, bodies)
+    call cut_bodies(groups, case%scene, problems, case%body, bodies)
     call check_mesh_keys(groups, case%body, problems)
     call pick_groups(groups, 'support', picked)
     allocate (support(size(picked)), group_of(0), body_of(0))
@@ -179,7 +181,7 @@ contains
     end do
     call gather_names(groups, 'tie', misspelled(place('tie')), problems, ties)
     call gather_names(groups, 'bolt', misspelled(place('bolt')), problems, ties)
-    call read_ties(groups, bodies, cases, case%scene, case%solver, problems, case%tie)
+    call read_ties(groups, case%body, bodies, cases, case%scene, case%solver, problems, case%tie)
     call read_rigid_bodies(groups, bodies, cases, problems, case)
     call read_contact_cases(groups, cases, case%contact, case%solver, problems, case%contact_case)
     if (case%has_cases() .and. case%output%interval > 0) &

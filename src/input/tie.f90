@@ -11,6 +11,9 @@ module dotyk_input_tie
     !> Whether it is a bolt, pulled together along the normal of its surfaces: until it transmits `force`, or by
     !> `shortening`.
     logical :: is_bolt = .false., has_force = .false.
+    !> Whether it is the cut of a body that a `&bolt` divides: the meshes of both sides are one, and `axis` is its
+    !> normal where a plane is given.
+    logical :: is_cut = .false.
     !> Tension [force].
     real(dp) :: force = 0
     !> Load cases in which `force` acts; in those after them the bolt is locked; all cases where not allocated

@@ -4,8 +4,9 @@ module dotyk_input_ties
   use dotyk_base_options, only: analysis_axisymmetric, option_name, response_multigrid, response_names, scheme_auto, &
     scheme_dual, scheme_names
   use dotyk_base_text, only: quoted, shown, to_text
-  use dotyk_input_case, only: scene_input_t, solver_input_t, tie_input_t
+  use dotyk_input_case, only: body_input_t, scene_input_t, solver_input_t, tie_input_t
   use dotyk_input_contacts, only: read_side
+  use dotyk_input_cut, only: cut_surface
   use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -17,10 +18,12 @@ module dotyk_input_ties
 contains
 
   !> Read all `&tie`, then all `&bolt`.
-  subroutine read_ties(groups, bodies, cases, scene, solver, problems, tie)
+  subroutine read_ties(groups, body, bodies, cases, scene, solver, problems, tie)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
-    !> Names of the bodies.
+    !> Bodies (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> Their names.
     type(names_t), intent(in) :: bodies
     !> Names of the load cases.
     type(names_t), intent(in) :: cases
@@ -34,8 +37,8 @@ contains
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t), allocatable :: ties(:), bolts(:)
     integer :: i, k
-    call read_kind(groups, 'tie', bodies, cases, scene, problems, ties)
-    call read_kind(groups, 'bolt', bodies, cases, scene, problems, bolts)
+    call read_kind(groups, 'tie', body, bodies, cases, scene, problems, ties)
+    call read_kind(groups, 'bolt', body, bodies, cases, scene, problems, bolts)
     tie = [ties, bolts]
     if (size(tie) == 0) return
     do i = 2, size(tie)
@@ -68,12 +71,14 @@ contains
   end function joins_the_same
 
   !> Read all groups of one name.
-  subroutine read_kind(groups, name, bodies, cases, scene, problems, tie)
+  subroutine read_kind(groups, name, body, bodies, cases, scene, problems, tie)
     !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> 'tie' or 'bolt'.
     character(*), intent(in) :: name
-    !> Names of the bodies.
+    !> Bodies (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> Their names.
     type(names_t), intent(in) :: bodies
     !> Names of the load cases.
     type(names_t), intent(in) :: cases
@@ -84,35 +89,125 @@ contains
     !> In the order of the file; those that wildcards stand for one after the other (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t) :: given
-    integer, allocatable :: picked(:), matched_a(:), matched_b(:)
-    integer :: i, k, n
+    integer, allocatable :: picked(:), matched_a(:), matched_b(:), of_a(:), of_b(:)
+    integer :: i, ia, ib, k, n
     call pick_groups(groups, name, picked)
     allocate (tie(0))
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        call read_sides(group, bodies, problems, given, matched_a, matched_b)
+        if (is_given(group, 'body')) then
+          call read_halves(group, body, given, matched_a, matched_b)
+        else
+          call read_sides(group, bodies, problems, given, matched_a, matched_b)
+        end if
         if (name == 'tie') call read_turn(group, scene, problems, given)
         if (name == 'bolt') call read_tension(group, cases, problems, given)
-        n = max(size(matched_a), size(matched_b))
+        of_a = whole_bodies(bodies, matched_a)
+        of_b = whole_bodies(bodies, matched_b)
+        n = max(n_wholes(of_a), n_wholes(of_b))
         do k = 1, n
-          tie = [tie, given]
-          associate (one => tie(size(tie)))
-            if (size(matched_a) > 0) one%body_a = matched_a(min(k, size(matched_a)))
-            if (size(matched_b) > 0) one%body_b = matched_b(min(k, size(matched_b)))
-            if (n > 1) one%name = numbered(given%name, k)
-            if (one%body_a /= one%body_b .or. one%body_a == 0) cycle
-            if (is_given(group, 'angle') .and. one%surface_a /= one%surface_b) cycle
-            if (is_given(group, 'angle')) then
-              call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
-            else
-              call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
-                          shown(bodies%name(one%body_a)%s)//' twice')
-            end if
-          end associate
+          do ia = 1, max(1, size(of_a))
+            if (.not. belongs(of_a, ia, k)) cycle
+            do ib = 1, max(1, size(of_b))
+              if (.not. belongs(of_b, ib, k)) cycle
+              ! The cut joins the halves of one body; each is tied to itself in a sector.
+              if (is_given(group, 'body') .and. ia /= ib) cycle
+              if (is_given(group, 'angle') .and. size(of_a) > n_wholes(of_a) .and. ia /= ib) cycle
+              tie = [tie, given]
+              associate (one => tie(size(tie)))
+                if (size(of_a) > 0) one%body_a = matched_a(ia)
+                if (size(of_b) > 0) one%body_b = matched_b(ib)
+                if (n > 1) one%name = numbered(given%name, k)
+                call check_bodies(group, name, bodies, one, problems)
+              end associate
+            end do
+          end do
         end do
       end associate
     end do
+
+  contains
+
+    !> Whether a body is meant in a place of the list, of those of one side.
+    pure logical function belongs(whole, i, k)
+      !> Places of the bodies of the side (n).
+      integer, intent(in) :: whole(:)
+      !> The body, and the place.
+      integer, intent(in) :: i, k
+      belongs = n_wholes(whole) <= 1
+      if (.not. belongs) belongs = whole(i) == k
+    end function belongs
   end subroutine read_kind
+
+  !> Report a tie of a body with itself.
+  subroutine check_bodies(group, name, bodies, tie, problems)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> 'tie' or 'bolt'.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> The tie.
+    type(tie_input_t), intent(in) :: tie
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    if (tie%body_a /= tie%body_b .or. tie%body_a == 0) return
+    if (is_given(group, 'angle') .and. tie%surface_a /= tie%surface_b) return
+    if (is_given(group, 'angle')) then
+      call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
+    else
+      call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
+                  shown(bodies%name(tie%body_a)%s)//' twice')
+    end if
+  end subroutine check_bodies
+
+  !> Number of each body among the wholes, those of one side; both halves of a body that is cut have that of this.
+  pure function whole_bodies(bodies, matched) result(whole)
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Bodies of the side, ascending (n).
+    integer, intent(in) :: matched(:)
+    integer :: whole(size(matched))
+    logical :: same
+    integer :: k, n
+    n = 0
+    do k = 1, size(matched)
+      same = .false.
+      if (k > 1 .and. allocated(bodies%whole)) &
+        same = len(bodies%whole(matched(k))%s) > 0 .and. bodies%whole(matched(k))%s == bodies%whole(matched(k - 1))%s
+      if (.not. same) n = n + 1
+      whole(k) = n
+    end do
+  end function whole_bodies
+
+  !> Number of wholes of a side.
+  pure integer function n_wholes(whole) result(n)
+    !> As of `whole_bodies` (n).
+    integer, intent(in) :: whole(:)
+    n = 0
+    if (size(whole) > 0) n = whole(size(whole))
+  end function n_wholes
+
+  !> Make ties of the halves of the bodies that a bolt cuts.
+  subroutine read_halves(group, body, tie, half_1, half_2)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Bodies, cut (n_bodies).
+    type(body_input_t), intent(in) :: body(:)
+    !> The tie, without its bodies.
+    type(tie_input_t), intent(out) :: tie
+    !> First and second halves (n).
+    integer, allocatable, intent(out) :: half_1(:), half_2(:)
+    integer :: b
+    tie%line = group%line
+    tie%name = text_of(group, 'name')
+    tie%is_cut = .true.
+    tie%surface_a = cut_surface
+    tie%surface_b = cut_surface
+    half_1 = pack([(b, b=1, size(body))], body%cut%line == group%line .and. body%cut%half == 1)
+    half_2 = half_1 + 1
+    if (size(half_1) > 0) tie%axis = body(half_1(1))%cut%normal
+  end subroutine read_halves
 
   !> Name of one of several ties.
   pure function numbered(name, k)
@@ -144,14 +239,23 @@ contains
     integer, allocatable, intent(out) :: matched_a(:)
     !> Bodies of the master side, each with the one of the slave side in its place (n or 1).
     integer, allocatable, intent(out) :: matched_b(:)
+    character(9), parameter :: sides(2) = ['surface_a', 'surface_b']
     logical :: several
+    integer :: k, n_a, n_b
     tie%line = group%line
     tie%name = text_of(group, 'name')
+    ! Of a tie, the table of the keys asks for them.
+    do k = 1, size(sides)
+      if (group%name == 'bolt' .and. .not. is_given(group, sides(k))) &
+        call problems%add(group%line, '&bolt: '''//sides(k)//''' is missing, or body, which the program cuts')
+    end do
     call read_side(group, 'surface_a', bodies, problems, matched_a, tie%surface_a, several)
     call read_side(group, 'surface_b', bodies, problems, matched_b, tie%surface_b, several)
-    if (min(size(matched_a), size(matched_b)) > 1 .and. size(matched_a) /= size(matched_b)) &
-      call report(problems, group, 'surface_b', 'surface_a names '//to_text(size(matched_a))//' bodies and '// &
-                  'surface_b '//to_text(size(matched_b))//': give each its own, in the same order, or one for all')
+    n_a = n_wholes(whole_bodies(bodies, matched_a))
+    n_b = n_wholes(whole_bodies(bodies, matched_b))
+    if (min(n_a, n_b) > 1 .and. n_a /= n_b) &
+      call report(problems, group, 'surface_b', 'surface_a names '//to_text(n_a)//' bodies and '// &
+                  'surface_b '//to_text(n_b)//': give each its own, in the same order, or one for all')
     if (is_usable(group, 'search_radius')) tie%search_radius = real_of(group, 'search_radius')
   end subroutine read_sides
 

@@ -15,6 +15,8 @@ module dotyk_input_values
     type(text_t), allocatable :: name(:)
     !> Lines of the groups (n).
     integer, allocatable :: line(:)
+    !> Name of the body of which each is a half, empty where it is none; not allocated where no body is cut (n).
+    type(text_t), allocatable :: whole(:)
     !> Whether names may be missing because of mistakes that are reported already.
     logical :: incomplete = .false.
   end type names_t

@@ -17,8 +17,15 @@ contains
     character(*), intent(in) :: name
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
+    integer :: i
     names_several = .false.
-    if (has_wildcard(name)) names_several = find_name(bodies, name) == 0
+    if (find_name(bodies, name) > 0) return
+    names_several = has_wildcard(name)
+    if (.not. allocated(bodies%whole)) return
+    ! Both halves of a body that is cut.
+    do i = 1, size(bodies%whole)
+      names_several = names_several .or. (bodies%whole(i)%s == name .and. len(bodies%whole(i)%s) == len(name))
+    end do
   end function names_several
 
   !> Bodies that a name stands for, ascending.
@@ -31,11 +38,22 @@ contains
     integer, allocatable, intent(out) :: matched(:)
     integer :: i
     if (names_several(name, bodies)) then
-      matched = pack([(i, i=1, size(bodies%name))], [(matches(name, bodies%name(i)%s), i=1, size(bodies%name))])
+      matched = pack([(i, i=1, size(bodies%name))], [(is_meant(i), i=1, size(bodies%name))])
     else
       i = find_name(bodies, name)
       matched = pack([i], [i > 0])
     end if
+
+  contains
+
+    !> Whether a body is meant, by its name or as a half.
+    pure logical function is_meant(i)
+      !> The body.
+      integer, intent(in) :: i
+      is_meant = matches(name, bodies%name(i)%s)
+      if (is_meant .or. .not. allocated(bodies%whole)) return
+      if (len(bodies%whole(i)%s) > 0) is_meant = matches(name, bodies%whole(i)%s) .or. name == bodies%whole(i)%s
+    end function is_meant
   end subroutine bodies_named
 
   !> Find the bodies that a key refers to; a name that is unknown or matches nothing is reported.

@@ -17,6 +17,7 @@ module dotyk_model_body_setup
   use dotyk_model_materials, only: build_material, survey_material, turn_material
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_shares, only: mesh_shares_t
+  use dotyk_model_special_volumes, only: refuse_on_both_halves
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
@@ -73,6 +74,7 @@ contains
     if (problems%count == 0) then
       call refuse_unused(case%file, case%support%line, support_used, support_names(case), problems)
       call refuse_unused(case%file, case%load%line, load_used, load_names(case), problems)
+      call refuse_on_both_halves(case, support_used, load_used, problems)
     end if
     call problems%raise(error)
 
@@ -153,7 +155,7 @@ contains
     type(problem_list_t), intent(inout) :: problems
     type(error_t), allocatable :: failed
     integer :: k, before
-    logical :: failed_survey
+    logical :: failed_survey, is_half
     before = problems%count
     failed_survey = .false.
     body%name = case%body(b)%name
@@ -198,9 +200,12 @@ contains
         end if
       end associate
     end do
+    is_half = case%body(b)%cut%is_cut()
     do k = 1, size(case%tie)
-      if (case%tie(k)%body_a == b) call take_side(case%tie(k)%line, case%tie(k)%surface_a, .false.)
-      if (case%tie(k)%body_b == b) call take_side(case%tie(k)%line, case%tie(k)%surface_b, .false.)
+      if (case%tie(k)%body_a == b) &
+        call take_side(case%tie(k)%line, case%tie(k)%surface_a, is_half .and. .not. case%tie(k)%is_cut)
+      if (case%tie(k)%body_b == b) &
+        call take_side(case%tie(k)%line, case%tie(k)%surface_b, is_half .and. .not. case%tie(k)%is_cut)
     end do
     call set_actions(case, mesh, volume, b, body, support_used, load_used, problems)
     ! All ranks have the same problems.

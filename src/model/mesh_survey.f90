@@ -59,8 +59,8 @@ contains
     n = size(case%body)
     self%locks = [(would_lock(case, b), b=1, n)]
     allocate (self%first_of_file(n), self%first_of_volume(n), self%remark(0))
-    ! Bodies without volume are built by all ranks.
-    if (any(case%body%is_surface)) return
+    ! Bodies without volume, and those that are cut, are built by all ranks.
+    if (any(case%body%is_surface .or. case%body%cut%is_cut())) return
     allocate (self%n_of_kind(n_element_kinds, n), source=0_int64)
     do b = 1, n
       do c = 1, b

@@ -5,6 +5,7 @@ module dotyk_model_ties
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_matching_tie, only: discretize_matching_tie
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_tie, only: discretize_tie, facet_size
   use dotyk_control_contact_problem, only: tied_surfaces_t
@@ -31,8 +32,8 @@ contains
 
   !> Discretize all ties; all problems are reported together.
   subroutine find_ties(case, body, surfaces, pair, surface_a, surface_b, tie, error)
-    !> The case.
-    type(case_t), intent(in) :: case
+    !> The case; ties of halves that do not have their surfaces are dropped.
+    type(case_t), intent(inout) :: case
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Their named surfaces (n_bodies).
@@ -50,6 +51,9 @@ contains
     type(problem_list_t) :: problems
     type(error_t), allocatable :: failed
     integer :: k, p
+    call drop_absent_ties(case, surfaces, problems)
+    call problems%raise(error)
+    if (allocated(error)) return
     allocate (tie(size(case%tie)))
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
@@ -69,6 +73,41 @@ contains
     call problems%raise(error)
     if (.not. allocated(error)) call set_bolts(case%tie, 1, tie)
   end subroutine find_ties
+
+  !> Drop the ties of halves of cut bodies that do not have the surface: it is on the other half.
+  subroutine drop_absent_ties(case, surfaces, problems)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    !> Named surfaces of the bodies (n_bodies).
+    type(body_surfaces_t), intent(in) :: surfaces(:)
+    !> Mistakes are added.
+    type(problem_list_t), intent(inout) :: problems
+    logical :: is_there(size(case%tie))
+    integer :: k
+    do k = 1, size(case%tie)
+      associate (given => case%tie(k))
+        is_there(k) = surfaces(given%body_a)%find(given%surface_a) > 0 .and. &
+                      surfaces(given%body_b)%find(given%surface_b) > 0
+      end associate
+    end do
+    do k = 1, size(case%tie)
+      associate (given => case%tie(k))
+        if (is_there(k) .or. any(is_there .and. case%tie%line == given%line)) cycle
+        call problems%add(case%file//':'//to_text(given%line)//': '// &
+                          trim(merge('&bolt', '&tie ', given%is_bolt))//' '//quoted(given%name)// &
+                          ': no half of the bodies that are cut has the surface '// &
+                          quoted(given%surface_a)//' or '//quoted(given%surface_b), exit_bad_input)
+        return
+      end associate
+    end do
+    ! A surface on both halves makes two ties of one name.
+    do k = 2, size(case%tie)
+      if (.not. (is_there(k) .and. is_there(k - 1))) cycle
+      if (case%tie(k)%line == case%tie(k - 1)%line .and. case%tie(k)%name == case%tie(k - 1)%name) &
+        case%tie(k)%name = case%tie(k)%name//' (2)'
+    end do
+    case%tie = pack(case%tie, is_there)
+  end subroutine drop_absent_ties
 
   !> Whether a contact pair has points between a slave facet and a master facet that are both tied, to each other.
   logical function is_tied_contact(tie, pair, surface_a, surface_b) result(is_tied)
@@ -157,7 +196,11 @@ contains
     tie%facet_size = min(facet_size(body_a%mesh, tie%surface_a), facet_size(body_b%mesh, tie%surface_b))
     if (.not. settings%search_radius > 0) settings%search_radius = most_distant*tie%facet_size
     associate (d => body_a%dimension)
-      if (abs(given%angle) > 0) then
+      if (given%is_cut) then
+        call discretize_matching_tie(body_a%mesh, tie%surface_a, body_b%mesh, tie%surface_b, settings, of_component, &
+                                     tie%normal(:d))
+        if (norm2(given%axis) > 0) tie%normal = given%axis
+      else if (abs(given%angle) > 0) then
         turn = rotation_matrix(given%axis, given%angle)
         tie%offset(:d) = given%centre(:d) - matmul(turn(:d, :d), given%centre(:d))
         turned = body_b%mesh

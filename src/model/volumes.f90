@@ -3,7 +3,6 @@
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: int64
-  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
   use dotyk_elasticity_shortest_extent, only: measure_part
@@ -16,9 +15,9 @@ module dotyk_model_volumes
   use dotyk_mesh_layer_surface, only: extract_layer_surface, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
-  use dotyk_mesh_rigid_surface, only: extract_rigid_surface, facing_t
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
+  use dotyk_model_special_volumes, only: cut_volume, take_cut, take_rigid_surface
   use dotyk_model_volume_parts, only: volume_share_t
   implicit none
   private
@@ -62,17 +61,21 @@ contains
     type(body_input_t), intent(in) :: given
     !> Whether linear triangles, tetrahedra, prisms and pyramids would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
+    type(body_mesh_t) :: uncut
     allocate (self%surface(4))
     if (given%is_surface) then
-      call extract_rigid_surface(mesh, given%volume, scene%dimension, scene%analysis == analysis_axisymmetric, &
-                                 facing_t(given%has_facing, given%facing), self%mesh, self%error)
+      call take_rigid_surface(mesh, scene, given, self%mesh, self%error)
       return
     end if
     call extract_body(mesh, given%volume, scene%dimension, self%mesh, self%error)
+    if (given%cut%is_cut() .and. .not. allocated(self%error)) call cut_volume(mesh, given, self%mesh, uncut, self%error)
     if (.not. allocated(self%error)) call self%joints%find(self%mesh)
     if (locks .and. .not. allocated(self%error)) then
       if (has_linear_simplices(self%mesh)) call elevate_order(self%mesh)
     end if
+    if (allocated(self%error) .or. .not. given%cut%is_cut()) return
+    self%n = 1
+    call take_cut(uncut, self%mesh, self%surface(1))
   end subroutine volume_take
 
   !> Make the part of this rank, with all ranks.

@@ -1,0 +1,151 @@
+"""Bolts that cut a body of the mesh: closed forms, the body without a cut, halves that the user has made."""
+import pathlib
+import sys
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import blocks  # noqa: E402
+from dotyk_case import Case, main  # noqa: E402
+
+MATERIAL = "&material name='steel', young=1e5, poisson=%r /"
+# A rotation of 33 degrees about (1, 2, 3), then a shift.
+PLACED = ", at=1,2,3, axis=1,2,3, angle=33"
+
+
+def in_place(points):
+    """Points or vectors of the mesh as PLACED rotates them."""
+    a = np.array([1, 2, 3]) / np.sqrt(14)
+    cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+    angle = np.radians(33)
+    return np.asarray(points) @ (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross).T
+
+
+def numbers(values):
+    return ",".join("%.17g" % v for v in values)
+
+
+class Bolts(Case):
+    def solve(self, name, lines, code=0):
+        """Log and results of a scene."""
+        self.write(name + ".nml", "\n".join(lines) + "\n")
+        log = self.dotyk(name + ".nml", code=code)
+        return log, None if code else self.results(name + ".vtkhdf")
+
+    def bar(self, kind, poisson=0.3):
+        """A bar of height 3 between walls."""
+        d = blocks.dimension(kind)
+        n = {"tet10": 2, "tet4": 3, "tri6": 3}.get(kind, (2, 3, 5)[3 - d:])
+        self.write("bar.geo", blocks.block_geo(kind, n, (0, 0, 0)[:d], (1, 1, 3)[3 - d:]))
+        return ["&scene mesh='bar.geo'%s /" % (", analysis='plane_stress'" if d == 2 else ""), MATERIAL % poisson,
+                "&body name='bar', volume='block', material='steel'%s /" % (PLACED if d == 3 else ""),
+                "&support body='bar', surface='bottom', fix='n' /", "&support body='bar', surface='top', fix='n' /"]
+
+    def test_bar(self):
+        """F L = E A s, given either, on cuts as jagged as the elements leave them."""
+        point, normal = in_place([0.4, 0.5, 1.3]) + [1, 2, 3], in_place([0, 0, 1])
+        for kind, key, value in (("tet10", "shortening", 1e-3), ("tet4", "force", 100 / 3), ("hex20", "force", 100 / 3),
+                                 ("tri6", "shortening", 1e-3)):
+            with self.subTest(kind=kind):
+                cut = "point=%s, normal=%s" % (numbers(point), numbers(normal))
+                if kind == "tri6":
+                    cut = "point=0,1.3, normal=0,2"
+                log, file = self.solve("bar", [*self.bar(kind), "&bolt name='b', body='bar', %s, %s=%r /" % (cut, key, value)])
+                self.assertAlmostEqual(file["dotyk/ties/tension"][0] / (100 / 3), 1, delta=1e-9)
+                self.assertAlmostEqual(file["dotyk/ties/shortening"][0] / 1e-3, 1, delta=1e-9)
+                summary = file["dotyk/summary"].attrs
+                self.assertAlmostEqual(summary["energy_norm"]**2 / (1e-3 * 100 / 3), 1, delta=1e-9)
+                self.assertLess(summary["error_discretization"], 1e-9)
+                self.assertIn("bar (1)", log)
+
+    def test_without_shortening(self):
+        """A cut that is not shortened leaves the displacements of the whole body, of quadratic elements, too."""
+        lines = [*self.bar("tet10")[:4], "&load body='bar', surface='sides x', pressure_formula='x+2*z' /",
+                 "&support body='bar', surface='top', fix='xyz' /"]
+        whole = self.solve("whole", lines)[1]
+        cut = self.solve("cut", [*lines, "&bolt name='b', body='bar', point=%s, normal=%s, shortening=0 /"
+                                 % (numbers(in_place([0.4, 0.5, 1.3]) + [1, 2, 3]), numbers(in_place([0.2, 0, 1])))])[1]
+        found = {}
+        for file in whole, cut:
+            x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+            for a, b in zip(np.round(x, 9), u):
+                found.setdefault(tuple(a + 0.0), []).append(b)
+        scale = np.abs(whole["VTKHDF/PointData/displacement"][:]).max()
+        self.assertGreater(sum(len(values) == 3 for values in found.values()), 10)
+        for values in found.values():
+            self.assertGreater(len(values), 1)
+            self.assertLess(np.ptp(values, axis=0).max(), 1e-9 * scale)
+
+    def test_halves_of_the_user(self):
+        """A bolt clamps a plate between two caps, and is locked while one of them is pulled off: the same as with halves
+        that are bodies of their own."""
+        self.write("plate.geo", blocks.block_geo("hex8", (2, 2, 2)))
+        self.write("cap.geo", blocks.block_geo("hex8", (6, 2, 2), (0, 0, 1), (3, 1, 0.5)))
+        self.write("base.geo", blocks.block_geo("hex8", (6, 2, 1), (0, 0, -0.5), (3, 1, 0.5)))
+        self.write("post.geo", blocks.block_geo("hex8", (2, 2, 2), (2, 0, 0)))
+        self.write("half.geo", blocks.block_geo("hex8", (2, 2, 1), (2, 0, 0), (1, 1, 0.5)))
+        body = "&body name='%s', mesh='%s.geo', volume='block', material='steel'%s /"
+        found = []
+        for parts, low, up, cut in (([("post", "post", "")], "post", "post", "body='post', point=0,0,0.52, normal=0,0,1"),
+                                    ([("low", "half", ""), ("up", "half", ", at=0,0,0.5")], "low", "up",
+                                     "surface_a='low:top', surface_b='up:bottom'")):
+            lines = ["&scene /", MATERIAL % 0.3, *(body % (name, name, "") for name in ("plate", "cap", "base")),
+                     *(body % part for part in parts),
+                     "&tie name='above', surface_a='%s:top', surface_b='cap:bottom' /" % up,
+                     "&tie name='below', surface_a='%s:bottom', surface_b='base:top' /" % low,
+                     "&bolt name='bolt', %s, force=50 /" % cut,
+                     "&contact name='top', surface_a='plate:top', surface_b='cap:bottom', theta=0 /",
+                     "&contact name='bottom', surface_a='plate:bottom', surface_b='base:top', theta=0 /",
+                     "&support body='base', surface='bottom', fix='xyz' /",
+                     "&load body='cap', surface='top', pressure=-3, case='pulled' /",
+                     "&load body='*', force_density=0,0,-0.1 /", "&solver tolerance=1e-10 /",
+                     "&case name='tight' /", "&case name='pulled' /"]
+            found.append(self.solve("clamp", lines)[1]["dotyk/cases"])
+            found[-1] = {case: (file["summary"].attrs["energy"], file["ties/tension"][2], file["ties/force"][:],
+                                file["contact/top"].attrs["force"]) for case, file in found[-1].items()}
+        for case in "tight", "pulled":
+            for one, two in zip(found[0][case], found[1][case]):
+                np.testing.assert_allclose(one, two, rtol=1e-8, atol=1e-8, err_msg=case)
+        self.assertGreater(found[0]["pulled"][1], 51)
+
+    def test_along_a_surface(self):
+        """A surface that the mesh has inside the body."""
+        self.write("inside.geo", 'Point(1) = {0,0,0}; l() = Extrude {1,0,0} { Point{1}; Layers{2}; };\n'
+                   'f() = Extrude {0,1,0} { Curve{l(1)}; Layers{2}; Recombine; };\n'
+                   'low() = Extrude {0,0,1} { Surface{f(1)}; Layers{2}; Recombine; };\n'
+                   'up() = Extrude {0,0,2} { Surface{low(0)}; Layers{3}; Recombine; };\n'
+                   'Physical Volume("bar") = {low(1), up(1)}; Physical Surface("middle") = {low(0)};\n'
+                   'Physical Surface("bottom") = {f(1)}; Physical Surface("top") = {up(0)};\n')
+        lines = ["&scene mesh='inside.geo' /", MATERIAL % 0.3, "&body name='bar', volume='bar', material='steel' /",
+                 "&support body='bar', surface='bottom', fix='z' /", "&support body='bar', surface='top', fix='z' /"]
+        file = self.solve("inside", [*lines, "&bolt name='b', body='bar', surface='middle', shortening=1e-3 /"])[1]
+        self.assertAlmostEqual(file["dotyk/ties/tension"][0] / (100 / 3), 1, delta=1e-9)
+        text = self.solve("inside", [*lines, "&bolt name='b', body='bar', surface='top', shortening=1e-3 /"], code=2)[0]
+        self.assertIn("the surface 'top' leaves 1 of the body, not two halves", text)
+
+    def test_refusals(self):
+        """What cannot be cut, and what would act twice."""
+        lines = self.bar("hex20")
+        for bolt, text in (
+                ("body='bar', point=0,0,9, normal=0,0,1", "the plane leaves all elements on one side of it"),
+                ("body='bar', point=0,0,1, normal=0,0,0", "normal has no direction"),
+                ("body='bar', point=0,0,1", "cut by a plane, 'point' and 'normal', or along a 'surface' inside it"),
+                ("body='bolt', point=0,0,1, normal=0,0,1", "unknown body 'bolt'"),
+                ("surface_a='bar:top'", "'surface_b' is missing, or body, which the program cuts"),
+                ("body='bar', surface_a='bar:top', point=0,0,1, normal=0,0,1", "surface_a does not go together with body"),
+                ("body='bar', surface='inside'", "body 'bar' cannot be cut by the &bolt of line 6: mesh 'bar.geo'")):
+            with self.subTest(bolt=bolt):
+                log = self.solve("bad", [*lines, "&bolt name='b', %s, force=1 /" % bolt], code=2)[0]
+                self.assertIn(text, log)
+        cut = "&bolt name='b', body='bar', point=%s, normal=%s, force=1 /" % (
+            numbers(in_place([0.4, 0.5, 1.3]) + [1, 2, 3]), numbers(in_place([0, 0, 1])))
+        log = self.solve("twice", [*lines, cut, "&load body='bar', surface='sides x', force=0,0,1 /"], code=2)[0]
+        self.assertIn("&load: the surface lies on both halves of body 'bar', and each would get the whole force", log)
+        log = self.solve("again", [*lines, cut, cut.replace("'b'", "'c'")], code=2)[0]
+        self.assertIn("body 'bar' is cut already in line 6", log)
+        self.solve("one", [*lines, cut, "&load body='bar (2)', surface='top', force=%s /"
+                           % numbers(in_place([0, 0, 1]))])
+
+
+if __name__ == "__main__":
+    main()
