@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes a first scene of dotyk from a deck of CalculiX or Abaqus: bodies, materials, supports, loads, ties and contact pairs of its first
-step.
+"""Writes a first scene of dotyk from a deck of CalculiX or Abaqus: bodies, rigid ones among them, materials, supports, loads, ties and
+contact pairs; several steps become load cases. Parts, instances and assemblies are read as dotyk reads them.
 
 usage: tools/inp2dotyk.py DECK.inp [-o SCENE.nml]
 
@@ -10,6 +10,7 @@ standard error; exit code 1 then, 2 where nothing could be written. Needs numpy.
 """
 import argparse
 import collections
+import contextlib
 import os
 import pathlib
 import re
@@ -32,7 +33,18 @@ CORNERS = {3: {4: 4, 10: 4, 8: 8, 20: 8, 6: 6, 15: 6, 5: 5, 13: 5}, 2: {3: 3, 6:
 SILENT = set("""heading node element nset elset surface include material elastic expansion density solidsection boundary cload dload dsload
 step endstep static contactpair surfaceinteraction surfacebehavior tie temperature initialconditions orientation nodeprint nodefile elprint
 elfile contactprint contactfile output nodeoutput elementoutput contactoutput controls sectionprint friction physicalconstants restart part
-endpart assembly endassembly instance endinstance preprint fieldoutput historyoutput amplitude""".split())
+endpart assembly endassembly instance endinstance preprint fieldoutput historyoutput amplitude output energyoutput rigidbody
+pretensionsection""".split())
+# Cards of a part that are carried over; others belong into the assembly.
+OF_PARTS = set("node element nset elset surface solidsection orientation rigidbody pretensionsection part endpart".split())
+# Cards that a load case of dotyk is made of.
+PROCEDURES = {"static"}
+OTHER_PROCEDURES = set("""dynamic frequency buckle heattransfer modaldynamic steadystatedynamics visco coupledtemperaturedisplacement
+uncoupledtemperaturedisplacement green sensitivity complexfrequency electromagnetics cfd geostatic soils substructuregenerate""".split())
+# What users may do about cards that are not carried over.
+HINTS = {"contact": ": general contact; `&contact auto=.true. /` finds the pairs", "coupling": ": see force and moment of &load, &rigid_body",
+         "equation": ": see &tie, &rigid_body", "mpc": ": see &tie, &rigid_body", "clearance": ": see gap of &contact",
+         "contactinterference": ": see gap of &contact and &contact_case"}
 # Named conditions of Abaqus: first and last displacement.
 SYMMETRY = {"ENCASTRE": (1, 3), "PINNED": (1, 3), "XSYMM": (1, 1), "YSYMM": (2, 2), "ZSYMM": (3, 3)}
 # A nodal force of a traction may be off by the digits of the deck.
@@ -55,7 +67,9 @@ class Card:
 
     def __init__(self, text, place):
         head, *rest = re.split(r",(?=(?:[^\"]*\"[^\"]*\")*[^\"]*$)", text[1:])
-        self.keyword, self.place, self.data, self.parameters = re.sub(r"\s", "", head).lower(), place, [], {}
+        self.keyword, self.place, self.data, self.parameters = re.sub(r"[\s-]", "", head).lower(), place, [], {}
+        # Name of the part to which it belongs, in small letters.
+        self.part = None
         for field in rest:
             key, _, value = field.partition("=")
             if key.strip():
@@ -91,31 +105,29 @@ def read_cards(path, folder, depth=0):
     return cards
 
 
-class Deck:
-    """What a deck says of its mesh, and its cards."""
+@contextlib.contextmanager
+def located(card):
+    """Mistakes are told with the line of a card."""
+    try:
+        yield
+    except (ValueError, KeyError, IndexError) as error:
+        said = str(error) if not isinstance(error, KeyError) else "there is no number %s" % error
+        raise ValueError(said if said.startswith(card.place) else "%s: *%s: %s" % (card.place, card.keyword.upper(), said)) from None
 
-    def __init__(self, path):
-        self.cards = read_cards(path, path.parent)
-        if any(card.keyword in ("part", "instance") for card in self.cards):
-            raise ValueError("parts and instances: flatten the deck first; dotyk reads them as a mesh, see docs/limits.md")
-        self.nodes, self.elements, self.types = {}, {}, {}
-        self.node_sets, self.element_sets, self.surfaces = (collections.OrderedDict() for _ in range(3))
-        for card in self.cards:
-            getattr(self, "read_" + card.keyword, lambda card: None)(card)
-        dimension = {3 if kind.startswith("C3D") else 2 if re.match("CPS|CPE|CAX", kind) else 0 for kind in self.types.values()}
-        if len(dimension) != 1 or 0 in dimension:
-            raise ValueError("elements %s: solid elements of one dimension are needed" % ", ".join(sorted(set(self.types.values()))))
-        self.dimension = dimension.pop()
-        kinds = {kind[:3] for kind in self.types.values()}
-        self.analysis = {"C3D": "3d", "CPS": "plane_stress", "CPE": "plane_strain", "CAX": "axisymmetric"}[kinds.pop()]
-        if kinds:
-            raise ValueError("plane stress, plane strain and axisymmetric elements together")
-        self.find_faces()
-        self.find_bodies()
+
+class Mesh:
+    """Nodes, elements, sets and surfaces: of a part, or of the whole deck. Sets are by their names in capital letters."""
+
+    def __init__(self):
+        self.nodes, self.elements, self.types, self.place_of_type = {}, {}, {}, {}
+        self.node_sets, self.element_sets, self.surfaces, self.offsets = (collections.OrderedDict() for _ in range(4))
+        # Names of element sets as they are first written.
+        self.spelled, self.unread = {}, []
 
     def add(self, sets, name, members):
-        known = sets.setdefault(name.upper(), [])
-        known += members
+        if sets is self.element_sets:
+            self.spelled.setdefault(name.upper(), name)
+        sets.setdefault(name.upper(), []).extend(members)
 
     def read_node(self, card):
         for fields in card.data:
@@ -125,32 +137,47 @@ class Deck:
 
     def read_element(self, card):
         kind = card.get("type").upper()
-        n = int((re.findall(r"\d+", kind[2 if kind.startswith("C3D") is False else 3:]) or ["0"])[0])
+        n = int((re.findall(r"\d+", kind[3 if kind.startswith("C3D") else 2:]) or ["0"])[0])
         values = [int(f) for fields in card.data for f in fields if f]
         if not n or len(values) % (n + 1):
             raise ValueError("%s: elements %s are not read" % (card.place, kind))
+        self.place_of_type.setdefault(kind, card.place)
         for i in range(0, len(values), n + 1):
             self.elements[values[i]] = values[i + 1:i + n + 1]
             self.types[values[i]] = kind
         if card.get("elset"):
             self.add(self.element_sets, card.get("elset"), values[::n + 1])
 
-    def members(self, sets, field):
-        """Members that a field names: a number or a set."""
-        if re.fullmatch(r"\d+", field):
-            return [int(field)]
-        if field.upper() not in sets:
-            raise ValueError("there is no set '%s'" % field)
-        return sets[field.upper()]
+    def offset(self, instance):
+        """What is added to the numbers of an instance."""
+        if instance and instance.upper() not in self.offsets:
+            raise ValueError("there is no instance '%s'" % instance)
+        return self.offsets.get(instance.upper(), 0)
+
+    def members(self, sets, field, instance=""):
+        """Members that a field names: a number, that of an instance, as Bolt-1.17, or a set."""
+        name, (before, _, after) = field.replace('"', ""), field.replace('"', "").rpartition(".")
+        if re.fullmatch(r"\d+", name):
+            return [int(name) + self.offset(instance)]
+        for key in (name.upper(), "%s.%s" % (instance.upper(), name.upper())):
+            if key in sets:
+                return sets[key]
+        if before.upper() in self.offsets and re.fullmatch(r"\d+", after):
+            return [int(after) + self.offset(before)]
+        raise ValueError("there is no set '%s'" % field)
 
     def read_set(self, card, sets):
-        name = card.get(card.keyword)
+        name, instance = card.get(card.keyword), card.get("instance")
+        if card.keyword == "nset" and card.get("elset"):
+            found = [n for e in self.members(self.element_sets, card.get("elset"), instance) for n in self.elements[e]]
+            self.add(sets, name, list(dict.fromkeys(found)))
         for fields in card.data:
             if "generate" in card.parameters:
-                first, last, step = (fields + ["1"])[:3] if len(fields) < 3 else fields[:3]
-                self.add(sets, name, list(range(int(first), int(last) + 1, int(step or 1))))
+                first, last, step = (fields + ["1", "1"])[:3] if len(fields) > 1 else fields*2 + ["1"]
+                found = [m + self.offset(instance) for m in range(int(first), int(last) + 1, int(step or 1))]
             else:
-                self.add(sets, name, [m for f in fields if f for m in list(self.members(sets, f))])
+                found = [m for f in fields if f for m in list(self.members(sets, f, instance))]
+            self.add(sets, name, found)
 
     def read_nset(self, card):
         self.read_set(card, self.node_sets)
@@ -159,15 +186,97 @@ class Deck:
         self.read_set(card, self.element_sets)
 
     def read_surface(self, card):
-        of_nodes = card.get("type").lower() == "node"
+        kind = card.get("type", "element").lower()
+        if kind not in ("element", "node") or "combine" in card.parameters:
+            self.unread.append((card.place, "*SURFACE %s that is neither of faces nor of nodes" % card.get("name")))
+            return
         entries = []
         for fields in card.data:
-            if of_nodes:
+            if kind == "node":
                 entries += self.members(self.node_sets, fields[0])
             else:
-                label = (fields + ["S0"])[1].upper()
+                label = (fields + ["S0"])[1].upper() or "S0"
+                if not re.fullmatch("S[0-6]", label):
+                    raise ValueError("%s: face %s of solid elements" % (card.place, label))
                 entries += [(e, int(label[1:])) for e in self.members(self.element_sets, fields[0])]
-        self.surfaces[card.get("name").upper()] = (card.get("name"), of_nodes, entries)
+        self.surfaces[card.get("name").upper()] = (card.get("name"), kind == "node", entries)
+
+
+class Deck(Mesh):
+    """What a deck says of its mesh, and its cards."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.cards = read_cards(path, path.parent)
+        # Parts by their names in small letters; instances by those of their parts: (name, rotation matrix or None).
+        self.parts, self.instances = {}, collections.defaultdict(list)
+        at, inside = None, None
+        for card in self.cards:
+            card.part = at
+            if card.keyword == "part":
+                at = card.get("name").lower()
+                card.part, self.parts[at] = at, Mesh()
+            elif card.keyword == "endpart":
+                at = None
+            elif card.keyword == "instance":
+                inside = card
+                self.add_instance(card)
+            elif card.keyword == "endinstance":
+                inside = None
+            elif inside and card.keyword in OF_PARTS:
+                raise ValueError("%s: *%s inside an *INSTANCE; it belongs into its *PART" % (card.place, card.keyword.upper()))
+            with located(card):
+                getattr(self if at is None else self.parts[at], "read_" + card.keyword, lambda card: None)(card)
+        for part in self.parts.values():
+            self.unread += part.unread
+        dimension = {3 if kind.startswith("C3D") else 2 if re.match("CPS|CPE|CAX", kind) else 0 for kind in self.types.values()}
+        if len(dimension) != 1 or 0 in dimension:
+            kinds = ["%s (%s)" % (kind, self.place_of_type[kind]) for kind in sorted(set(self.types.values()))]
+            raise ValueError("elements %s: solid elements of one dimension are needed" % ", ".join(kinds))
+        self.dimension = dimension.pop()
+        kinds = {kind[:3] for kind in self.types.values()}
+        self.analysis = {"C3D": "3d", "CPS": "plane_stress", "CPE": "plane_strain", "CAX": "axisymmetric"}[kinds.pop()]
+        if kinds:
+            raise ValueError("plane stress, plane strain and axisymmetric elements together")
+        self.find_faces()
+        self.find_bodies()
+
+    def add_instance(self, card):
+        """Nodes, elements, sets and surfaces of an instance, with the names and numbers that dotyk gives them."""
+        name, part = card.get("name"), self.parts.get(card.get("part").lower())
+        if part is None:
+            raise ValueError("%s: there is no part '%s'" % (card.place, card.get("part")))
+        given = [number(f) for fields in card.data for f in fields]
+        if len(given) > 10 or 3 < len(given) < 10:
+            raise ValueError("%s: an instance has a translation of 3 numbers and a rotation of 7" % card.place)
+        shift, turn = np.array((given + [0.0]*3)[:3]), None
+        if len(given) > 3:
+            centre = np.array(given[3:6])
+            turn = rotation(np.array(given[6:9]) - centre, given[9])
+        step = 10
+        while any(step <= max([0, *mesh.nodes, *mesh.elements]) for mesh in self.parts.values()):
+            step *= 10
+        offset = step*(len(self.offsets) + 1)
+        self.offsets[name.upper()] = offset
+        self.instances[card.get("part").lower()].append((name, turn))
+        for n, x in part.nodes.items():
+            x = np.array(x) + shift
+            self.nodes[n + offset] = (x if turn is None else centre + turn @ (x - centre)).tolist()
+        for e, nodes in part.elements.items():
+            self.elements[e + offset] = [n + offset for n in nodes]
+            self.types[e + offset] = part.types[e]
+        self.place_of_type.update(part.place_of_type)
+        self.add(self.element_sets, name, [e + offset for e in part.elements])
+        for sets, own in ((self.node_sets, part.node_sets), (self.element_sets, part.element_sets)):
+            for key, members in own.items():
+                self.add(sets, "%s.%s" % (name, part.spelled.get(key, key)), [m + offset for m in members])
+        for key, (spelled, of_nodes, entries) in part.surfaces.items():
+            entries = [m + offset if of_nodes else (m[0] + offset, m[1]) for m in entries]
+            self.surfaces["%s.%s" % (name.upper(), key)] = ("%s.%s" % (name, spelled), of_nodes, entries)
+
+    def scopes(self, card):
+        """Where a card holds: names of instances, empty for the whole deck, with their rotations."""
+        return [("", None)] if card.part is None else self.instances[card.part]
 
     def shape(self, element):
         return self.dimension, CORNERS[self.dimension][len(self.elements[element])]
@@ -210,7 +319,9 @@ class Deck:
 
     def faces_of_surface(self, name):
         """Outer faces of a surface of the deck by body: {body: faces}; and its name."""
-        spelled, of_nodes, entries = self.surfaces[name.upper()]
+        if name.replace('"', "").upper() not in self.surfaces:
+            raise ValueError("there is no surface '%s'" % name)
+        spelled, of_nodes, entries = self.surfaces[name.replace('"', "").upper()]
         if of_nodes:
             inside = set(entries)
             entries = [face for face, nodes in self.outer.items() if inside.issuperset(nodes)]
@@ -280,12 +391,40 @@ def shape_functions(n, s, t):
     return values(s, t), (values(s + 1, t) - values(s - 1, t))/2, (values(s, t + 1) - values(s, t - 1))/2
 
 
+def rotation(axis, degrees):
+    """Matrix of a rotation about an axis."""
+    a, angle = axis/np.linalg.norm(axis), np.radians(degrees)
+    cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+    return np.eye(3) + np.sin(angle)*cross + (1 - np.cos(angle))*(cross @ cross)
+
+
 def quoted(name):
     return "'%s'" % name.replace("'", "''")
 
 
 def text_of(values):
     return ", ".join("%.12g" % v for v in values)
+
+
+class Step:
+    """What acts in a step: values with the places of their cards. Later steps keep it, or replace it."""
+
+    def __init__(self, number=0, card=None):
+        self.number, self.card, self.left_out = number, card, ""
+        # {(node, direction): (value, place)}; {(node, direction): [(step, value, place)]}; {key: [(step, card, fields)]}; {node: (value, place)}
+        self.displacement, self.force, self.load, self.temperature = {}, {}, collections.OrderedDict(), {}
+
+    def follow(self, number, card):
+        """The next step, which begins with all that acts in this one."""
+        step = Step(number, card)
+        for name in ("displacement", "force", "load", "temperature"):
+            setattr(step, name, getattr(self, name).copy())
+        return step
+
+    def add(self, where, key, entry):
+        """A load: it replaces that of a step before, and adds to others of its step."""
+        known = where.get(key, [])
+        where[key] = ([] if known and known[0][0] != self.number else known) + [(self.number, *entry)]
 
 
 class Scene:
@@ -295,9 +434,10 @@ class Scene:
         self.deck, self.path, self.sets = deck, path, sets
         self.lines, self.more, self.left = [], [], []
         self.axes = "xyz"[:deck.dimension]
-        self.step = [i for i, card in enumerate(deck.cards) if card.keyword == "endstep"][:1] or [len(deck.cards)]
-        self.cards = deck.cards[:self.step[0]]
-        self.names = {}
+        self.cards = [card for card in deck.cards if card.part is None or card.keyword in OF_PARTS]
+        self.names, self.used, self.known = {}, {*deck.surfaces, *deck.node_sets, *deck.element_sets}, {}
+        for place, message in deck.unread:
+            self.leave(place, message)
 
     def leave(self, place, message):
         """Something that is not carried over."""
@@ -312,15 +452,143 @@ class Scene:
         return self.names[b]
 
     def surface(self, name, faces):
-        """A surface of the file of sets."""
+        """A surface of the file of sets; its name, another one where that is taken."""
+        key = name.split("_")[0], frozenset(faces)
+        if key in self.known:
+            return self.known[key]
+        while name.upper() in self.used:
+            name += "_"
+        self.used.add(name.upper())
+        self.known[key] = name
         self.more.append("*SURFACE, NAME=%s" % name)
         self.more += ["%d, S%d" % face for face in faces]
         return name
 
+    def read_steps(self):
+        """Steps of the deck: `base`, what holds before them, and `steps`."""
+        self.base, self.steps = Step(), []
+        at, first, procedure, before = self.base, set(), None, self.base
+        for card in self.cards:
+            if card.part is not None:
+                continue
+            if card.keyword == "step":
+                # Steps go on from the last one that is no perturbation.
+                before = before if at.left_out.startswith("a perturbation") else at
+                at, first, procedure = before.follow(len(self.steps) + 1, card), set(), None
+                self.steps.append(at)
+                if "perturbation" in card.parameters:
+                    at.left_out = "a perturbation"
+            elif card.keyword in ("boundary", "cload", "dload", "dsload", "temperature"):
+                if card.get("op").lower() == "new" and card.keyword not in first:
+                    self.clear(at, card.keyword)
+                first.add(card.keyword)
+                if card.get("amplitude"):
+                    self.leave(card.place, "the amplitude of *%s: its whole value is taken" % card.keyword.upper())
+                for name in ("type", "fixed", "loadcase", "file", "submodel", "user", "bstep"):
+                    if name in card.parameters and card.get(name).lower() != "displacement":
+                        self.leave(card.place, "*%s with %s" % (card.keyword.upper(), name.upper()))
+                with located(card):
+                    getattr(self, "read_" + card.keyword)(at, card)
+            elif at is not self.base and procedure is None and card.keyword in PROCEDURES | OTHER_PROCEDURES:
+                procedure = card
+                if card.keyword not in PROCEDURES:
+                    at.left_out = at.left_out or "*%s, not *STATIC," % card.keyword.upper()
+        if not self.steps:
+            self.steps = [self.base]
+        kept = [step for step in self.steps if not step.left_out] or self.steps[:1]
+        for step in self.steps:
+            if step not in kept:
+                self.leave(step.card.place, "step %d: %s is left out" % (step.number, step.left_out))
+        held = set(kept[0].displacement)
+        for step in kept[1:]:
+            if set(step.displacement) != held:
+                self.leave(step.card.place, "step %d: it holds other nodes or directions than step %d; supports are those of all load cases, give "
+                           "it a scene of its own" % (step.number, kept[0].number))
+        self.steps = [step for step in kept if set(step.displacement) == held]
+        self.cases = [step.card.get("name") or "step %d" % step.number if step.card else "" for step in self.steps]
+        if len(set(self.cases)) < len(self.cases):
+            self.cases = ["step %d" % step.number for step in self.steps]
+
+    @staticmethod
+    def clear(step, keyword):
+        """OP=NEW: nothing of earlier steps remains."""
+        if keyword in ("dload", "dsload"):
+            for key in [key for key in step.load if key[0] == keyword]:
+                del step.load[key]
+        else:
+            {"boundary": step.displacement, "cload": step.force, "temperature": step.temperature}[keyword].clear()
+
+    def nodes_of(self, field):
+        return self.deck.members(self.deck.node_sets, field)
+
+    def read_boundary(self, step, card):
+        for fields in card.data:
+            if len(fields) < 2:
+                raise ValueError("a direction is missing")
+            first, last = SYMMETRY.get(fields[1].upper(), (0, 0))
+            turned = {"ENCASTRE": (4, 5, 6), "XSYMM": (5, 6), "YSYMM": (4, 6), "ZSYMM": (4, 5)}.get(fields[1].upper(), ())
+            if not first:
+                if not re.fullmatch(r"\d+", fields[1]):
+                    self.leave(card.place, "*BOUNDARY %s" % fields[1])
+                    continue
+                first = int(fields[1])
+                last = int(fields[2]) if len(fields) > 2 and fields[2] else first
+            value = number(fields[3]) if len(fields) > 3 else 0.0
+            for n in self.nodes_of(fields[0]):
+                rigid = n in self.reference or n in self.turning
+                if last > 3 and not rigid and not turned:
+                    self.leave(card.place, "degree of freedom %d of nodes (temperature, rotation)" % last)
+                for d in [*range(first, last + 1), *(turned if rigid else ())]:
+                    if d <= 3 or rigid and d <= 6:
+                        step.displacement[n, d] = value, card.place
+
+    def read_cload(self, step, card):
+        for fields in card.data:
+            d = int(fields[1])
+            for n in self.nodes_of(fields[0]):
+                if d > self.deck.dimension and n not in self.reference and n not in self.turning and n not in self.tension:
+                    self.leave(card.place, "moments and other loads of nodes (degree of freedom %s)" % fields[1])
+                    continue
+                if (n, d) in step.force and step.force[n, d][0][0] == step.number:
+                    self.leave(card.place, "several forces on a node in one direction: their sum is taken")
+                step.add(step.force, (n, d), (number(fields[2]), card.place))
+
+    def read_dload(self, step, card):
+        """Keys are of a face where there is one: the load that it replaces."""
+        for fields in card.data:
+            label = fields[1].upper()
+            if re.fullmatch("P[1-6]", label):
+                for e in self.deck.members(self.deck.element_sets, fields[0]):
+                    step.add(step.load, ("dload", e, label), (card, fields))
+            else:
+                step.add(step.load, ("dload", fields[0].upper(), label), (card, fields))
+
+    def read_dsload(self, step, card):
+        for fields in card.data:
+            step.add(step.load, ("dsload", fields[0].upper(), fields[1].upper()), (card, fields))
+
+    def read_temperature(self, step, card):
+        for fields in card.data:
+            for n in self.nodes_of(fields[0]):
+                step.temperature[n] = number(fields[1]), card.place
+
+    def by_case(self, lines_of):
+        """Write the groups that each step needs, with the key case where they are not those of all steps."""
+        needed = collections.OrderedDict()
+        for step, case in zip(self.steps, self.cases):
+            for line, times in collections.Counter(lines_of(step)).items():
+                for k in range(times):
+                    needed.setdefault((line, k), []).append(case)
+        for (line, _), cases in needed.items():
+            self.lines.append(line + self.keys_of_cases(cases) + " /")
+
+    def keys_of_cases(self, cases):
+        return "" if len(cases) == len(self.cases) else ", case=" + ", ".join(map(quoted, cases))
+
     def materials(self):
         """&material of each material, and what other parts need of it: {name: density, expansion}."""
         self.density, self.expansion = {}, {}
-        orientation = {card.get("name").upper(): card for card in self.of("orientation")}
+        orientation = {(card.part, card.get("name").upper()): card for card in self.of("orientation")}
         of_material, current = {}, None
         for card in self.cards:
             if card.keyword == "material":
@@ -333,16 +601,21 @@ class Scene:
         self.section = {}
         used = {}
         for card in self.of("solidsection"):
-            name = card.get("material").upper()
-            axes = orientation.get(card.get("orientation").upper())
-            own = name if axes is None else name + " " + card.get("orientation").upper()
-            used[own] = (name, axes)
-            for e in self.deck.members(self.deck.element_sets, card.get("elset")):
-                self.section[e] = own
+            name, turned = card.get("material").upper(), card.get("orientation").upper()
+            axes = orientation.get((card.part, turned), orientation.get((None, turned)))
+            if turned and axes is None:
+                self.leave(card.place, "there is no orientation '%s'" % turned)
+            for prefix, turn in self.deck.scopes(card):
+                own = name
+                if axes is not None or turn is not None and self.has_axes(of_material.get(name, [])):
+                    own = " ".join(filter(None, (name, turned, prefix if turn is not None or axes and axes.part else "")))
+                used[own] = (name, axes, turn if own != name else None, card)
+                with located(card):
+                    self.section.update(dict.fromkeys(self.deck.members(self.deck.element_sets, card.get("elset"), prefix), own))
             thickness = number((card.data or [["1"]])[0][0])
             if self.deck.dimension == 2 and thickness not in (0.0, 1.0):
                 self.leave(card.place, "thickness %g: dotyk's plane analyses have thickness 1; divide forces by it" % thickness)
-        for own, (name, axes) in used.items():
+        for own, (name, axes, turn, section) in used.items():
             keys = []
             for card in of_material.get(name, []):
                 values = [number(f) for fields in card.data for f in fields]
@@ -351,7 +624,10 @@ class Scene:
                     self.density[own] = values[0]
                     keys.append("density=%.12g" % values[0])
                 elif card.keyword == "expansion":
-                    values = [number(f) for f in card.data[0]][:3 if kind == "ort" else 1]
+                    if kind == "ani" or len(card.data) > 1:
+                        self.leave(card.place, "material %s: *EXPANSION of type ANISO or that depends on the temperature; %d constants of the "
+                                   "first line are taken" % (name, 3 if kind in ("ort", "ani") else 1))
+                    values = [number(f) for f in card.data[0]][:3 if kind in ("ort", "ani") else 1]
                     self.expansion[own] = any(values)
                     if any(values):
                         keys.append("expansion=" + text_of(values))
@@ -360,22 +636,36 @@ class Scene:
                     keys.append("young=%.12g, poisson=%.12g" % (young, poisson))
                     if len(card.data) > 1:
                         self.leave(card.place, "material %s: constants that depend on the temperature; those of the first line are taken" % name)
+                elif len(card.data) > {"eng": 2, "ort": 2, "ani": 3}.get(kind, 0):
+                    self.leave(card.place, "material %s: *ELASTIC of type %s or of several temperatures; it is left out"
+                               % (name, card.get("type").upper()))
                 elif kind == "eng":
                     keys.append("young=%s, poisson=%s, shear=%s" % (text_of(values[:3]), text_of(values[3:6]), text_of(values[6:9])))
                 elif kind in ("ort", "ani"):
                     keys.append("stiffness=" + text_of(stiffness(values, kind)))
             if not any(key.startswith(("young", "stiffness")) for key in keys):
-                self.leave("", "material %s has no *ELASTIC" % own)
+                self.leave(section.place, "material %s has no *ELASTIC that is read" % own)
                 keys.append("young=0, poisson=0")
             if axes is not None:
                 if axes.get("system", "rectangular").lower()[:1] != "r":
                     self.leave(axes.place, "cylindrical axes of a material are no part of dotyk: its axes are those of the deck's global system")
                 else:
-                    a = [number(f) for f in axes.data[0]]
-                    keys.append("axis_1=%s, axis_2=%s" % (text_of(a[:3]), text_of(a[3:6])))
+                    if axes.get("definition", "coordinates").lower() != "coordinates" or len(axes.data[0]) not in (6, 9):
+                        raise ValueError("%s: orientation %s is not given by two vectors" % (axes.place, axes.get("name")))
+                    a = np.array([number(f) for f in axes.data[0]] + [0.0]*3)[:9].reshape(3, 3)
+                    a = (a[:2] - a[2]) @ (np.eye(3) if turn is None else turn).T
+                    keys.append("axis_1=%s, axis_2=%s" % (text_of(a[0]), text_of(a[1])))
                     if len(axes.data) > 1:
                         self.leave(axes.place, "the further rotation of the orientation")
+            elif turn is not None:
+                keys.append("axis_1=%s, axis_2=%s" % (text_of(turn[:, 0]), text_of(turn[:, 1])))
+                self.leave(section.place, "material %s without *ORIENTATION in a rotated instance: its axes are taken to rotate with it" % name)
             self.lines.append("&material name=%s, %s /" % (quoted(own), ", ".join(keys)))
+
+    @staticmethod
+    def has_axes(cards):
+        """Whether a material has axes."""
+        return any(card.get("type", "iso").lower()[:3] != "iso" for card in cards if card.keyword in ("elastic", "expansion"))
 
     def bodies(self):
         """&body of each connected component; a set of the deck where it is one, else one of the file of sets."""
@@ -386,7 +676,8 @@ class Scene:
         if without:
             self.leave("", "%d elements have no *SOLID SECTION with a material (the first is %d)" % (len(without), without[0]))
         of_set = {frozenset(m): name for name, m in deck.element_sets.items()}
-        spelled = {card.get("elset").upper(): card.get("elset") for card in reversed(self.deck.cards)}
+        of_set.update({frozenset(deck.element_sets[name]): name for name in deck.offsets})
+        spelled = deck.spelled
         for b in range(deck.n_bodies):
             volumes, materials = [], []
             for (c, material), elements in members.items():
@@ -404,66 +695,64 @@ class Scene:
                                                                          ", ".join(map(quoted, materials))))
 
     def supports(self):
-        """&support on the faces all of whose nodes have the same given displacements."""
-        given = collections.defaultdict(dict)
-        for card in self.of("boundary"):
-            for fields in card.data:
-                first, last = SYMMETRY.get(fields[1].upper(), (0, 0))
-                if not first:
-                    first = int(fields[1])
-                    last = int(fields[2]) if len(fields) > 2 and fields[2] else first
-                value = number(fields[3]) if len(fields) > 3 else 0.0
-                if first > 3:
-                    self.leave(card.place, "degree of freedom %d of nodes (temperature, rotation)" % first)
-                    continue
-                for n in self.deck.members(self.deck.node_sets, fields[0]):
-                    for d in range(first, min(last, self.deck.dimension) + 1):
-                        given[n][d] = value
-        if self.of("transform"):
-            self.leave(self.of("transform")[0].place, "*TRANSFORM: supports and forces are taken in global axes")
+        """&support on the faces all of whose nodes have the same given displacements; their values by load case."""
+        given, place = collections.defaultdict(dict), {}
+        for n, d in self.steps[0].displacement:
+            if n in self.reference or n in self.turning or n in self.tension or d > self.deck.dimension:
+                continue
+            entries = [step.displacement[n, d] for step in self.steps]
+            given[n][d], place[n, d] = tuple(value for value, _ in entries), entries[0][1]
+        for card in self.of("transform"):
+            self.leave(card.place, "*TRANSFORM: supports and forces are taken in global axes")
         # Directions of a face are those that all its nodes have with one value.
         groups = collections.OrderedDict()
         for face, nodes in self.deck.outer.items():
             common = tuple(d for d in (1, 2, 3) if all(d in given.get(n, {}) for n in nodes) and len({given[n][d] for n in nodes}) == 1)
-            if common:
+            if common and self.deck.body_of[face[0]] not in self.rigid:
                 groups.setdefault((self.deck.body_of[face[0]], common, tuple(given[nodes[0]][d] for d in common)), []).append(face)
         held = collections.defaultdict(set)
         for i, ((b, directions, values), faces) in enumerate(groups.items(), 1):
-            name = self.surface("fix_%d" % i, faces)
-            key = "fix='%s'" % "".join(self.axes[d - 1] for d in directions)
-            if any(values):
-                full = [values[directions.index(d)] if d in directions else 0.0 for d in range(1, self.deck.dimension + 1)]
-                key += ", value=" + text_of(full)
-            self.lines.append("&support body=%s, surface=%s, %s /" % (quoted(self.body(b)), quoted(name), key))
+            head = "&support body=%s, surface=%s, fix='%s'" % (quoted(self.body(b)), quoted(self.surface("fix_%d" % i, faces)),
+                                                               "".join(self.axes[d - 1] for d in directions))
+            cases = collections.OrderedDict()
+            for k, case in enumerate(self.cases):
+                cases.setdefault(tuple(value[k] for value in values), []).append(case)
+            moved = [(value, of_value) for value, of_value in cases.items() if any(value)]
+            for value, of_value in moved:
+                full = [value[directions.index(d)] if d in directions else 0.0 for d in range(1, self.deck.dimension + 1)]
+                self.lines.append("%s, value=%s%s /" % (head, text_of(full), self.keys_of_cases(of_value)))
+            if not moved:
+                self.lines.append(head + " /")
             for face in faces:
                 for n in self.deck.outer[face]:
                     held[n].update(directions)
         lost = collections.defaultdict(list)
         for n, values in given.items():
             for d in values:
-                if d not in held[n] and n in self.deck.body_of_node:
-                    lost[d].append(n)
-        for d, nodes in sorted(lost.items()):
-            self.leave("*BOUNDARY", "direction %s of %d nodes on no whole face with it (%s%s)"
-                       % ("xyz"[d - 1], len(nodes), ", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else ""))
-        if any(n not in self.deck.body_of_node for n in given):
-            self.leave("*BOUNDARY", "nodes that no solid element has, as those of rigid bodies")
+                if d not in held[n]:
+                    lost[place[n, d], d, n in self.deck.body_of_node].append(n)
+        for (at, d, solid), nodes in sorted(lost.items()):
+            listed = "%s%s" % (", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else "")
+            self.leave(at, "*BOUNDARY: direction %s of %d nodes %s (%s)" % (
+                "xyz"[d - 1], len(nodes), "on no whole face with it" if solid else "that no solid element has", listed))
 
-    def nodal_forces(self):
+    def nodal_forces(self, step):
         """&load of nodal forces: a traction where they are its nodal forces, else a total force and moment."""
-        force = collections.defaultdict(lambda: np.zeros(3))
-        for card in self.of("cload"):
-            for fields in card.data:
-                for n in self.deck.members(self.deck.node_sets, fields[0]):
-                    if int(fields[1]) > self.deck.dimension:
-                        self.leave(card.place, "moments and other loads of nodes (degree of freedom %s)" % fields[1])
-                        continue
-                    if force[n][int(fields[1]) - 1] != 0:
-                        self.leave(card.place, "several forces on a node in one direction: their sum is taken")
-                    force[n][int(fields[1]) - 1] += number(fields[2])
+        force, places, lines = collections.defaultdict(lambda: np.zeros(3)), collections.defaultdict(dict), []
+        for (n, d), entries in step.force.items():
+            if n in self.reference or n in self.turning or n in self.tension:
+                continue
+            force[n][d - 1] = sum(value for _, value, _ in entries)
+            for _, _, at in entries:
+                places[self.deck.body_of_node.get(n), d - 1][at] = True
+
+        def leave(b, d, message):
+            self.leave(", ".join(places[b, d]), "*CLOAD: " + message)
+
         if force and self.deck.analysis == "axisymmetric":
-            self.leave(self.of("cload")[0].place, "*CLOAD of axisymmetric elements: give tractions in their place")
-            return
+            for b, d in places:
+                leave(b, d, "axisymmetric elements: give tractions in their place")
+            return lines
         for b in range(self.deck.n_bodies):
             for d in range(self.deck.dimension):
                 nodes = {n for n, f in force.items() if self.deck.body_of_node.get(n) == b and f[d] != 0}
@@ -472,9 +761,9 @@ class Scene:
                 faces = [face for face, of_face in self.deck.outer.items() if nodes.issuperset(of_face)]
                 unit = self.deck.unit_loads(faces)
                 if set(unit) != nodes:
-                    self.leave("*CLOAD", "forces in direction %s on %d nodes of body %s that are no whole face (%s%s), in all %.6g"
-                               % ("xyz"[d], len(nodes), self.body(b), ", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else "",
-                                  sum(force[n][d] for n in nodes)))
+                    leave(b, d, "forces in direction %s on %d nodes of body %s that are no whole face (%s%s), in all %.6g"
+                          % ("xyz"[d], len(nodes), self.body(b), ", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else "",
+                             sum(force[n][d] for n in nodes)))
                     continue
                 patches = self.deck.patches(faces)
                 units = [self.deck.unit_loads(patch) for patch in patches]
@@ -485,8 +774,8 @@ class Scene:
                 names = ["force_%d_%s" % (b + 1, "xyz"[d]) + ("_%d" % (k + 1) if len(patches) > 1 else "") for k in range(len(patches))]
                 exact = np.abs(matrix @ traction - right).max() <= CONSISTENT*np.abs(right).max()
                 if not exact and (len(patches) > 1 or abs(right.sum()) < CONSISTENT*np.abs(right).sum()):
-                    self.leave("*CLOAD", "forces in direction %s on body %s: those of no uniform traction on each of %d faces, in all %.6g"
-                               % ("xyz"[d], self.body(b), len(patches), right.sum()))
+                    leave(b, d, "forces in direction %s on body %s: those of no uniform traction on each of %d faces, in all %.6g"
+                          % ("xyz"[d], self.body(b), len(patches), right.sum()))
                     continue
                 for name, patch, value in zip(names, patches, traction):
                     vector = np.zeros(self.deck.dimension)
@@ -495,43 +784,55 @@ class Scene:
                     if not exact:
                         point = sum(f*np.array(self.deck.nodes[n]) for n, f in zip(order, right))/right.sum()
                         load = "force=%s, point=%s" % (text_of(vector), text_of(point[:self.deck.dimension]))
-                    self.lines.append("&load body=%s, surface=%s, %s /" % (quoted(self.body(b)), quoted(self.surface(name, patch)), load))
+                    lines.append("&load body=%s, surface=%s, %s" % (quoted(self.body(b)), quoted(self.surface(name, patch)), load))
                 if not exact:
-                    self.leave("*CLOAD", "forces in direction %s on body %s are those of no uniform traction: written as their total force "
-                               "at its point, spread over the faces" % ("xyz"[d], self.body(b)))
-        lost = [n for n in force if n not in self.deck.body_of_node]
-        if lost:
-            self.leave("*CLOAD", "forces on %d nodes that no solid element has" % len(lost))
+                    leave(b, d, "forces in direction %s on body %s are those of no uniform traction: written as their total force "
+                          "at its point, spread over the faces" % ("xyz"[d], self.body(b)))
+        for b, d in places:
+            if b is None:
+                lost = [n for n, f in force.items() if n not in self.deck.body_of_node and f[d] != 0]
+                leave(b, d, "forces on %d nodes that no solid element has" % len(lost))
+        return lines
 
-    def distributed_loads(self):
+    def distributed_loads(self, step):
         """&load of *DLOAD and *DSLOAD."""
-        pressures = collections.OrderedDict()
-        for card in self.of("dload", "dsload"):
-            if card.get("amplitude"):
-                self.leave(card.place, "the amplitude of a load: its whole value is taken")
-            for fields in card.data:
-                label = fields[1].upper()
-                if card.keyword == "dsload" and label == "P":
-                    found = self.deck.faces_of_surface(fields[0])[1]
+        pressures, lines, loaded = collections.OrderedDict(), [], {}
+
+        def press(card, value, b, faces):
+            for face in faces:
+                if face in loaded:
+                    self.leave(card.place, "several pressures on a face, the other one of %s: their sum is taken" % loaded[face])
+                loaded[face] = card.place
+            pressures.setdefault((b, value), []).extend(faces)
+
+        for (keyword, target, label), entries in step.load.items():
+            for _, card, fields in entries:
+                if keyword == "dsload" and label == "P":
+                    with located(card):
+                        found = self.deck.faces_of_surface(fields[0])[1]
                     for b, faces in found.items():
-                        pressures.setdefault((b, number(fields[2])), []).extend(faces)
-                elif re.fullmatch(r"P[1-6]", label):
-                    for e in self.deck.members(self.deck.element_sets, fields[0]):
-                        pressures.setdefault((self.deck.body_of[e], number(fields[2])), []).append((e, int(label[1])))
-                elif label in ("GRAV", "CENTRIF"):
-                    self.volume_load(card, fields, label)
+                        press(card, number(fields[2]), b, faces)
+                elif keyword == "dload" and re.fullmatch("P[1-6]", label):
+                    press(card, number(fields[2]), self.deck.body_of[target], [(target, int(label[1]))])
+                elif keyword == "dload" and label in ("GRAV", "CENTRIF"):
+                    lines += self.volume_load(card, fields, label)
                 else:
                     self.leave(card.place, "load %s" % label)
-        loaded = [face for faces in pressures.values() for face in faces]
-        if len(loaded) > len(set(loaded)):
-            self.leave("", "several pressures on a face: their sum is taken")
         for i, ((b, value), faces) in enumerate(pressures.items(), 1):
-            name = self.surface("pressure_%d" % i, faces)
-            self.lines.append("&load body=%s, surface=%s, pressure=%.12g /" % (quoted(self.body(b)), quoted(name), value))
+            if value:
+                # A face that has the value twice needs two groups.
+                times = collections.Counter(faces)
+                while times:
+                    name = self.surface("pressure_%d" % i, list(times))
+                    lines.append("&load body=%s, surface=%s, pressure=%.12g" % (quoted(self.body(b)), quoted(name), value))
+                    times -= collections.Counter(list(times))
+        return lines
 
     def volume_load(self, card, fields, label):
         """Gravity or a centrifugal load on whole bodies."""
-        elements = set(self.deck.members(self.deck.element_sets, fields[0]))
+        with located(card):
+            elements = set(self.deck.members(self.deck.element_sets, fields[0]) if fields[0] else self.deck.elements)
+        lines = []
         for b in range(self.deck.n_bodies):
             own = [e for e, c in self.deck.body_of.items() if c == b]
             inside = [e for e in own if e in elements]
@@ -545,7 +846,7 @@ class Scene:
             values = [number(f) for f in fields[2:]]
             if label == "GRAV":
                 direction = np.array(values[1:4])/np.linalg.norm(values[1:4])*values[0]
-                self.lines.append("&load body=%s, acceleration=%s /" % (quoted(self.body(b)), text_of(direction[:self.deck.dimension])))
+                lines.append("&load body=%s, acceleration=%s" % (quoted(self.body(b)), text_of(direction[:self.deck.dimension])))
                 continue
             axis = np.array(values[4:7])/np.linalg.norm(values[4:7])*values[0]**0.5
             keys = "angular_velocity=%s, centre=%s" % (text_of(axis), text_of(values[1:4]))
@@ -553,26 +854,141 @@ class Scene:
                 keys = "angular_velocity=%.12g" % np.linalg.norm(axis)
                 if self.deck.analysis != "axisymmetric":
                     keys += ", centre=" + text_of(values[1:3])
-            self.lines.append("&load body=%s, %s /" % (quoted(self.body(b)), keys))
+            lines.append("&load body=%s, %s" % (quoted(self.body(b)), keys))
+        return lines
 
-    def temperatures(self):
-        """&temperature of bodies with one change of temperature."""
-        start, end = {}, {}
-        for card in self.of("initialconditions", "temperature"):
-            if card.keyword == "initialconditions" and card.get("type").lower() != "temperature":
+    def initial_temperatures(self):
+        self.start = {}
+        for card in self.of("initialconditions"):
+            if card.get("type").lower() != "temperature":
                 self.leave(card.place, "initial conditions of type %s" % card.get("type"))
                 continue
-            for fields in card.data:
-                for n in self.deck.members(self.deck.node_sets, fields[0]):
-                    (end if card.keyword == "temperature" else start)[n] = number(fields[1])
+            with located(card):
+                for fields in card.data:
+                    self.start.update(dict.fromkeys(self.nodes_of(fields[0]), number(fields[1])))
+
+    def temperatures(self, step):
+        """&temperature of bodies with one change of temperature."""
+        lines = []
         for b in range(self.deck.n_bodies):
-            if not any(self.expansion.get(self.section.get(e)) for e, c in self.deck.body_of.items() if c == b) or not end:
+            if not any(self.expansion.get(self.section.get(e)) for e, c in self.deck.body_of.items() if c == b):
                 continue
-            change = {end.get(n, start.get(n, 0.0)) - start.get(n, 0.0) for n, c in self.deck.body_of_node.items() if c == b}
+            own = [n for n, c in self.deck.body_of_node.items() if c == b]
+            change = {step.temperature.get(n, (self.start.get(n, 0.0),))[0] - self.start.get(n, 0.0) for n in own}
             if len(change) > 1:
-                self.leave("*TEMPERATURE", "temperatures of body %s that differ from node to node: give a formula" % self.body(b))
+                places = dict.fromkeys(step.temperature[n][1] for n in own if n in step.temperature)
+                self.leave(", ".join(places), "temperatures of body %s that differ from node to node: give a formula" % self.body(b))
             elif change != {0.0}:
-                self.lines.append("&temperature body=%s, value=%.12g /" % (quoted(self.body(b)), change.pop()))
+                lines.append("&temperature body=%s, value=%.12g" % (quoted(self.body(b)), change.pop()))
+        return lines
+
+    def one_node(self, card, key, prefix):
+        """A node that a card names by its number or by a set of one node."""
+        field = card.get(key)
+        if not field:
+            return None
+        with located(card):
+            found = self.deck.members(self.deck.node_sets, field, prefix)
+            if len(found) != 1:
+                raise ValueError("%s names %d nodes" % (key.upper(), len(found)))
+        return found[0]
+
+    def find_references(self):
+        """Nodes that stand for rigid bodies and pre-tensions: `reference` and `turning` (rotations) by node, `rigid` by body."""
+        self.reference, self.turning, self.tension, self.rigid = {}, {}, {}, {}
+        for card in self.of("rigidbody"):
+            for prefix, _ in self.deck.scopes(card):
+                if card.get("elset"):
+                    with located(card):
+                        elements = set(self.deck.members(self.deck.element_sets, card.get("elset"), prefix))
+                else:
+                    nodes = card.get("nset") or card.get("tienset") or card.get("pinnset")
+                    if not nodes:
+                        self.leave(card.place, "*RIGID BODY without a set of elements or nodes")
+                        continue
+                    with located(card):
+                        nodes = set(self.deck.members(self.deck.node_sets, nodes, prefix))
+                    elements = {e for e, own in self.deck.elements.items() if nodes.issuperset(own)}
+                    touched = {self.deck.body_of_node[n] for n in nodes if n in self.deck.body_of_node}
+                    if not touched <= {self.deck.body_of[e] for e in elements}:
+                        elements = set()
+                bodies = {self.deck.body_of[e] for e in elements}
+                whole = sum(b in bodies for b in self.deck.body_of.values()) == len(elements)
+                at, turn = self.one_node(card, "refnode", prefix), self.one_node(card, "rotnode", prefix)
+                if len(bodies) != 1 or not whole or at is None:
+                    self.leave(card.place, "*RIGID BODY that is not one whole body with a reference node; give its surface a body of its own "
+                               "or supports")
+                    continue
+                b = bodies.pop()
+                self.rigid[b] = at, turn, card
+                self.reference[at] = b
+                if turn is not None:
+                    self.turning[turn] = b
+        for card in self.of("pretensionsection"):
+            for prefix, _ in self.deck.scopes(card):
+                node = self.one_node(card, "node", prefix)
+                if node is not None:
+                    self.tension[node] = card
+
+    def tensions(self):
+        """Pre-tension sections: dotyk cuts no meshes."""
+        for card in self.of("pretensionsection"):
+            prefix = self.deck.scopes(card)[0][0]
+            node, given = self.one_node(card, "node", prefix), []
+            for step in self.steps:
+                given += ["force %.6g (%s)" % (value, at) for (n, d), all_of in step.force.items() if n == node for _, value, at in all_of]
+                given += ["shortening %.6g (%s)" % (value, at) for (n, d), (value, at) in step.displacement.items() if n == node and value]
+            self.leave(card.place, "*PRE-TENSION SECTION on %s%s: cut the mesh there into two bodies without common nodes, and join the halves by "
+                       "&bolt name=..., surface_a='half:cut', surface_b='other:cut'"
+                       % (card.get("surface") or card.get("element"), ", " + ", ".join(dict.fromkeys(given)) if given else ""))
+
+    def motions(self):
+        """&rigid_body with the motions of its reference node, and &load with its forces."""
+        plane, axial = self.deck.dimension == 2, self.deck.analysis == "axisymmetric"
+        names = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+        for d in ([3, 4, 5] if plane else []) + ([1, 6] if axial else []):
+            del names[d]
+        for b, (at, turn, card) in self.rigid.items():
+            point = self.deck.nodes[at][:self.deck.dimension]
+            if axial:
+                point = [0.0, point[1]]
+
+            def values(where, pick):
+                found = {}
+                for (n, d), entry in where.items():
+                    if n == at or n == turn:
+                        found[d + (3 if n == turn and d <= 3 else 0)] = pick(entry)
+                return {d: value for d, value in found.items() if d in names}
+
+            held = sorted(values(self.steps[0].displacement, lambda entry: 0))
+            cases = collections.OrderedDict()
+            for step, case in zip(self.steps, self.cases):
+                moved = values(step.displacement, lambda entry: entry[0])
+                cases.setdefault(tuple(moved[d] for d in held), []).append(case)
+            head = "&rigid_body body=%s, point=%s, fix=%s" % (quoted(self.body(b)), text_of(point), quoted(" ".join(names[d] for d in held)))
+            moved = [(value, of_value) for value, of_value in cases.items() if any(value)]
+            for value, of_value in moved:
+                of = dict(zip(held, value))
+                keys = ", value=" + text_of([of.get(d, 0.0) for d in range(1, self.deck.dimension + 1)])
+                if any(of.get(d) for d in (4, 5, 6)):
+                    keys += ", rotation=" + text_of([of.get(d, 0.0) for d in ([6] if plane else [4, 5, 6])])
+                self.lines.append("%s%s%s /" % (head, keys, self.keys_of_cases(of_value)))
+            if not moved:
+                self.lines.append(head + " /")
+            faces = [face for face in self.deck.outer if self.deck.body_of[face[0]] == b]
+
+            def forces(step):
+                force = values(step.force, lambda entries: sum(value for _, value, _ in entries))
+                if not any(force.values()):
+                    return []
+                keys = "force=" + text_of([force.get(d, 0.0) for d in range(1, self.deck.dimension + 1)])
+                if any(force.get(d) for d in (4, 5, 6)):
+                    keys += ", moment=" + text_of([force.get(d, 0.0) for d in ([6] if plane else [4, 5, 6])])
+                if not axial:
+                    keys += ", point=" + text_of(point)
+                return ["&load body=%s, surface=%s, %s" % (quoted(self.body(b)), quoted(self.surface("rigid_%d" % (b + 1), faces)), keys)]
+
+            self.by_case(forces)
 
     def contacts(self):
         """&contact of contact pairs."""
@@ -595,6 +1011,8 @@ class Scene:
             if "adjust" in card.parameters:
                 self.leave(card.place, "ADJUST: the gap of the mesh is taken; `gap=0` of &contact closes it")
             keys = behaviour.get(card.get("interaction").upper(), "")
+            if card.get("interaction").upper() not in behaviour:
+                self.leave(card.place, "there is no surface interaction '%s': hard contact is taken" % card.get("interaction"))
             for slave, master in (fields[:2] for fields in card.data):
                 self.pairs(card, "tie" if keys is None else "contact", slave, master, keys or "")
         for card in self.of("tie"):
@@ -609,14 +1027,15 @@ class Scene:
         """&contact or &tie of two surfaces, one for each two bodies that have them."""
         sides = []
         for name in (slave, master):
-            spelled, found = self.deck.faces_of_surface(name)
+            with located(card):
+                spelled, found = self.deck.faces_of_surface(name)
             if not found:
                 self.leave(card.place, "surface %s: its nodes are no whole face" % spelled)
             sides.append([(b, spelled) for b in found])
         for a, one in sides[0]:
             for b, other in sides[1]:
                 if a == b:
-                    self.leave(card.place, "%s of body %s with itself" % (group, self.body(a)))
+                    self.leave(card.place, "%s of %s and %s, both of body %s" % (group, one, other, self.body(a)))
                     continue
                 name = "%s - %s" % (one, other) + (" %d-%d" % (a + 1, b + 1) if len(sides[0])*len(sides[1]) > 1 else "")
                 self.lines.append("&%s name=%s, surface_a=%s, surface_b=%s%s /" % (
@@ -624,24 +1043,29 @@ class Scene:
 
     def others(self):
         """What nobody reads."""
-        for card in self.cards:
+        for card in self.deck.cards:
             if card.keyword and card.keyword not in SILENT | {"transform", "plastic", "hyperelastic", "hyperfoam", "creep", "usermaterial",
                                                               "cyclichardening", "depvar"}:
-                self.leave(card.place, "*" + card.keyword.upper())
+                self.leave(card.place, "*" + card.keyword.upper() + HINTS.get(card.keyword, ""))
+            elif card.part is not None and card.keyword not in OF_PARTS | {"heading"}:
+                self.leave(card.place, "*%s inside a *PART" % card.keyword.upper())
         for card in self.of("step"):
-            if "nlgeom" in card.parameters:
+            if "nlgeom" in card.parameters and card.get("nlgeom").lower() != "no":
                 self.leave(card.place, "NLGEOM: displacements are small in dotyk")
-        rest = sum(card.keyword == "step" for card in self.deck.cards[self.step[0]:])
-        if rest:
-            self.leave("", "%d further steps: the scene is that of the first one" % rest)
 
     def write(self, deck_path):
         self.materials()
         self.bodies()
+        self.find_references()
+        self.read_steps()
+        self.initial_temperatures()
+        if len(self.steps) > 1:
+            self.lines += ["&case name=%s /" % quoted(name) for name in self.cases]
         self.supports()
-        self.distributed_loads()
-        self.nodal_forces()
-        self.temperatures()
+        self.motions()
+        self.tensions()
+        for lines_of in (self.distributed_loads, self.nodal_forces, self.temperatures):
+            self.by_case(lines_of)
         self.contacts()
         self.others()
         analysis = "" if self.deck.analysis == "3d" else ", analysis='%s'" % self.deck.analysis

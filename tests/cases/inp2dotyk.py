@@ -1,8 +1,10 @@
 #!/usr/bin/python3
-"""tools/inp2dotyk.py: decks of CalculiX become scenes, whose answers are exact; what is not carried over is said."""
+"""tools/inp2dotyk.py: decks of CalculiX and Abaqus become scenes, whose answers are exact; what is not carried over is said."""
 import re
 import subprocess
 import sys
+
+import numpy as np
 
 import dotyk_case
 from decks import CUBE, HEXAHEDRON, SHAPES, corners
@@ -85,7 +87,6 @@ class Inp2Dotyk(dotyk_case.Case):
     def test_materials(self):
         """Orthotropic and anisotropic constants, and engineering ones of the same material, give one answer."""
         young, poisson, shear = (200.0, 100.0, 50.0), (0.2, 0.1, 0.15), (60.0, 40.0, 30.0)
-        import numpy as np
         compliance = np.diag([1/e for e in young])
         for (i, j), nu in zip(((0, 1), (0, 2), (1, 2)), poisson):
             compliance[i, j] = compliance[j, i] = -nu/young[i]
@@ -118,7 +119,7 @@ class Inp2Dotyk(dotyk_case.Case):
         deck = deck.replace("*STEP\n", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP, NLGEOM\n", 1) + "*STEP\n*STATIC\n*END STEP\n"
         text, said = self.convert(deck, code=1)
         for message in ("material M: *PLASTIC; dotyk is linear elastic", "pressure-overclosure EXPONENTIAL: taken for hard contact",
-                        "friction: contact is frictionless", "*EQUATION", "NLGEOM: displacements are small", "1 further steps",
+                        "friction: contact is frictionless", "*EQUATION", "NLGEOM: displacements are small",
                         "forces in direction z on 1 nodes of body body_2 that are no whole face (18), in all -1",
                         "direction z of 1 nodes on no whole face with it (5)"):
             self.assertIn(message, said)
@@ -138,10 +139,104 @@ class Inp2Dotyk(dotyk_case.Case):
         self.assertIn("*TIE with cyclic symmetry", said)
 
     def test_refused(self):
-        for text, message in ((TWO.replace("C3D8", "S8") % ("", "HARD", ""), "S8"), (TWO % ("", "HARD", "*DSLOAD\nnone, P, 1.\n"), "NONE"),
+        for text, message in ((TWO.replace("C3D8", "S8") % ("", "HARD", ""), "S8"),
+                              (TWO % ("", "HARD", "*DSLOAD\nnone, P, 1.\n"), "deck.inp:49: *DSLOAD: there is no surface 'none'"),
                               ("*INCLUDE, INPUT=none.inp\n", "none.inp"), (TWO % ("", "HARD", "*CLOAD\nnone, 1, 1.\n"), "there is no set 'none'"),
-                              ("*PART, NAME=p\n" + CUBE, "parts and instances")):
+                              ("*PART, NAME=p\n" + CUBE + "*END PART\n*INSTANCE, NAME=a, PART=q\n", "deck.inp:12: there is no part 'q'")):
             self.assertIn(message, self.convert(text, code=2)[1])
+
+    def displacements(self, name):
+        """Displacements of all load cases, and the nodes."""
+        self.dotyk(name + ".nml")
+        file = self.results(name + ".vtkhdf")["VTKHDF"]
+        return file["Points"][:], file["PointData/displacement"][:]
+
+    def test_instances(self):
+        """Two instances of an orthotropic part, the second one on its side: as a scene that copies the bodies."""
+        part = ("*PART, NAME=Cube\n" + CUBE + "*ELEMENT, TYPE=C3D8, ELSET=all\n1, 1,2,3,4,5,6,7,8\n*NSET, NSET=foot\n1, 2, 3, 4\n*NSET, NSET=head, "
+                "GENERATE\n5, 8\n*SURFACE, NAME=low\nall, S1\n*SURFACE, NAME=side\n1, S4\n*SURFACE, NAME=up\nall, S2\n*ORIENTATION, NAME=O\n"
+                "1., 1., 0., -1., 1., 0.\n*SOLID SECTION, ELSET=all, MATERIAL=Wood, ORIENTATION=O\n,\n*END PART\n")
+        assembly = ("*ASSEMBLY, NAME=A\n*INSTANCE, NAME=Lower-1, PART=Cube\n*END INSTANCE\n*INSTANCE, NAME=Upper-1, PART=Cube\n0., 1., 1.001\n"
+                    "0., 1., 1.001, 1., 1., 1.001, 90.\n*END INSTANCE\n*NSET, NSET=held, INSTANCE=Lower-1\nfoot\n*NSET, NSET=one, INSTANCE=Upper-1\n"
+                    "1, 4\n*ELSET, ELSET=_top, INTERNAL, INSTANCE=Upper-1\n1\n*SURFACE, NAME=top\n_top, %s\n*END ASSEMBLY\n")
+        material = "*MATERIAL, NAME=Wood\n*ELASTIC, TYPE=ENGINEERING CONSTANTS\n200., 100., 50., 0.2, 0.1, 0.15, 60., 40.\n30.\n"
+        contact = ("*SURFACE INTERACTION, NAME=I\n1.,\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD\n*CONTACT PAIR, INTERACTION=I\n"
+                   "Upper-1.%s, Lower-1.up\n*BOUNDARY\nheld, ENCASTRE\nUpper-1.%s, 1, 2\n")
+        step = "*STEP, NAME=press, NLGEOM=NO\n*STATIC\n1., 1.\n*DSLOAD\ntop, P, 3.\n*OUTPUT, FIELD\n*END STEP\n"
+        # turned by 90 degrees about x through its corner, y becomes z and z becomes -y: the face y=0 is below
+        text, said = self.convert(part + assembly % "S5" + material + contact % ("S3", "foot") + step, code=2)
+        self.assertIn("*CONTACTPAIR: there is no surface 'Upper-1.S3'", said)
+        deck = (part.replace("*SURFACE, NAME=side\n1, S4", "*SURFACE, NAME=side\n1, S3") + assembly % "S5" + material +
+                contact % ("side", "foot") + step)
+        text, said = self.convert(deck)
+        self.assertIn("surface_a='Upper-1:Upper-1.side', surface_b='Lower-1:Lower-1.up'", text)
+        self.write("cube.inp", part[part.index("*NODE"):part.index("*ORIENTATION")].replace("1, S4", "1, S3") + "*SURFACE, NAME=back\n1, S5\n")
+        self.write("twin.nml", "&scene mesh='cube.inp' /\n&material name='w', young=200,100,50, poisson=0.2,0.1,0.15, shear=60,40,30, "
+                   "axis_1=1,1,0, axis_2=-1,1,0 /\n&body name='l', volume='all', material='w' /\n&body name='u', volume='all', material='w', "
+                   "axis=1,0,0, angle=90, at=0,1,1.001 /\n&support body='l', surface='low', fix='xyz' /\n&support body='u', surface='low', fix='xy' /\n"
+                   "&load body='u', surface='back', pressure=3 /\n&contact name='c', surface_a='u:side', surface_b='l:up' /\n&solver theta=0 /\n")
+        x, u = self.displacements("deck")
+        y, v = self.displacements("twin")
+        np.testing.assert_allclose(x, y, atol=1e-12)
+        np.testing.assert_allclose(u, v, atol=1e-9)
+        self.assertLess(u[:, 2].min(), -0.02)
+
+    def test_steps(self):
+        """Steps are load cases: loads go on, are replaced, and end by OP=NEW; values of supports by case."""
+        more = ("*END STEP\n*STEP, NAME=Pull\n*STATIC\n*CLOAD\nhead, 3, -2.\n*END STEP\n*STEP\n*STATIC\n*DSLOAD\ntop, P, 4.\n*END STEP\n"
+                "*STEP\n*STATIC\n*CLOAD, OP=NEW\n*END STEP\n*STEP, PERTURBATION\n*STATIC\n*DSLOAD\ntop, P, 9.\n*END STEP\n"
+                "*STEP\n*STATIC\n*BOUNDARY\nhead, 3, 3, -0.1\n*END STEP\n*STEP\n*FREQUENCY\n3\n")
+        deck = TWO % ("", "HARD", "*CLOAD\nhead, 3, -1.\n" + more)
+        text, said = self.convert(deck, code=1)
+        steps = [n for n, line in enumerate(deck.splitlines(), 1) if line.startswith("*STEP")]
+        for n, message in ((5, "a perturbation is left out"), (7, "*FREQUENCY, not *STATIC, is left out"),
+                           (6, "it holds other nodes or directions than step 1")):
+            self.assertIn("deck.inp:%d: step %d: %s" % (steps[n - 1], n, message), said)
+        self.assertEqual(re.findall("&case name='(.*)'", text), ["step 1", "Pull", "step 3", "step 4"])
+        lines = self.results_by_case()
+        for found, force in zip(lines, (4, 8, 12, 4)):
+            self.assertAlmostEqual(found, 0.001 + 2*force/YOUNG, delta=1e-9)
+        deck = (TWO % ("", "HARD", "*BOUNDARY\nhead, 3, 3, -0.02\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nhead, 3, 3\n*END STEP\n*STEP\n*STATIC\n"
+                       "*BOUNDARY\nhead, 3, 3, -0.03\n"))
+        self.convert(deck)
+        np.testing.assert_allclose(self.results_by_case(), (0.02, 0, 0.03), atol=1e-12)
+
+    def results_by_case(self):
+        """Mean displacement of the top of the upper cube, downwards, in each load case."""
+        self.dotyk("deck.nml")
+        file = self.results("deck.vtkhdf")["VTKHDF"]
+        tags = file["PointData/node_tag"][:]
+        n = file["Points"].shape[0]
+        u = file["PointData/displacement"][:].reshape(-1, n, 3)
+        return -u[:, (tags[:n] >= 15) & (tags[:n] <= 18), 2].mean(axis=1)
+
+    def test_rigid_bodies(self):
+        """The upper cube is rigid: moved by its reference node, then pressed by a force there."""
+        rigid = "*NODE, NSET=R\n99, 0.5, 0.5, 3.\n*ELSET, ELSET=EU\n2\n*RIGID BODY, ELSET=EU, REF NODE=%s\n*STEP\n"
+        base = (TWO % ("", "HARD", "%s")).replace("Nupper, 1, 2\n", "").replace("*STEP\n", rigid, 1)
+        self.convert(base % ("R", "*BOUNDARY\nR, 1, 6\nR, 3, 3, -0.021\n"))
+        self.assertAlmostEqual(self.shortening_now(), 0.021, delta=1e-12)
+        reaction = self.results("deck.vtkhdf")["VTKHDF/PointData/displacement"][:][:, 2]
+        self.assertAlmostEqual(np.sort(reaction)[4], -0.021, delta=1e-12)
+        self.convert(base % ("99", "*BOUNDARY\n99, 1, 2\n99, 4, 6\n*CLOAD\n99, 3, -4.\n"))
+        self.assertAlmostEqual(self.shortening_now(), 0.001 + 4/YOUNG, delta=1e-9)
+        # a part of a body is none of dotyk's, and what its node has is told
+        deck = (base % ("99", "*BOUNDARY\n99, 1, 2\n*CLOAD\n99, 3, -4.\n")).replace("ELSET=EU, REF", "NSET=head, REF")
+        said = self.convert(deck, code=1)[1]
+        line = deck.splitlines().index("*RIGID BODY, NSET=head, REF NODE=99") + 1
+        for message in ("deck.inp:%d: *RIGID BODY that is not one whole body" % line, "direction x of 1 nodes that no solid element has (99)",
+                        "forces on 1 nodes that no solid element has"):
+            self.assertIn(message, said)
+
+    def shortening_now(self):
+        return self.results_by_case()[0]
+
+    def test_pretension(self):
+        """dotyk cuts no meshes: the force and what to do are told."""
+        deck = TWO % ("", "HARD", "*CLOAD\n99, 1, 25.\n")
+        deck = deck.replace("*STEP\n", "*NODE\n99, 0, 0, 0\n*PRE-TENSION SECTION, SURFACE=top, NODE=99\n*STEP\n")
+        text, said = self.convert(deck, code=1)
+        self.assertIn("*PRE-TENSION SECTION on top, force 25 (deck.inp:%d): cut the mesh there" % (deck.splitlines().index("*CLOAD") + 1), said)
 
     def test_plane(self):
         """Two squares under a pressure on an edge, axisymmetric and plane: analysis, supports and loads by edges."""
