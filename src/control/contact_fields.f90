@@ -42,30 +42,24 @@ contains
     allocate (self%status(n_nodes), source=status_none)
   end subroutine fields_init
 
-  !> Add the fields of one pair.
-  subroutine add_contact_fields(pair, surface_a, projection, on_a, on_b, gap, active, of_a, of_b)
+  !> Add gaps and contact status of one pair.
+  subroutine add_contact_fields(pair, surface_a, projection, gap, active, of_a)
     !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
     !> Its slave surface.
     type(surface_t), intent(in) :: surface_a
     !> Its projection.
     type(pressure_projection_t), intent(in) :: projection
-    !> Projected pressures at the nodes projection%side_a%node and projection%side_b%node [pressure].
-    real(dp), intent(in) :: on_a(:), on_b(:)
     !> Gaps of the rows after deformation (n_rows) [length].
     real(dp), intent(in) :: gap(:)
     !> Whether the rows are active (n_rows).
     logical, intent(in) :: active(:)
     !> Fields of body a, added to.
     type(contact_fields_t), intent(inout) :: of_a
-    !> Fields of body b, added to.
-    type(contact_fields_t), intent(inout) :: of_b
     type(corner_interpolation_t) :: mortar
     real(dp), allocatable :: total(:), sums(:)
     logical, allocatable :: is_active(:)
     integer :: i, j, q
-    call add_traction(projection%side_a, -1.0_dp, on_a, of_a)
-    call add_traction(projection%side_b, 1.0_dp, on_b, of_b)
     if (pair%n_mortar_rows > 0) then
       ! Corners of mortar rows have the numbers of the mortar points alone.
       call mortar%init(surface_a, pair%facet_a(:pair%n_mortar_points), pair%xi_a(:, :pair%n_mortar_points))
@@ -95,32 +89,6 @@ contains
       end do
       call add_gaps(side, total, sums, is_active, of_a)
     end associate
-
-  contains
-
-    !> Add the traction on one side: the projected pressure along the mean normal at each node.
-    subroutine add_traction(side, sign, pressure, field)
-      !> Interpolation on this side.
-      type(corner_interpolation_t), intent(in) :: side
-      !> -1 on body a, 1 on body b [].
-      real(dp), intent(in) :: sign
-      !> At side%node (their number) [pressure].
-      real(dp), intent(in) :: pressure(:)
-      !> Added to.
-      type(contact_fields_t), intent(inout) :: field
-      real(dp), allocatable :: corner(:), normal(:, :), component(:)
-      integer :: c, n
-      allocate (corner(side%n), component(size(side%node)), normal(pair%dimension, size(side%node)))
-      do c = 1, pair%dimension
-        call side%moments(pair%weight*pair%normal(c, :), corner)
-        call side%at_nodes(corner, component)
-        normal(c, :) = component
-      end do
-      do n = 1, size(side%node)
-        field%traction(:, side%node(n)) = field%traction(:, side%node(n)) + &
-                                          sign*pressure(n)*normal(:, n)/max(norm2(normal(:, n)), tiny(sign))
-      end do
-    end subroutine add_traction
   end subroutine add_contact_fields
 
   !> Add gaps and status of corners at the nodes of their facets.

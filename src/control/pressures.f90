@@ -8,6 +8,7 @@ module dotyk_control_pressures
   use dotyk_contact_pressure_projection, only: pressure_projection_t
   use dotyk_control_contact_fields, only: add_contact_fields, contact_fields_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_nodal_pressures, only: nodal_pressures_t
   implicit none
   private
 
@@ -52,7 +53,7 @@ module dotyk_control_pressures
 
 contains
 
-  !> Pressures of all pairs. A node on several pairs gets the sum.
+  !> Pressures of all pairs.
   subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields)
     !> Bodies, pairs and their surfaces.
     type(contact_problem_t), intent(in) :: problem
@@ -72,7 +73,8 @@ contains
     type(contact_fields_t), allocatable, intent(out), optional :: fields(:)
     type(pressure_projection_t) :: projection
     type(pair_resultant_t) :: resultant
-    real(dp), allocatable :: on_a(:), on_b(:)
+    type(nodal_pressures_t) :: at_nodes(size(problem%body))
+    real(dp), allocatable :: on_a(:), on_b(:), traction(:, :)
     logical, allocatable :: active(:)
     integer :: k, b, first, last
     allocate (solution(size(problem%pair)), nodal(size(problem%body)))
@@ -104,14 +106,22 @@ contains
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), &
         on_b(size(projection%side_b%node)))
       call projection%project(problem%pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
-      call add_at(nodal(problem%pair(k)%body_a)%value, projection%side_a%node, on_a)
-      call add_at(nodal(problem%pair(k)%body_b)%value, projection%side_b%node, on_b)
+      call at_nodes(problem%pair(k)%body_a)%add(problem%pair(k), projection%side_a, -1.0_dp, on_a)
+      call at_nodes(problem%pair(k)%body_b)%add(problem%pair(k), projection%side_b, 1.0_dp, on_b)
       call find_extremes(problem%pair(k), solution(k))
       if (present(fields)) &
-        call add_contact_fields(problem%pair(k), problem%surface_a(k), projection, on_a, on_b, solution(k)%gap, &
-                                active, fields(problem%pair(k)%body_a), fields(problem%pair(k)%body_b))
+        call add_contact_fields(problem%pair(k), problem%surface_a(k), projection, solution(k)%gap, active, &
+                                fields(problem%pair(k)%body_a))
       call projection%destroy()
       deallocate (on_a, on_b)
+    end do
+    do b = 1, size(problem%body)
+      associate (mesh => problem%body(b)%mesh)
+        allocate (traction(problem%body(b)%dimension, mesh%n_nodes()))
+        call at_nodes(b)%combine(nodal(b)%value, traction)
+        if (present(fields)) call move_alloc(traction, fields(b)%traction)
+        if (allocated(traction)) deallocate (traction)
+      end associate
     end do
   end subroutine project_pressures
 
@@ -130,15 +140,4 @@ contains
     solution%least_gap = solution%gap(i)
     solution%gap_position(:pair%dimension) = pair%row_position(:, i)
   end subroutine find_extremes
-
-  !> total(node) += value.
-  pure subroutine add_at(total, node, value)
-    !> Pressures of all nodes of a body (n_nodes) [pressure].
-    real(dp), intent(inout) :: total(:)
-    !> Nodes, each once (n).
-    integer, intent(in) :: node(:)
-    !> Pressures to add there (n) [pressure].
-    real(dp), intent(in) :: value(:)
-    total(node) = total(node) + value
-  end subroutine add_at
 end module dotyk_control_pressures

@@ -230,6 +230,35 @@ class Results(dotyk_case.Case):
         self.maxDiff = None
         self.assertEqual(described, found)
 
+    def test_nodes_of_several_pairs(self):
+        """A block on two others, and beside a wall: the pressures of all nodes are those of the load, on the edge
+        between two pairs, too; at the edge of two faces the greater one, with the tractions of both."""
+        self.write("up.geo", block_geo("hex20", 3, (0, 0, 1), (2, 1, 1)))
+        self.write("low.geo", block_geo("hex8", 2))
+        self.write("wall.geo", block_geo("hex8", 2, (-1, 0, 1)))
+        lines = ["&scene /", "&material name='m', young=1e3, poisson=0 /", "&solver theta=0, tolerance=1e-10 /"]
+        for name, mesh, at in ("up", "up", 0), ("left", "low", 0), ("right", "low", 1), ("wall", "wall", 0):
+            lines.append("&body name='%s', mesh='%s.geo', volume='block', material='m', at=%d,0,0 /" % (name, mesh, at))
+        for name in "left", "right", "wall":
+            lines.append("&support body='%s', surface='*', fix='xyz' /" % name if name == "wall" else
+                         "&support body='%s', surface='bottom', fix='xyz' /" % name)
+        lines += ["&support body='up', surface='sides y', fix='y' /",
+                  "&load body='up', surface='top', pressure=2 /", "&load body='up', force_density=-0.5,0,0 /",
+                  "&contact name='left', surface_a='up:bottom', surface_b='left:top' /",
+                  "&contact name='right', surface_a='right:top', surface_b='up:bottom' /",
+                  "&contact name='wall', surface_a='up:sides x', surface_b='wall:sides x', search_radius=0.1 /"]
+        self.write("several.nml", "\n".join(lines) + "\n")
+        self.dotyk("several.nml")
+        file = self.results("several.vtkhdf")
+        n = file["VTKHDF/NumberOfPoints"][0]
+        x, p = file["VTKHDF/Points"][:n], file["VTKHDF/PointData/contact_pressure"][:n]
+        traction = file["VTKHDF/PointData/contact_traction"][:n]
+        low, side = np.isclose(x[:, 2], 1), np.isclose(x[:, 0], 0)
+        self.assertTrue((low & np.isclose(x[:, 0], 1)).any())
+        np.testing.assert_allclose(p[low], 2, rtol=1e-6)
+        np.testing.assert_allclose(p[side & ~low], 1, rtol=1e-6)
+        np.testing.assert_allclose(traction[low & ~side], np.tile([0, 0, 2], (sum(low & ~side), 1)), atol=1e-6)
+
     def test_no_fields(self):
         self.column(output="fields=''")
         root = self.results("column.vtkhdf")["VTKHDF"]
