@@ -413,11 +413,13 @@ class Step:
         self.number, self.card, self.left_out = number, card, ""
         # {(node, direction): (value, place)}; {(node, direction): [(step, value, place)]}; {key: [(step, card, fields)]}; {node: (value, place)}
         self.displacement, self.force, self.load, self.temperature = {}, {}, collections.OrderedDict(), {}
+        # Of nodes of pre-tension sections: ('force', 'shortening' or 'locked', value, place).
+        self.tension = {}
 
     def follow(self, number, card):
         """The next step, which begins with all that acts in this one."""
         step = Step(number, card)
-        for name in ("displacement", "force", "load", "temperature"):
+        for name in ("displacement", "force", "load", "temperature", "tension"):
             setattr(step, name, getattr(self, name).copy())
         return step
 
@@ -485,7 +487,8 @@ class Scene:
                 if card.get("amplitude"):
                     self.leave(card.place, "the amplitude of *%s: its whole value is taken" % card.keyword.upper())
                 for name in ("type", "fixed", "loadcase", "file", "submodel", "user", "bstep"):
-                    if name in card.parameters and card.get(name).lower() != "displacement":
+                    bolts = name == "fixed" in card.parameters and all(n in self.tension for fields in card.data for n in self.nodes_of(fields[0]))
+                    if name in card.parameters and card.get(name).lower() != "displacement" and not bolts:
                         self.leave(card.place, "*%s with %s" % (card.keyword.upper(), name.upper()))
                 with located(card):
                     getattr(self, "read_" + card.keyword)(at, card)
@@ -517,6 +520,8 @@ class Scene:
                 del step.load[key]
         else:
             {"boundary": step.displacement, "cload": step.force, "temperature": step.temperature}[keyword].clear()
+            gone = {"boundary": ("shortening", "locked"), "cload": ("force",)}.get(keyword, ())
+            step.tension = {n: entry for n, entry in step.tension.items() if entry[0] not in gone}
 
     def nodes_of(self, field):
         return self.deck.members(self.deck.node_sets, field)
@@ -535,6 +540,10 @@ class Scene:
                 last = int(fields[2]) if len(fields) > 2 and fields[2] else first
             value = number(fields[3]) if len(fields) > 3 else 0.0
             for n in self.nodes_of(fields[0]):
+                if n in self.tension:
+                    if first == 1:
+                        step.tension[n] = "locked" if "fixed" in card.parameters else "shortening", value, card.place
+                    continue
                 rigid = n in self.reference or n in self.turning
                 if last > 3 and not rigid and not turned:
                     self.leave(card.place, "degree of freedom %d of nodes (temperature, rotation)" % last)
@@ -546,7 +555,11 @@ class Scene:
         for fields in card.data:
             d = int(fields[1])
             for n in self.nodes_of(fields[0]):
-                if d > self.deck.dimension and n not in self.reference and n not in self.turning and n not in self.tension:
+                if n in self.tension:
+                    if d == 1:
+                        step.tension[n] = "force", number(fields[2]), card.place
+                    continue
+                if d > self.deck.dimension and n not in self.reference and n not in self.turning:
                     self.leave(card.place, "moments and other loads of nodes (degree of freedom %s)" % fields[1])
                     continue
                 if (n, d) in step.force and step.force[n, d][0][0] == step.number:
@@ -698,7 +711,7 @@ class Scene:
         """&support on the faces all of whose nodes have the same given displacements; their values by load case."""
         given, place = collections.defaultdict(dict), {}
         for n, d in self.steps[0].displacement:
-            if n in self.reference or n in self.turning or n in self.tension or d > self.deck.dimension:
+            if n in self.reference or n in self.turning or d > self.deck.dimension:
                 continue
             entries = [step.displacement[n, d] for step in self.steps]
             given[n][d], place[n, d] = tuple(value for value, _ in entries), entries[0][1]
@@ -740,7 +753,7 @@ class Scene:
         """&load of nodal forces: a traction where they are its nodal forces, else a total force and moment."""
         force, places, lines = collections.defaultdict(lambda: np.zeros(3)), collections.defaultdict(dict), []
         for (n, d), entries in step.force.items():
-            if n in self.reference or n in self.turning or n in self.tension:
+            if n in self.reference or n in self.turning:
                 continue
             force[n][d - 1] = sum(value for _, value, _ in entries)
             for _, _, at in entries:
@@ -927,20 +940,54 @@ class Scene:
         for card in self.of("pretensionsection"):
             for prefix, _ in self.deck.scopes(card):
                 node = self.one_node(card, "node", prefix)
-                if node is not None:
+                if node is None or node in self.tension:
+                    self.leave(card.place, "*PRE-TENSION SECTION without a node of its own")
+                else:
                     self.tension[node] = card
 
     def tensions(self):
-        """Pre-tension sections: dotyk cuts no meshes."""
-        for card in self.of("pretensionsection"):
-            prefix = self.deck.scopes(card)[0][0]
-            node, given = self.one_node(card, "node", prefix), []
-            for step in self.steps:
-                given += ["force %.6g (%s)" % (value, at) for (n, d), all_of in step.force.items() if n == node for _, value, at in all_of]
-                given += ["shortening %.6g (%s)" % (value, at) for (n, d), (value, at) in step.displacement.items() if n == node and value]
-            self.leave(card.place, "*PRE-TENSION SECTION on %s%s: cut the mesh there into two bodies without common nodes, and join the halves by "
-                       "&bolt name=..., surface_a='half:cut', surface_b='other:cut'"
-                       % (card.get("surface") or card.get("element"), ", " + ", ".join(dict.fromkeys(given)) if given else ""))
+        """&bolt of pre-tension sections: flat surfaces inside a body."""
+        for node, card in self.tension.items():
+            said = ["%s %.6g (%s)" % step.tension[node] for step in self.steps if node in step.tension]
+            said = "*PRE-TENSION SECTION, NODE=%d, with %s" % (node, ", ".join(dict.fromkeys(said)) or "neither force nor shortening")
+            bodies = {}
+            for prefix, _ in self.deck.scopes(card):
+                if card.get("surface"):
+                    with located(card):
+                        name = "%s.%s" % (prefix, card.get("surface")) if prefix else card.get("surface")
+                        spelled, bodies = self.deck.faces_of_surface(name)
+            acts = [step.tension.get(node, ("free", 0.0, ""))[:2] for step in self.steps]
+            kinds = [kind for kind, _ in acts]
+            # Forces come first, and a bolt stays locked.
+            forces = kinds.count("force")
+            right = len(set(acts)) == 1 if forces == 0 else len(set(acts[:forces])) == 1 and set(kinds[forces:]) <= {"locked"}
+            if len(bodies) != 1 or len(self.deck.scopes(card)) != 1:
+                self.leave(card.place, said + ": it has no surface inside one body")
+            elif not right or acts[0][0] not in ("force", "shortening") or kinds[0] == "force" and not acts[0][1] > 0:
+                self.leave(card.place, said + ": &bolt has one positive force, in the first load cases, or one shortening")
+            elif not self.is_outward(card, next(iter(bodies.values()))):
+                self.leave(card.place, said + ": its normal is not that of the surface, outwards from its elements")
+            else:
+                b = next(iter(bodies))
+                keys = self.keys_of_cases(self.cases[:forces]) if forces else ""
+                if len(self.cases) > 1 and forces == len(self.cases):
+                    keys = ", case=" + ", ".join(map(quoted, self.cases))
+                self.lines.append("&bolt name=%s, body=%s, surface=%s, %s=%.12g%s /" % (
+                    quoted(spelled), quoted(self.body(b)), quoted(spelled), *acts[0], keys))
+
+    def is_outward(self, card, faces):
+        """Whether the normal of a section, if it is given, is that of its faces."""
+        given = np.array([number(f) for f in (card.data or [[]])[0]] + [0.0]*3)[:3]
+        if not given.any():
+            return True
+        for element, label in faces:
+            x = np.array([self.deck.nodes[n] for n in self.deck.face(element, label)])
+            inside = np.mean([self.deck.nodes[n] for n in self.deck.elements[element]], axis=0)
+            n = np.cross(x[1] - x[0], x[2] - x[0] if self.deck.dimension == 3 else [0, 0, 1])
+            n *= np.sign(n @ (x[0] - inside))/np.linalg.norm(n)
+            if n @ given < 0.99*np.linalg.norm(given):
+                return False
+        return True
 
     def motions(self):
         """&rigid_body with the motions of its reference node, and &load with its forces."""

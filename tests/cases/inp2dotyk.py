@@ -232,11 +232,33 @@ class Inp2Dotyk(dotyk_case.Case):
         return self.results_by_case()[0]
 
     def test_pretension(self):
-        """dotyk cuts no meshes: the force and what to do are told."""
-        deck = TWO % ("", "HARD", "*CLOAD\n99, 1, 25.\n")
-        deck = deck.replace("*STEP\n", "*NODE\n99, 0, 0, 0\n*PRE-TENSION SECTION, SURFACE=top, NODE=99\n*STEP\n")
-        text, said = self.convert(deck, code=1)
-        self.assertIn("*PRE-TENSION SECTION on top, force 25 (deck.inp:%d): cut the mesh there" % (deck.splitlines().index("*CLOAD") + 1), said)
+        """A bar between walls, cut in the middle of its mesh: F L = E A s, given either; then locked, and its end pulled."""
+        nodes = CUBE + "".join("%d, %g, %g, 2\n" % (9 + i, *x[:2]) for i, x in enumerate(HEXAHEDRON[:4]))
+        deck = (nodes + "99, 0, 0, 0\n*ELEMENT, TYPE=C3D8, ELSET=E\n1, 1,2,3,4,5,6,7,8\n2, 5,6,7,8,9,10,11,12\n*NSET, NSET=all, GENERATE\n1, 12\n"
+                "*NSET, NSET=end\n1, 2, 3, 4\n*NSET, NSET=head\n9, 10, 11, 12\n*SURFACE, NAME=cut\n1, S2\n*SURFACE, NAME=side\nE, S3\n"
+                "*MATERIAL, NAME=M\n*ELASTIC\n200., 0.\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*PRE-TENSION SECTION, SURFACE=cut, NODE=99\n%s"
+                "*BOUNDARY\nall, 1, 2\nend, 3\nhead, 3\n*STEP\n*STATIC\n%s*END STEP\n")
+        for normal in ("", "0., 0., 2.\n"):
+            for load in ("*CLOAD\n99, 1, 5.\n", "*BOUNDARY\n99, 1, 1, 0.05\n"):
+                self.convert(deck % (normal, load))
+                self.dotyk("deck.nml")
+                ties = self.results("deck.vtkhdf")["dotyk/ties"]
+                self.assertAlmostEqual(ties["tension"][0], 5, delta=1e-8)
+                self.assertAlmostEqual(ties["shortening"][0], 0.05, delta=1e-10)
+        locked = "*CLOAD\n99, 1, 5.\n*END STEP\n*STEP\n*STATIC\n*BOUNDARY, FIXED\n99, 1\n*BOUNDARY\nhead, 3, 3, 0.01\n"
+        self.convert(deck % ("", locked))
+        self.dotyk("deck.nml")
+        cases = self.results("deck.vtkhdf")["dotyk/cases"]
+        tension = [cases[case]["ties/tension"][0] for case in sorted(cases)]
+        np.testing.assert_allclose(tension, [5, 6], atol=1e-8)
+        for more, message in (("*CLOAD\n99, 1, 5.\n*END STEP\n*STEP\n*STATIC\n*CLOAD\n99, 1, 6.\n", "one positive force, in the first load cases"),
+                              ("", "neither force nor shortening")):
+            text = deck % ("", more)
+            line = text[:text.index("*PRE-TENSION")].count("\n") + 1
+            said = self.convert(text, code=1)[1]
+            self.assertIn("deck.inp:%d: *PRE-TENSION SECTION" % line, said)
+            self.assertIn(message, said)
+        self.assertIn("its normal is not that of the surface", self.convert(deck % ("0., 0., -1.\n", "*CLOAD\n99, 1, 5.\n"), code=1)[1])
 
     def test_plane(self):
         """Two squares under a pressure on an edge, axisymmetric and plane: analysis, supports and loads by edges."""
