@@ -39,6 +39,8 @@ contains
     form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case))
     splits = can_split() .and. any(form == form_multigrid)
     if (splits .and. .not. may_split) form(:) = form_direct
+    ! A scene that is built anew has told already why.
+    if (splits .and. case%n_cases() > 1) call note_factors('there are load cases', monitor)
     splits = splits .and. may_split
     if (splits) call choose_split(body, monitor, form, splits)
   end subroutine choose_solution
@@ -69,7 +71,16 @@ contains
     if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'
     splits = len(reason) == 0
     form(:) = merge(form_split, form_direct, splits)
-    if (.not. splits) call monitor%note('factors          '//reason//': bodies are not split over ranks, each has '// &
-                                        'its factor on one of them')
+    if (.not. splits) call note_factors(reason, monitor)
   end subroutine choose_split
+
+  !> Tell that each body has its factor on one rank.
+  subroutine note_factors(reason, monitor)
+    !> Why bodies are not split.
+    character(*), intent(in) :: reason
+    !> Gets the line.
+    type(log_monitor_t), intent(inout) :: monitor
+    call monitor%note('factors          '//reason//': bodies are not split over ranks, each has its factor on one '// &
+                      'of them')
+  end subroutine note_factors
 end module dotyk_driver_split_choice

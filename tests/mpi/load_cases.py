@@ -1,4 +1,5 @@
-"""Load cases on ranks are those of one process: loads, given displacements, temperatures, gaps; bodies that would be split are not."""
+"""Load cases on ranks are those of one process: loads, given displacements, temperatures, gaps, error estimates;
+bodies that would be split are not."""
 import os
 
 import h5py
@@ -29,7 +30,7 @@ class LoadCases(RankCase):
                   "&contact name='one', surface_a='lower:top', surface_b='middle:bottom' /",
                   "&contact name='two', surface_a='middle:top', surface_b='top:bottom' /",
                   "&contact_case case='hot', contact='two', gap_formula='1e-3*x' /",
-                  "&solver theta=0, tolerance=1e-8, response='%s' /" % response, "&output error_parts='' /"]
+                  "&solver theta=0, tolerance=1e-8, response='%s' /" % response]
         return self.write("%s.nml" % response, "\n".join(lines) + "\n")
 
     def numbers(self, ranks, namelist):
@@ -42,6 +43,9 @@ class LoadCases(RankCase):
                 for group in ("supports", "loads", "bodies", "contact/one", "contact/two"):
                     for name, array in file["dotyk/cases"][case][group].items():
                         found["%s/%s/%s" % (case, group, name)] = array[()]
+                errors = file["dotyk/cases"][case]["summary"].attrs
+                found.update({"%s/%s" % (case, name): errors[name] for name in ("error_discretization", "error_discretization_bodies", "error_penalty")
+                              if name in errors})
         return found, printed
 
     def compare(self, response, tolerance):
@@ -52,14 +56,15 @@ class LoadCases(RankCase):
             for name, array in exact.items():
                 size = max(np.nanmax(np.abs(array), initial=0), 1e-3 if "gap" in name or "penetration" in name else 1)
                 np.testing.assert_allclose(found[name], array, atol=tolerance * size, err_msg=name)
-            self.assertNotIn("split", printed)
+            self.assertNotIn("are split", printed)
+            self.assertEqual(printed.count("there are load cases: bodies are not split"), 1 if response == "multigrid" else 0)
 
     def test_bodies_of_their_own_ranks(self):
         self.compare("full", 1e-9)
 
     def test_no_split_bodies(self):
-        """What would be split for one case is solved by p-multigrid on a rank each."""
-        self.compare("multigrid", 1e-5)
+        """What would be split for one case has factors on a rank each, and the log says so."""
+        self.compare("multigrid", 1e-9)
 
 
 if __name__ == "__main__":

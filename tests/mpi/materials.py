@@ -23,7 +23,7 @@ FORMULAS = ("young_formula='2+x', poisson_formula='0.25+0.05*z', expansion_formu
 class Materials(RankCase):
     def scene(self, response, constants):
         """Bars of a soft and a hard half on a bar whose halves are swapped, warm and loaded; with theta by the mesh."""
-        block = grid.Block("bar", grid.even(0, 1, 4), grid.even(0, 1, 4), grid.even(0, 1, 4),
+        block = grid.Block("bar", grid.even(0, 1, 3), grid.even(0, 1, 2), grid.even(0, 1, 4),
                            volume=lambda centre: "low" if centre[2] < 0.5 else "high")
         grid.write_mesh(self.folder / "bar.msh", [block], "hex20")
         lines = ["&scene mesh='bar.msh' /",
