@@ -143,12 +143,15 @@ contains
     end do
   end subroutine find_classes
 
-  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'.
-  function names_in_short(name) result(text)
+  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'; both halves of a
+  !> body that is cut by its name.
+  function names_in_short(names) result(text)
     !> The names (n).
-    type(text_t), intent(in) :: name(:)
+    type(text_t), intent(in) :: names(:)
     character(:), allocatable :: text
+    type(text_t), allocatable :: name(:)
     integer :: i, j, n
+    call join_halves(names, name)
     text = ''
     i = 1
     n = 0
@@ -170,6 +173,32 @@ contains
       i = j + 1
     end do
   end function names_in_short
+
+  !> Replace 'bolt (1)' with 'bolt (2)' after it by 'bolt'.
+  pure subroutine join_halves(names, name)
+    !> The names (n).
+    type(text_t), intent(in) :: names(:)
+    !> At most as many (n).
+    type(text_t), allocatable, intent(out) :: name(:)
+    character(*), parameter :: half_1 = ' (1)', half_2 = ' (2)'
+    integer :: i, n, length
+    allocate (name(size(names)))
+    i = 1
+    n = 0
+    do while (i <= size(names))
+      n = n + 1
+      name(n)%s = names(i)%s
+      length = index(names(i)%s, half_1, back=.true.) - 1
+      if (i < size(names) .and. length > 0 .and. length == len(names(i)%s) - len(half_1)) then
+        if (names(i + 1)%s == names(i)%s(:length)//half_2) then
+          name(n)%s = names(i)%s(:length)
+          i = i + 1
+        end if
+      end if
+      i = i + 1
+    end do
+    name = name(:n)
+  end subroutine join_halves
 
   !> Whether two names differ by consecutive numbers at their ends.
   pure logical function follows(first, second)
