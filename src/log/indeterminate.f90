@@ -143,8 +143,8 @@ contains
     end do
   end subroutine find_classes
 
-  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'; both halves of a
-  !> body that is cut by its name.
+  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'; both halves of
+  !> a body that is cut by its name.
   function names_in_short(names) result(text)
     !> The names (n).
     type(text_t), intent(in) :: names(:)
