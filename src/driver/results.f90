@@ -1,7 +1,6 @@
 !> The results of a run: contact pressures by pairs, and the results file.
 module dotyk_driver_results
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: behind_links
   use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: counted
@@ -18,32 +17,14 @@ module dotyk_driver_results
   use dotyk_input_case, only: case_t
   use dotyk_log_force_tables, only: show_balance, show_pair_results
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results_file, only: results_file_t
   use dotyk_ranks_communication, only: this_rank
   use dotyk_scheme_solver_state, only: ended_time
   implicit none
   private
-  public :: finish_results, prepare_output, write_results, write_on_the_way
+  public :: finish_results, write_results, write_on_the_way
 
 contains
-
-  !> The path of the results file; refuse one that cannot be written before anything is computed.
-  subroutine prepare_output(case, output, error)
-    !> The case; its path of the results file is set.
-    type(case_t), intent(inout) :: case
-    !> Path from the command line; empty for that of the case.
-    character(*), intent(in) :: output
-    !> Allocated where the file cannot be written, or where another file would be replaced.
-    type(error_t), allocatable, intent(out) :: error
-    if (len(output) > 0) case%scene%output = output
-    ! A new file takes the place of an old one, not that of a link to it.
-    case%scene%output = behind_links(case%scene%output)
-    ! The first rank writes.
-    if (this_rank() > 0) return
-    call check_writable(case%scene%output, error)
-    if (.not. allocated(error)) call check_replaceable(case%scene%output, error)
-  end subroutine prepare_output
 
   !> Contact pressures by pairs, and the results of a load case; with the last one the file is complete.
   subroutine write_results(case, step, scene, solution, threads, monitor, file, pair_solution, error)

@@ -9,7 +9,7 @@ module dotyk_driver_run_case
   use dotyk_driver_case_check, only: check_cases
   use dotyk_driver_load_cases, only: solve_cases
   use dotyk_driver_prediction, only: predict_run
-  use dotyk_driver_results, only: prepare_output
+  use dotyk_driver_output_path, only: prepare_output
   use dotyk_driver_penetration, only: check_placement
   use dotyk_driver_run_settings, only: choose_scheme, set_pair_conditions
   use dotyk_driver_scene_building, only: build_scene, scene_t

@@ -4,11 +4,10 @@ module dotyk_driver_scene_building
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: peak_memory, set_stage
   use dotyk_base_text, only: text_t
-  use dotyk_base_kinds, only: dp
-  use dotyk_control_contact_problem, only: build_rows
   use dotyk_control_factorization, only: analyze_bodies
   use dotyk_control_response_choice, only: form_split
   use dotyk_driver_body_building, only: read_bodies
+  use dotyk_driver_contact_building, only: build_contact
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_split_choice, only: choose_solution
   use dotyk_input_case, only: case_t
@@ -16,10 +15,6 @@ module dotyk_driver_scene_building
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_contact_cases, only: check_contact_cases
-  use dotyk_model_pairs, only: find_pairs
-  use dotyk_model_ties, only: find_ties
-  use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
@@ -86,26 +81,8 @@ contains
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('searching for contact')
-      call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, scene%theta, &
-                      problem%found, error)
-      call meet()
-      call stop_if_interrupted(error)
+      call build_contact(case, surfaces, scene, error)
       if (allocated(error)) return
-      call check_contact_cases(case, problem, scene%pair_conditions, error)
-      if (allocated(error)) return
-      scene%theta = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
-      call find_ties(case, problem%body, surfaces, problem%pair, problem%surface_a, problem%surface_b, problem%tie, &
-                     error)
-      if (allocated(error)) return
-      call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)
-      ! Ties have no penalty.
-      i = scene%operator%n_rows - size(scene%theta)
-      scene%theta = [scene%theta, spread(0.0_dp, 1, i)]
-      do i = 1, size(problem%body)
-        associate (block => scene%operator%block(i))
-          if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)
-        end associate
-      end do
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &

@@ -6,7 +6,8 @@ module dotyk_driver_split_choice
   use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, &
     suits_multigrid
   use dotyk_driver_run_settings, only: may_use_multigrid
-  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_free_modes, only: free_rigid_modes
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_split_split_scene, only: can_split

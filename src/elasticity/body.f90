@@ -14,7 +14,6 @@ module dotyk_elasticity_body
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_point_forces, only: point_forces_t
-  use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
@@ -105,7 +104,7 @@ module dotyk_elasticity_body
     procedure :: destroy => stiffness_destroy
   end type stiffness_t
 
-  public :: node_graph, strain_energy, free_rigid_modes, assemble_stiffness
+  public :: node_graph, strain_energy, assemble_stiffness
 
 contains
 
@@ -371,15 +370,4 @@ contains
     call body%constraint%foundation%add_forces(body%mesh%x, body%analysis, u, force, of_springs)
     energy = energy + of_springs/2
   end function strain_energy
-
-  !> Number and description of the rigid body modes that the supports of a body leave free.
-  subroutine free_rigid_modes(body, n_free, text)
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
-    !> Number of independent modes, summed over the connected components of the body.
-    integer, intent(out) :: n_free
-    !> Description of the modes; empty for none.
-    character(:), allocatable, intent(out) :: text
-    call find_free_rigid_modes(body%mesh, body%analysis, body%constraint, n_free, text)
-  end subroutine free_rigid_modes
 end module dotyk_elasticity_body

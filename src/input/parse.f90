@@ -1,29 +1,24 @@
 !> Reads a namelist file into a case. All that needs no mesh is checked, and all problems are reported together.
 module dotyk_input_parse
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
-  use dotyk_input_attachments, only: read_masses, read_rigid_bodies, read_springs
-  use dotyk_input_bodies, only: read_body
-  use dotyk_input_body_fields, only: read_initial_stresses, read_temperatures
-  use dotyk_input_boundary, only: append_places, check_densities, read_load, read_support
-  use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
+  use dotyk_input_actions, only: read_actions
+  use dotyk_input_attachments, only: read_rigid_bodies
+  use dotyk_input_body_list, only: read_bodies
+  use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
-  use dotyk_input_cut_bodies, only: cut_bodies
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
-  use dotyk_input_load_cases, only: cases_of, read_contact_cases, read_load_cases
-  use dotyk_input_materials, only: read_material
+  use dotyk_input_load_cases, only: read_contact_cases, read_load_cases
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
-  use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_ties, only: read_ties
   use dotyk_input_solver_checks, only: check_solver_keys
-  use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups, report
+  use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
   implicit none
   private
   public :: read_case, parse_case
@@ -99,12 +94,8 @@ contains
     type(case_t), intent(inout) :: case
     type(names_t) :: materials, bodies, contacts, ties, cases
     type(group_t) :: solver, output
-    type(body_input_t) :: body
-    type(body_input_t), allocatable :: copies(:)
-    type(support_input_t), allocatable :: support(:)
-    type(load_input_t), allocatable :: load(:)
-    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
-    integer :: i, n
+    integer, allocatable :: picked(:)
+    integer :: i
     logical :: mesh_expected
     call gather_names(groups, 'material', misspelled(place('material')), problems, materials)
     call gather_names(groups, 'body', misspelled(place('body')), problems, bodies)
@@ -126,54 +117,8 @@ contains
     call single_group(groups, 'output', table, problems, output)
     call read_output(output, case%output)
 
-    call pick_groups(groups, 'material', picked)
-    allocate (case%material(size(picked)))
-    do i = 1, size(picked)
-      call read_material(groups(picked(i)), problems, case%material(i))
-    end do
-    call pick_groups(groups, 'body', picked)
-    allocate (case%body(size(picked)))
-    n = 0
-    do i = 1, size(picked)
-      call read_body(groups(picked(i)), materials, case%scene, case%directory, mesh_expected, problems, body)
-      call repeat_body(groups(picked(i)), case%scene, problems, body, copies)
-      call append_bodies(case%body, n, copies)
-    end do
-    case%body = case%body(:n)
-    if (n > size(picked)) call name_copies(case%body, problems, bodies)
-    call cut_bodies(groups, case%scene, problems, case%body, bodies)
-    call check_mesh_keys(groups, case%body, problems)
-    call pick_groups(groups, 'support', picked)
-    allocate (support(size(picked)), group_of(0), body_of(0))
-    do i = 1, size(picked)
-      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support(i), matched)
-      call cases_of(groups(picked(i)), cases, problems, support(i)%in_case)
-      call append_places(i, matched, group_of, body_of)
-    end do
-    allocate (case%support(size(group_of)))
-    do i = 1, size(group_of)
-      case%support(i) = support(group_of(i))
-      case%support(i)%body = body_of(i)
-    end do
-    deallocate (group_of, body_of)
-    call read_springs(groups, bodies, case%scene%dimension, problems, case%support)
-    call pick_groups(groups, 'load', picked)
-    allocate (load(size(picked)), group_of(0), body_of(0))
-    do i = 1, size(picked)
-      call read_load(groups(picked(i)), bodies, case%scene, problems, load(i), matched)
-      call cases_of(groups(picked(i)), cases, problems, load(i)%in_case)
-      call append_places(i, matched, group_of, body_of)
-    end do
-    allocate (case%load(size(group_of)))
-    do i = 1, size(group_of)
-      case%load(i) = load(group_of(i))
-      case%load(i)%body = body_of(i)
-    end do
-    call read_masses(groups, bodies, case%scene, problems, case%load)
-    call check_densities(case%load, case%body, case%material, problems)
-    deallocate (group_of, body_of)
-    call read_temperatures(groups, cases, bodies, case%body, case%material, problems, case%temperature)
-    call read_initial_stresses(groups, cases, bodies, case%scene, problems, case%initial_stress)
+    call read_bodies(groups, materials, mesh_expected, problems, bodies, case)
+    call read_actions(groups, cases, bodies, problems, case)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)
@@ -208,26 +153,6 @@ contains
       place = 0
     end function place
   end subroutine convert
-
-  !> Keys of `&scene` for CAD files mean nothing where no body has one.
-  subroutine check_mesh_keys(groups, body, problems)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    character(10), parameter :: keys(2) = ['mesh_size ', 'mesh_order']
-    integer, allocatable :: picked(:)
-    integer :: b, k
-    call pick_groups(groups, 'scene', picked)
-    if (size(picked) == 0 .or. any([(is_cad_file(body(b)%mesh), b=1, size(body))])) return
-    do k = 1, size(keys)
-      if (is_given(groups(picked(1)), trim(keys(k)))) &
-        call report(problems, groups(picked(1)), trim(keys(k)), trim(keys(k))//' is for CAD files, and no body has '// &
-                    'one: sizes and orders of .geo files are in them')
-    end do
-  end subroutine check_mesh_keys
 
   !> The first group of a name; where the file has none, one with the defaults of the table, in line 0.
   subroutine single_group(groups, name, table, problems, group)

@@ -3,29 +3,28 @@ module dotyk_log_scene_tables
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text
-  use dotyk_base_options, only: analysis_names, discretization_quadrature, option_name
+  use dotyk_base_options, only: analysis_names, option_name
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_base_version, only: version
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, keeps_factor
   use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_log_found_pairs, only: body_names, show_found
+  use dotyk_log_found_pairs, only: show_found
   use dotyk_log_incompressibility, only: show_locking
   use dotyk_log_load_tables, only: show_loads
+  use dotyk_log_pair_table, only: show_pairs
   use dotyk_log_progress, only: duration
-  use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_log_tie_tables, only: show_ties
   implicit none
   private
   public :: show_title, show_scene, show_factorization, show_prediction
 
-  !> Greatest number of congruence classes, or of contact pairs, with a line each; more are summed up.
+  !> Greatest number of congruence classes with a line each; more are summed up.
   integer, parameter :: most_shown = 20
   !> Letters of the names of materials in the table of bodies.
   integer, parameter :: width_of_material = 14
@@ -160,119 +159,6 @@ contains
     write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') first, second, elements, nodes, unknowns, &
       real(entries, dp), flops/1.0e9_dp
   end function body_line
-
-  !> Lines for each contact pair; many pairs are summed up.
-  subroutine show_pairs(log, body, pair, surface_a, surface_b)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
-    real(dp) :: least, most
-    logical :: alone(size(body))
-    integer :: k
-    if (size(pair) == 0) return
-    call log%line('')
-    call log%line('  contact pair         constraints    area projected   smallest gap    largest gap          theta')
-    least = huge(least)
-    most = -huge(most)
-    do k = 1, size(pair)
-      least = min(least, minval(pair(k)%row_gap))
-      most = max(most, maxval(pair(k)%row_gap))
-      if (size(pair) <= most_shown) call show_pair(log, body, pair(k), surface_a(k), surface_b(k))
-      call warn_of_oscillation(log, body, pair(k))
-    end do
-    if (size(pair) > most_shown) &
-      call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), -1.0_dp, least, most, &
-                              maxval(pair%theta)))
-    alone = .true.
-    alone(pair%body_a) = .false.
-    alone(pair%body_b) = .false.
-    if (any(alone)) call log%line('  '//counted(count(alone), 'body', 'bodies')//' without contact: '// &
-                                  body_names(body, alone))
-  end subroutine show_pairs
-
-  !> The lines of one contact pair.
-  subroutine show_pair(log, body, pair, surface_a, surface_b)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    real(dp) :: lost
-    lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
-    call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), &
-                            pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
-    call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
-                  counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
-                  surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
-    if (pair%n_unprojected > 0) &
-      call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
-                    'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
-                    percent(pair%lost_too_far)//' beyond search_radius')
-  end subroutine show_pair
-
-  !> A line of the table of contact pairs.
-  function pair_line(name, rows, projected, least, most, theta) result(line)
-    !> Name of the pair.
-    character(*), intent(in) :: name
-    !> Number of contact rows.
-    integer, intent(in) :: rows
-    !> Fraction of the slave area that has a projection on the master surface; negative: not shown [].
-    real(dp), intent(in) :: projected
-    !> Smallest gap [length].
-    real(dp), intent(in) :: least
-    !> Largest gap [length].
-    real(dp), intent(in) :: most
-    !> Penalty parameter [length/pressure].
-    real(dp), intent(in) :: theta
-    character(97) :: line
-    ! Left-justified: an edit descriptor justifies to the right.
-    character(20) :: label
-    character(18) :: share
-    label = name
-    share = ''
-    if (projected >= 0) write (share, '(f16.1,a)') 100*projected, ' %'
-    write (line, '(2x,a20,i12,a18,es15.3,es15.3,es15.3)') label, rows, share, least, most, theta
-  end function pair_line
-
-  !> Text of a fraction in percent.
-  function percent(fraction) result(text)
-    !> Fraction [].
-    real(dp), intent(in) :: fraction
-    character(:), allocatable :: text
-    text = to_text(100*fraction, 2)//' %'
-  end function percent
-
-  !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
-  !> points are over-determined, and their pressures oscillate.
-  subroutine warn_of_oscillation(log, body, pair)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    real(dp) :: compliance
-    !> Fraction of h/E below which theta counts as far smaller.
-    real(dp), parameter :: far_below = 1.0e-3_dp
-    if (pair%discretization /= discretization_quadrature) return
-    compliance = mesh_compliance(body(pair%body_a), body(pair%body_b), pair)
-    if (pair%theta < far_below*compliance) &
-      call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)//': the pressures at single '// &
-                    'quadrature points oscillate, only their averages converge; '// &
-                    "use discretization='mortar'")
-  end subroutine warn_of_oscillation
 
   !> Time and size of the factorization, and the bodies with an explicit compliance matrix.
   subroutine show_factorization(log, body, size_of, is_chosen, seconds)

@@ -54,6 +54,21 @@ contains
     if (.not. valid) call state%fail('expected an integer, found '//shown(text))
   end subroutine need_integer
 
+  !> A number that a field must be.
+  subroutine need_real(state, text, a, b, value)
+    !> State of the reader.
+    type(inp_state_t), intent(inout) :: state
+    !> Text of the file; a comma behind the number may become a blank.
+    character(*), intent(inout) :: text
+    !> First and last character of the field.
+    integer(int64), intent(in) :: a, b
+    !> The number.
+    real(dp), intent(out) :: value
+    logical :: valid
+    call get_real_field(text, a, b, value, valid)
+    if (.not. valid) call state%fail('expected a finite number, found '//shown(text(a:b)))
+  end subroutine need_real
+
   !> Read a node: its number and up to three coordinates.
   subroutine read_node(state, text, first, last)
     !> State of the reader.
@@ -65,7 +80,6 @@ contains
     integer(int64) :: p, a, b, tag
     real(dp) :: x(3)
     integer :: k
-    logical :: valid
     p = first
     call next_field(text, p, last, a, b)
     call need_integer(state, text(a:b), tag)
@@ -73,8 +87,7 @@ contains
     do k = 1, 3
       if (p > last) exit
       call next_field(text, p, last, a, b)
-      call get_real_field(text, a, b, x(k), valid)
-      if (.not. valid) call state%fail('expected a finite number, found '//shown(text(a:b)))
+      call need_real(state, text, a, b, x(k))
     end do
     if (tag <= 0) call state%fail('the number of a node must be positive')
     if (allocated(state%fault)) return
@@ -219,6 +232,26 @@ contains
     tag = tag + offset
   end subroutine find_number
 
+  !> Find a set that must be defined above: of the part, or of the instance that the card names.
+  subroutine find_above(state, sets, n, what, key, found)
+    !> State of the reader.
+    type(inp_state_t), intent(inout) :: state
+    !> Sets of the part (room).
+    type(inp_set_t), allocatable, intent(in) :: sets(:)
+    !> Their number.
+    integer, intent(in) :: n
+    !> What it is, for the message.
+    character(*), intent(in) :: what
+    !> Its name in small letters.
+    character(*), intent(in) :: key
+    !> Its index; 0 after a mistake.
+    integer, intent(out) :: found
+    found = find_set(sets, n, key)
+    if (found == 0 .and. len(state%card%get('instance')) > 0) &
+      found = find_set(sets, n, lower(state%card%get('instance'))//'.'//key)
+    if (found == 0) call state%fail('there is no '//what//' '//quoted(key)//' above this line')
+  end subroutine find_above
+
   !> Add the members of another set to that of the card.
   subroutine copy_set(state, sets, n, key)
     !> State of the reader.
@@ -231,13 +264,8 @@ contains
     character(*), intent(in) :: key
     integer(int64), allocatable :: member(:)
     integer :: i, other
-    other = find_set(sets, n, key)
-    if (other == 0 .and. len(state%card%get('instance')) > 0) &
-      other = find_set(sets, n, lower(state%card%get('instance'))//'.'//key)
-    if (other == 0) then
-      call state%fail('there is no set '//quoted(key)//' above this line')
-      return
-    end if
+    call find_above(state, sets, n, 'set', key, other)
+    if (other == 0) return
     member = sets(other)%member(:sets(other)%n)
     do i = 1, size(member)
       call add_to_set(state, member(i), 0_int64)
@@ -253,11 +281,8 @@ contains
     type(tag_map_t) :: map
     integer :: set, i, e, k, repeated
     associate (part => state%slot(state%at)%part)
-      set = find_set(part%element_set, part%n_element_sets, key)
-      if (set == 0) then
-        call state%fail('there is no element set '//quoted(key)//' above this line')
-        return
-      end if
+      call find_above(state, part%element_set, part%n_element_sets, 'element set', key, set)
+      if (set == 0) return
       call map%init(part%element_tag(:part%n_elements), repeated)
       if (repeated > 0) return
       do i = 1, part%element_set(set)%n
@@ -310,7 +335,6 @@ contains
     !> The line.
     integer(int64), intent(in) :: first, last
     integer(int64) :: p, a, b
-    logical :: valid
     p = first
     do while (p <= last)
       call next_field(text, p, last, a, b)
@@ -319,8 +343,7 @@ contains
         return
       end if
       state%n_placement = state%n_placement + 1
-      call get_real_field(text, a, b, state%placement(state%n_placement), valid)
-      if (.not. valid) call state%fail('expected a finite number, found '//shown(text(a:b)))
+      call need_real(state, text, a, b, state%placement(state%n_placement))
     end do
     ! A translation may be shorter.
     if (state%n_placement < 3) state%n_placement = 3
