@@ -40,10 +40,16 @@ contains
     !> Number of threads.
     integer, intent(in) :: threads
     character(:), allocatable :: title, pairs, ranks
+    integer :: i, k, n
     title = case%scene%title
     if (len(title) == 0) title = case%file
     pairs = counted(size(case%contact), 'contact pair')
-    if (size(case%tie) > 0) pairs = pairs//', '//counted(size(case%tie), 'tie')
+    ! Of the halves of a body that is cut, one has the surface: both have the name of the tie.
+    n = 0
+    do k = 1, size(case%tie)
+      if (.not. any([(case%tie(i)%name == case%tie(k)%name, i=1, k - 1)])) n = n + 1
+    end do
+    if (n > 0) pairs = pairs//', '//counted(n, 'tie')
     if (any(case%contact%searched)) pairs = 'search for contact pairs'
     ranks = ''
     if (n_ranks() > 1) ranks = counted(n_ranks(), 'rank')//' of '

@@ -16,6 +16,8 @@ module dotyk_mesh_body_cut
   private
   public :: cut_along_plane, cut_along_surface, extract_cut, take_half
 
+  !> Elements whose centre is on the plane are behind it, whatever the rounding of bodies in place.
+  real(dp), parameter :: rounding = 1.0e-9_dp
   !> Greatest number of corners of a face.
   integer, parameter :: max_corners = 4
 
@@ -48,7 +50,7 @@ contains
           i = i + 1
           associate (m => size(node, 1))
             distance(:m) = matmul(normal, whole%x(:, node(:, e)) - spread(point, 2, m))
-            is_ahead(i) = sum(distance(:m)) > 0
+            is_ahead(i) = sum(distance(:m)) > rounding*sum(abs(distance(:m)))
             is_crossed(i) = minval(distance(:m)) <= 0 .and. maxval(distance(:m)) >= 0
           end associate
         end do
