@@ -35,7 +35,7 @@ def errors(path):
         now = results.case(case)
         force = {name: pair.force for name, pair in now.pairs.items()}
         chain = np.array([[np.abs(force[pair % ((i,)*pair.count('%'))]) for i in range(1, 9)]
-                          for pair in ('bolt %d (1) - ring', 'nut %d - bolt %d (2)', 'nut %d - washer %d', 'washer %d - cover')])
+                          for pair in ('bolt %d (1) - ring', 'bolt %d (2) - nut %d', 'nut %d - washer %d', 'washer %d - cover')])
         tension[case], shortening[case] = (now.record('ties')[name] for name in ('tension', 'shortening'))
         gasket[case] = abs(force['cover - gasket'][2])
         pressed = PRESSURE*np.pi*RADIUS**2 * (case != 'tightened')
