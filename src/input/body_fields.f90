@@ -7,7 +7,7 @@ module dotyk_input_body_fields
   use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: is_given, names_t, pick_groups, reals_of, report, texts_of, text_of
+  use dotyk_input_values, only: is_given, names_t, pick_groups, real_of, reals_of, refuse, report, texts_of, text_of
   use dotyk_input_wildcards, only: append_places, refer_to_bodies
   implicit none
   private
@@ -148,9 +148,18 @@ contains
     type(field_input_t), intent(out) :: field
     real(dp), allocatable :: numbers(:)
     field%line = group%line
+    field%array = text_of(group, 'field')
+    field%reference = real_of(group, 'reference')
+    if (len(field%array) > 0) then
+      call refuse(group, 'value', 'field', problems)
+      call refuse(group, 'formula', 'field', problems)
+    else if (is_given(group, 'reference')) then
+      call report(problems, group, 'reference', 'reference is for a field: value and formula are above that of the '// &
+                  'unstressed body')
+    end if
     if (is_given(group, 'value') .and. is_given(group, 'formula')) then
       call report(problems, group, 'value', 'value and formula are both given: only one can be meant')
-    else if (.not. (is_given(group, 'value') .or. is_given(group, 'formula'))) then
+    else if (.not. (is_given(group, 'value') .or. is_given(group, 'formula') .or. len(field%array) > 0)) then
       call problems%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
     end if
     call reals_of(group, 'value', numbers)

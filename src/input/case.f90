@@ -160,6 +160,10 @@ module dotyk_input_case
     real(dp) :: value(6) = 0
     !> Formulas: 1 or 6, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
+    !> Array of the points of the mesh that has the temperature, and that of the unstressed body; empty where there is
+    !> none [temperature].
+    character(:), allocatable :: array
+    real(dp) :: reference = 0
     !> Load cases that it belongs to; not allocated where these are all (n_cases).
     logical, allocatable :: in_case(:)
   end type field_input_t

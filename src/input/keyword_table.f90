@@ -61,9 +61,10 @@ contains
                       'acceleration, its centrifugal force under angular_velocity', &
                       "&mass body='frame', surface='seat', mass=75, point=0.3,0,1.1 /")
     groups(9) = group('temperature', any_number, 'temperature of a body above that of its unstressed state: '// &
-                      'its material expands; exactly one of value and formula', &
+                      'its material expands; exactly one of value, formula and field', &
                       "&temperature body='ring', value=120 /"//lf// &
-                      "&temperature body='wall *', formula='20 + 80*x/0.3' /")
+                      "&temperature body='wall *', formula='20 + 80*x/0.3' /"//lf// &
+                      "&temperature body='cover', field='T', reference=20, case='hot' /")
     groups(10) = group('initial_stress', any_number, 'stress that a body has before any displacement; exactly one '// &
                       'of value and formula', &
                       "&initial_stress body='ground', formula='9e3*y', '18e3*y', '9e3*y', '0', '0', '0' /")
@@ -332,6 +333,11 @@ contains
                   meaning='temperature above that of the unstressed body')
     call list%add('formula', kind_formula, unit='temperature', &
                   meaning='the same as a formula; between the nodes the shape functions interpolate')
+    call list%add('field', kind_text, &
+                  meaning='the same as an array of the points of the mesh, a .vtu file, such as a thermal '// &
+                  'analysis writes')
+    call list%add('reference', kind_real, unit='temperature', &
+                  meaning='with field, temperature of the unstressed body in its units (if absent, 0)')
     call add_case_key(list, 'load cases with this temperature, with wildcards; all if absent')
   end subroutine add_temperature
 

@@ -7,7 +7,7 @@ module dotyk_mesh_vtu
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_sort, only: sort_order
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, to_text
   use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism15, element_prism18, &
     element_prism6, element_pyramid14, element_quad4, kind_nodes, max_element_nodes, n_element_kinds
   use dotyk_mesh_facet, only: cross
@@ -20,7 +20,7 @@ module dotyk_mesh_vtu
   use dotyk_mesh_vtu_file, only: vtu_file_t
   implicit none
   private
-  public :: read_vtu
+  public :: read_point_array, read_vtu
 
   !> Values of an array beyond which it numbers cells or points; names in a remark.
   integer, parameter :: most_values = 1000, most_listed = 8
@@ -63,6 +63,48 @@ contains
       call mesh_of_sets(file, state, dimension, mesh, remark, error, selection)
     end if
   end subroutine read_vtu
+
+  !> Read an array of reals of the points, one for each.
+  subroutine read_point_array(file, name, value, error)
+    !> Path of the file.
+    character(*), intent(in) :: file
+    !> Name of the array.
+    character(*), intent(in) :: name
+    !> The values, by the tags of the nodes (n_points) [any].
+    real(dp), allocatable, intent(out) :: value(:)
+    !> Set for files that cannot be read, without such an array, and for mistakes in it, with file and line.
+    type(error_t), allocatable, intent(out) :: error
+    type(vtu_file_t) :: vtu
+    integer :: a
+    call vtu%read_tags(file, error)
+    if (allocated(error)) return
+    if (.not. allocated(vtu%fault)) then
+      if (.not. any([(vtu%array(a)%parent == 'PointData' .and. vtu%array(a)%name == name, a=1, vtu%n_arrays)])) then
+        call set_error(error, file//': the points have no array '//quoted(name)//'; they have '//names_of_points(vtu))
+        return
+      end if
+      a = vtu%find('PointData', name)
+      if (vtu%array(a)%n_components /= 1) &
+        call vtu%fail('array '//quoted(name)//' must have one component', vtu%array(a)%position)
+      call vtu%reals(a, int(vtu%n_points, int64), value)
+    end if
+    if (allocated(vtu%fault)) call set_error(error, vtu%fault)
+  end subroutine read_point_array
+
+  !> Names of the arrays of the points, for messages.
+  function names_of_points(vtu) result(text)
+    !> The file.
+    type(vtu_file_t), intent(in) :: vtu
+    character(:), allocatable :: text
+    integer :: a
+    text = ''
+    do a = 1, vtu%n_arrays
+      if (vtu%array(a)%parent /= 'PointData') cycle
+      if (len(text) > 0) text = text//', '
+      text = text//quoted(vtu%array(a)%name)
+    end do
+    if (len(text) == 0) text = 'none'
+  end function names_of_points
 
   !> Take the points, numbered from 1.
   subroutine take_points(vtu, state)

@@ -1,6 +1,7 @@
 !> Adds temperatures and initial stresses from the input to a body, with the nodal forces that they make.
 module dotyk_model_initial_states
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_files, only: is_vtu_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, option_name
   use dotyk_base_text, only: quoted, text_t
@@ -14,6 +15,8 @@ module dotyk_model_initial_states
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_input_case, only: field_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
+  use dotyk_mesh_vtu, only: read_point_array
   use dotyk_model_body_loads, only: note_difference
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
@@ -35,7 +38,11 @@ contains
     real(dp) :: extremes(2)
     call check_expansion(body, error)
     if (allocated(error)) return
-    call evaluate(body%mesh, given, 1, value, error)
+    if (len(given%array) > 0) then
+      call evaluate_array(body%mesh, given, value, error)
+    else
+      call evaluate(body%mesh, given, 1, value, error)
+    end if
     if (.not. allocated(error)) then
       state%temperature = value(1, :)
       body%initial%temperature = state%temperature
@@ -67,6 +74,48 @@ contains
     end if
     call finish(body, 'the initial stress', given%formula, error)
   end subroutine add_initial_stress
+
+  !> Temperatures at the nodes from an array of the points of the mesh file. Nodes of order elevation have those of the
+  !> linear elements of the file.
+  subroutine evaluate_array(mesh, given, value, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The array, and the temperature of the unstressed body.
+    type(field_input_t), intent(in) :: given
+    !> The values (1, n_nodes) [temperature].
+    real(dp), allocatable, intent(out) :: value(:, :)
+    !> Allocated where the file has no such array, or is no .vtu file.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: at_point(:), xi(:, :), shape(:)
+    type(element_kind_t) :: kind
+    integer :: b, e, i
+    if (.not. is_vtu_file(mesh%file)) then
+      call set_error(error, 'field is an array of the points of a .vtu file, and the mesh is '//quoted(mesh%file)// &
+                     ': write mesh and temperature as one .vtu file', exit_bad_input)
+      return
+    end if
+    call read_point_array(mesh%file, given%array, at_point, error)
+    if (allocated(error)) return
+    allocate (value(1, mesh%n_nodes()), source=0.0_dp)
+    do i = 1, mesh%n_nodes()
+      if (mesh%node_tag(i) <= size(at_point)) value(1, i) = at_point(mesh%node_tag(i)) - given%reference
+    end do
+    if (.not. mesh%order_elevated) return
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      allocate (xi(mesh%dimension, kind%n_nodes), shape(kind%n_corners))
+      call reference_nodes(mesh%block(b)%kind, xi)
+      do i = kind%n_corners + 1, kind%n_nodes
+        call shape_functions(kind%corner_kind, xi(:, i), shape)
+        do e = 1, size(mesh%block(b)%tag)
+          associate (node => mesh%block(b)%node(:, e))
+            value(1, node(i)) = dot_product(shape, value(1, node(:kind%n_corners)))
+          end associate
+        end do
+      end do
+      deallocate (xi, shape)
+    end do
+  end subroutine evaluate_array
 
   !> Values at the nodes.
   subroutine evaluate(mesh, given, n, value, error)

@@ -121,6 +121,44 @@ t() = Surface In BoundingBox{1.9,-0.1,-0.1,2.1,1.1,1.1}; Physical Surface("3") =
             file.close()
         np.testing.assert_array_equal(*u)
 
+    def test_temperatures_of_points(self):
+        """Temperatures that the file has for its points are those of the same formula; of linear elements, too, which
+        have nodes that the file does not have. One for each load case."""
+        scene = (SCENE % ("%s", "3")).replace("poisson=0.3", "poisson=0.3, expansion=1e-3").replace(
+            "material='m' /", "material='m', at=1,2,0 /") % ", analysis='%s'"
+        for kind, analysis, mode in (("tet4", "3d", "raw zlib"), ("hex20", "3d", "base64"), ("tri6", "plane_stress", "ascii")):
+            with self.subTest(kind):
+                points, cells = grid(kind, elements(kind))
+                heat = 20 + 3 * points[:, 0] - 2 * points[:, 1] + points[:, 2]
+                (self.folder / "part.vtu").write_bytes(vtu(
+                    points, cells, {"part": np.full(len(cells), 3, dtype=np.int32)},
+                    {"all": np.full(len(points), 5, dtype=np.int8), "T": heat, "T 2": 2 * heat}, mode=mode))
+                found = []
+                hold = "&support body='part', surface='all 5', fix='x' /\n&case name='a' /\n&case name='b' /\n"
+                for temperature in ("field='T', reference=20, case='a'", "field='T 2', case='b'"), \
+                                   ("formula='3*(x-1)-2*(y-2)+z', case='a'", "formula='40+2*(3*(x-1)-2*(y-2)+z)', case='b'"):
+                    self.write("part.nml", scene % analysis + hold + "".join(
+                        "&temperature body='part', %s /\n" % given for given in temperature))
+                    self.dotyk("part.nml")
+                    file = self.results("part.vtkhdf")
+                    found.append((file["VTKHDF/PointData/displacement"][:],
+                                  [file["dotyk/cases"][case + "/summary"].attrs["energy_norm"] for case in "ab"]))
+                    file.close()
+                np.testing.assert_allclose(found[0][0], found[1][0], rtol=0, atol=1e-12 * np.abs(found[1][0]).max())
+                np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-11)
+        for given, message in (("field='heat'", "the points have no array 'heat'; they have 'all', 'T', 'T 2'"),
+                               ("field='all'", "array 'all' must be Float32 or Float64, not Int8"),
+                               ("field='T', value=3", "value does not go together with field"),
+                               ("value=3, reference=2", "reference is for a field")):
+            with self.subTest(given):
+                self.write("part.nml", scene % "plane_stress" + "&temperature body='part', %s /\n" % given)
+                self.assertIn(message, self.dotyk("part.nml", code=2))
+        self.write("part.nml", (scene % "plane_stress").replace("part.vtu", "part.inp") +
+                   "&temperature body='part', field='T' /\n")
+        self.write("part.inp", "*NODE\n1,0,0\n2,1,0\n3,0,1\n*ELEMENT, TYPE=CPS3, ELSET=3\n1,1,2,3\n")
+        self.assertIn("part.nml:4: body 'part': the temperature: field is an array of the points of a .vtu file, and the mesh is "
+                      "'part.inp'", self.dotyk("part.nml", code=2))
+
     def test_sets(self):
         listed = self.check(cube())
         for line in ("    1             1 element\n", "      7           1, (1, 0.5, 0.5), (1, 0, 0)\n"):
