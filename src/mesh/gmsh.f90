@@ -5,11 +5,11 @@
 module dotyk_mesh_gmsh
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
-  use dotyk_base_files, only: nature_of
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_kinds, only: int64
   use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
   use dotyk_mesh_gmsh_41, only: read_nodes_41, read_elements_41
   use dotyk_mesh_gmsh_entities, only: entities_t, read_entities_41, read_partitioned_entities_41
+  use dotyk_mesh_gmsh_frame, only: begin_section, content_name, conversion_advice, read_end, read_format, skip_section
   use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
@@ -35,12 +35,6 @@ module dotyk_mesh_gmsh
     !> Position behind '$Nodes' and, in a binary file, its line.
     integer(int64) :: node_position = 0
   end type sections_t
-
-  !> Advice for files of other formats.
-  character(*), parameter :: conversion_advice = 'convert it with: gmsh -save -format msh41 -o new.msh old.msh'
-
-  !> Version numbers are equal up to this: they have one decimal.
-  real(dp), parameter :: version_tolerance = 1.0e-6_dp
 
 contains
 
@@ -115,18 +109,6 @@ contains
     call builder%finish(mesh)
   end subroutine read_sections
 
-  !> Kind of a file that is not a mesh, for messages; empty if unknown.
-  function content_name(cursor) result(text)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Text, as "is an HDF5 file and ".
-    character(:), allocatable :: text
-    character(:), allocatable :: bytes
-    call cursor%first_bytes(1024, bytes)
-    text = nature_of(bytes)
-    if (len(text) > 0) text = 'is '//text//' and '
-  end function content_name
-
   !> Read one section, from '$Name' to '$EndName'.
   subroutine read_section(cursor, builder, entities, sections)
     !> Cursor over the bytes of the file.
@@ -139,18 +121,8 @@ contains
     type(sections_t), intent(inout) :: sections
     character(:), allocatable :: word
     integer(int64) :: first
-    first = cursor%position
-    call cursor%get_word(word)
-    if (word(1:1) /= '$') then
-      if (sections%version == 0) then
-        call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor)// &
-                         'does not begin with $MeshFormat', first)
-      else
-        call cursor%fail('expected a section, as $Nodes, found other text', first)
-      end if
-      return
-    end if
-    cursor%section = word
+    call begin_section(cursor, sections%version, word, first)
+    if (cursor%broken) return
     select case (word)
     case ('$MeshFormat')
       if (sections%version > 0) call cursor%fail('this section occurs a second time', first)
@@ -229,49 +201,6 @@ contains
     end select
   end subroutine read_known_section
 
-  !> Read $MeshFormat: version, 0 for text or 1 for binary, size of reals; then the binary integer 1 in a binary file.
-  subroutine read_format(cursor, version)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> 22 or 41.
-    integer, intent(inout) :: version
-    character(:), allocatable :: word
-    real(dp) :: number
-    integer(int64) :: kind, n_bytes, one, first
-    call cursor%skip_blanks
-    first = cursor%position
-    call cursor%get_word(word)
-    cursor%position = first
-    call cursor%get_real(number)
-    if (cursor%broken) return
-    if (abs(number - 2.2_dp) < version_tolerance) then
-      version = 22
-    else if (abs(number - 4.1_dp) < version_tolerance) then
-      version = 41
-    else
-      call cursor%fail('format '//word//' is not read, only 2.2 and 4.1: '//conversion_advice, first)
-      return
-    end if
-    call cursor%get_text_integer(kind)
-    call cursor%get_text_integer(n_bytes)
-    if (cursor%broken) return
-    if (kind /= 0 .and. kind /= 1) call cursor%fail('the file type must be 0 (text) or 1 (binary)', first)
-    if (n_bytes /= 8) call cursor%fail('only files with numbers of 8 bytes are read: '//conversion_advice, first)
-    if (kind /= 1) return
-    call cursor%end_line
-    if (cursor%broken) return
-    cursor%binary = .true.
-    first = cursor%position
-    call cursor%get_int(one)
-    if (cursor%broken .or. one == 1) return
-    if (one == 2_int64**24) then
-      call cursor%fail('the file has the byte order of another kind of machine: save it there as text '// &
-                       '(gmsh without -bin)', first)
-    else
-      call cursor%fail('the binary number 1 is missing: the file is corrupt', first)
-    end if
-  end subroutine read_format
-
   !> Read $PhysicalNames: a count, then dimension, tag and "name" of each group, as text in binary files too.
   subroutine read_names(cursor, builder)
     !> Cursor over the bytes of the file.
@@ -314,45 +243,6 @@ contains
     if (met) call cursor%fail('this section occurs a second time', position)
     met = .true.
   end subroutine check_first
-
-  !> Read the end of a section.
-  subroutine read_end(cursor, name)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the section, as '$Nodes'.
-    character(*), intent(in) :: name
-    character(:), allocatable :: word, end_word
-    integer(int64) :: first
-    if (cursor%broken) return
-    end_word = '$End'//name(2:)
-    if (cursor%at_end()) then
-      call cursor%fail('the file ends without '//end_word//': it is truncated')
-      return
-    end if
-    first = cursor%position
-    call cursor%get_word(word)
-    if (word == end_word) return
-    if (cursor%at_end() .and. index(end_word, word) == 1) then
-      call cursor%fail('the file ends without '//end_word//': it is truncated', first)
-    else
-      call cursor%fail('expected '//end_word//', found other text: a count is wrong or the file is corrupt', first)
-    end if
-  end subroutine read_end
-
-  !> Skip a section that is not needed, including its end.
-  subroutine skip_section(cursor, name, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the section, as '$Periodic'.
-    character(*), intent(in) :: name
-    !> Position of the section in the file.
-    integer(int64), intent(in) :: position
-    character(:), allocatable :: end_word
-    logical :: found
-    end_word = '$End'//name(2:)
-    call cursor%skip_past(end_word, found)
-    if (.not. found) call cursor%fail('the file ends without '//end_word//': it is truncated', position)
-  end subroutine skip_section
 
   !> Check that the file has all that a mesh needs.
   subroutine check_complete(cursor, builder, sections)

@@ -36,6 +36,8 @@ contains
       end if
     case ('surface')
       call read_faces(state, text, first, last)
+    case ('temperature')
+      call read_temperature(state, text, first, last)
     case ('instance')
       call read_placement(state, text, first, last)
     end select
@@ -325,6 +327,39 @@ contains
       if (.not. allocated(state%fault)) call add_entry(surface, set, number, face, state%line)
     end associate
   end subroutine read_faces
+
+  !> Read a temperature of a node or of a set.
+  subroutine read_temperature(state, text, first, last)
+    !> State of the reader.
+    type(inp_state_t), intent(inout) :: state
+    !> Text of the file.
+    character(*), intent(inout) :: text
+    !> The line.
+    integer(int64), intent(in) :: first, last
+    integer(int64) :: p, a, b, tag
+    character(:), allocatable :: set
+    real(dp) :: value
+    integer :: s, i
+    logical :: valid
+    p = first
+    call next_field(text, p, last, a, b)
+    call find_number(state, text(a:b), tag, valid)
+    if (.not. valid) set = lower(without_quotes(text(a:b)))
+    call next_field(text, p, last, a, b)
+    call need_real(state, text, a, b, value)
+    if (allocated(state%fault)) return
+    if (valid) then
+      call state%temperature%take(tag, value)
+      return
+    end if
+    associate (part => state%slot(state%at)%part)
+      call find_above(state, part%node_set, part%n_node_sets, 'node set', set, s)
+      if (s == 0) return
+      do i = 1, part%node_set(s)%n
+        call state%temperature%take(part%node_set(s)%member(i), value)
+      end do
+    end associate
+  end subroutine read_temperature
 
   !> Read the numbers that place an instance.
   subroutine read_placement(state, text, first, last)

@@ -24,14 +24,20 @@ module dotyk_mesh_inp_reader
 contains
 
   !> Read a deck.
-  subroutine read_deck(file, state, error)
+  subroutine read_deck(file, state, error, field)
     !> Path of the file.
     character(*), intent(in) :: file
     !> What was read.
     type(inp_state_t), intent(out) :: state
     !> Set for files that cannot be read and for mistakes in them, with file and line.
     type(error_t), allocatable, intent(out) :: error
+    !> Name of a field of temperatures, which is read too; none if absent.
+    character(*), intent(in), optional :: field
     call state%start
+    if (present(field)) then
+      allocate (state%temperature)
+      call state%temperature%init(field)
+    end if
     call read_file(state, file, 1, error)
     if (allocated(error)) return
     if (.not. allocated(state%fault)) call state%end_data
@@ -196,6 +202,11 @@ contains
       state%purpose = 'instance'
       state%n_placement = 0
       state%placement = 0
+    case ('temperature', 'initialconditions')
+      call begin_temperatures(state)
+    case ('step')
+      if (allocated(state%temperature)) call state%temperature%begin_step(card)
+      call note(state, '*STEP')
     case ('assembly', 'endassembly', 'endinstance', 'heading', 'endstep')
       continue
     case ('ncopy', 'ngen', 'nfill', 'nmap', 'elgen', 'elcopy', 'system', 'elementcopy')
@@ -248,6 +259,24 @@ contains
       call state%open_set('elset')
     end if
   end subroutine begin_elements
+
+  !> Begin temperatures, which are read where a field of them is wanted.
+  subroutine begin_temperatures(state)
+    !> State of the reader.
+    type(inp_state_t), intent(inout) :: state
+    character(:), allocatable :: fault
+    logical :: wanted
+    wanted = allocated(state%temperature)
+    if (state%card%keyword == 'initialconditions') &
+      wanted = wanted .and. lower(state%card%get('type')) == 'temperature'
+    if (.not. wanted) then
+      call note(state, '*'//capital(state%card%keyword))
+      return
+    end if
+    call state%temperature%begin_card(state%card, wanted, fault)
+    if (len(fault) > 0) call state%fail(fault)
+    if (wanted) state%purpose = 'temperature'
+  end subroutine begin_temperatures
 
   !> Begin a set of nodes or elements.
   subroutine begin_set(state)

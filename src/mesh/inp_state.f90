@@ -7,6 +7,7 @@ module dotyk_mesh_inp_state
   use dotyk_mesh_inp_element_type, only: inp_type_t
   use dotyk_mesh_inp_instance, only: add_instance, instance_list_t
   use dotyk_mesh_inp_part, only: add_set, inp_part_t, max_files
+  use dotyk_mesh_inp_temperature, only: inp_temperature_t
   implicit none
   private
 
@@ -49,6 +50,8 @@ module dotyk_mesh_inp_state
     !> Numbers that place an instance, and how many.
     real(dp) :: placement(10) = 0
     integer :: n_placement = 0
+    !> Temperatures; not allocated where only the mesh is read.
+    type(inp_temperature_t), allocatable :: temperature
   contains
     procedure :: start => state_start
     procedure :: place => state_place

@@ -1,10 +1,9 @@
 !> Adds temperatures and initial stresses from the input to a body, with the nodal forces that they make.
 module dotyk_model_initial_states
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
-  use dotyk_base_files, only: is_vtu_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, option_name
-  use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_initial_state, only: initial_state_t
   use dotyk_elasticity_initial_stress, only: add_initial_forces
@@ -16,7 +15,8 @@ module dotyk_model_initial_states
   use dotyk_input_case, only: field_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
-  use dotyk_mesh_vtu, only: read_point_array
+  use dotyk_mesh_node_field, only: read_node_field
+  use dotyk_mesh_node_values, only: node_values_t
   use dotyk_model_body_loads, only: note_difference
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
@@ -75,33 +75,30 @@ contains
     call finish(body, 'the initial stress', given%formula, error)
   end subroutine add_initial_stress
 
-  !> Temperatures at the nodes from an array of the points of the mesh file. Nodes of order elevation have those of the
+  !> Temperatures at the nodes from a field of the mesh file. Nodes of order elevation have those of the
   !> linear elements of the file.
   subroutine evaluate_array(mesh, given, value, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> The array, and the temperature of the unstressed body.
+    !> The field, and the temperature of the unstressed body.
     type(field_input_t), intent(in) :: given
     !> The values (1, n_nodes) [temperature].
     real(dp), allocatable, intent(out) :: value(:, :)
-    !> Allocated where the file has no such array, or is no .vtu file.
+    !> Allocated where the file has no such field, or a node has no value.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: at_point(:), xi(:, :), shape(:)
+    real(dp), allocatable :: xi(:, :), shape(:)
+    logical, allocatable :: found(:)
+    type(node_values_t) :: field
     type(element_kind_t) :: kind
     integer :: b, e, i
-    if (.not. is_vtu_file(mesh%file)) then
-      call set_error(error, 'field is an array of the points of a .vtu file, and the mesh is '//quoted(mesh%file)// &
-                     ': write mesh and temperature as one .vtu file', exit_bad_input)
-      return
-    end if
-    call read_point_array(mesh%file, given%array, at_point, error)
+    call read_node_field(mesh%file, given%array, field, error)
     if (allocated(error)) return
-    allocate (value(1, mesh%n_nodes()), source=0.0_dp)
+    allocate (value(1, mesh%n_nodes()), found(mesh%n_nodes()))
     do i = 1, mesh%n_nodes()
-      if (mesh%node_tag(i) <= size(at_point)) value(1, i) = at_point(mesh%node_tag(i)) - given%reference
+      call field%find(mesh%node_tag(i), value(1, i), found(i))
+      value(1, i) = value(1, i) - given%reference
     end do
-    if (.not. mesh%order_elevated) return
-    do b = 1, size(mesh%block)
+    do b = 1, merge(size(mesh%block), 0, mesh%order_elevated)
       kind = element_kind(mesh%block(b)%kind)
       allocate (xi(mesh%dimension, kind%n_nodes), shape(kind%n_corners))
       call reference_nodes(mesh%block(b)%kind, xi)
@@ -110,11 +107,15 @@ contains
         do e = 1, size(mesh%block(b)%tag)
           associate (node => mesh%block(b)%node(:, e))
             value(1, node(i)) = dot_product(shape, value(1, node(:kind%n_corners)))
+            found(node(i)) = .true.
           end associate
         end do
       end do
       deallocate (xi, shape)
     end do
+    i = findloc(found, .false., dim=1)
+    if (i > 0) call set_error(error, mesh%file//': field '//quoted(given%array)//' has no value at node '// &
+                              to_text(mesh%node_tag(i)), exit_bad_input)
   end subroutine evaluate_array
 
   !> Values at the nodes.

@@ -153,11 +153,6 @@ t() = Surface In BoundingBox{1.9,-0.1,-0.1,2.1,1.1,1.1}; Physical Surface("3") =
             with self.subTest(given):
                 self.write("part.nml", scene % "plane_stress" + "&temperature body='part', %s /\n" % given)
                 self.assertIn(message, self.dotyk("part.nml", code=2))
-        self.write("part.nml", (scene % "plane_stress").replace("part.vtu", "part.inp") +
-                   "&temperature body='part', field='T' /\n")
-        self.write("part.inp", "*NODE\n1,0,0\n2,1,0\n3,0,1\n*ELEMENT, TYPE=CPS3, ELSET=3\n1,1,2,3\n")
-        self.assertIn("part.nml:4: body 'part': the temperature: field is an array of the points of a .vtu file, and the mesh is "
-                      "'part.inp'", self.dotyk("part.nml", code=2))
 
     def test_sets(self):
         listed = self.check(cube())

@@ -1,0 +1,144 @@
+!> Values at nodes from the sections $NodeData of gmsh mesh files, text and binary.
+!>
+!> Source: gmsh reference manual, "MSH file format"; the section is the same in the formats 2.2 and 4.1.
+module dotyk_mesh_gmsh_node_data
+  use dotyk_base_byte_cursor, only: byte_cursor_t
+  use dotyk_base_error, only: error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_mesh_gmsh_frame, only: begin_section, read_end, read_format, skip_section
+  use dotyk_mesh_node_values, only: node_values_t
+  implicit none
+  private
+  public :: read_node_data
+
+contains
+
+  !> Read the field of a name. Sections of one time step, as those of partitions, are one field; several steps are
+  !> refused, for which of them is meant is not known.
+  subroutine read_node_data(file, name, values, error)
+    !> Path of the file.
+    character(*), intent(in) :: file
+    !> Name of the field, the first string tag of its sections.
+    character(*), intent(in) :: name
+    !> The values [any].
+    type(node_values_t), intent(out) :: values
+    !> Set for files that cannot be read, without such a field, and for mistakes in it, with file and line.
+    type(error_t), allocatable, intent(out) :: error
+    type(byte_cursor_t) :: cursor
+    character(:), allocatable :: section, names
+    integer(int64) :: position, step
+    integer :: version
+    logical :: found
+    call cursor%open(file, error)
+    if (allocated(error)) return
+    version = 0
+    found = .false.
+    names = ''
+    do while (.not. cursor%broken)
+      if (cursor%at_end()) exit
+      call begin_section(cursor, version, section, position)
+      if (cursor%broken) exit
+      select case (section)
+      case ('$MeshFormat')
+        call read_format(cursor, version)
+        call read_end(cursor, section)
+      case ('$NodeData')
+        call read_section(cursor, name, position, values, step, found, names)
+      case default
+        call skip_section(cursor, section, position)
+      end select
+      cursor%section = ''
+    end do
+    if (cursor%broken) then
+      call set_error(error, cursor%fault, exit_bad_input)
+    else if (.not. found) then
+      if (len(names) == 0) names = ', none'
+      call set_error(error, file//': the nodes have no field '//quoted(name)//' ($NodeData); they have '//names(3:), &
+                     exit_bad_input)
+    end if
+    call cursor%close
+  end subroutine read_node_data
+
+  !> Read a section: string, real and integer tags, which are text in binary files too; then a node and its value each.
+  subroutine read_section(cursor, name, position, values, step, found, names)
+    !> Cursor behind '$NodeData'.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Name of the field that is wanted.
+    character(*), intent(in) :: name
+    !> Position of the section in the file.
+    integer(int64), intent(in) :: position
+    !> Values so far [any].
+    type(node_values_t), intent(inout) :: values
+    !> Its time step, where it was found.
+    integer(int64), intent(inout) :: step
+    !> Whether the field was found.
+    logical, intent(inout) :: found
+    !> Names so far, each after a comma.
+    character(:), allocatable, intent(inout) :: names
+    integer(int64) :: n, tag, integer_tag(3), i
+    character(:), allocatable :: line, own
+    real(dp) :: value
+    logical :: binary
+    binary = cursor%binary
+    cursor%binary = .false.
+    own = ''
+    call cursor%get_int(n)
+    do i = 1, n
+      if (cursor%broken) return
+      call cursor%skip_blanks
+      call cursor%get_line(line)
+      if (i == 1) own = between_quotes(line)
+    end do
+    call cursor%get_int(n)
+    do i = 1, n
+      if (cursor%broken) return
+      call cursor%get_real(value)
+    end do
+    call cursor%get_int(n)
+    integer_tag = 0
+    do i = 1, n
+      if (cursor%broken) return
+      call cursor%get_int(tag)
+      if (i <= size(integer_tag)) integer_tag(i) = tag
+    end do
+    if (index(names//', ', ', '//quoted(own)//', ') == 0) names = names//', '//quoted(own)
+    if (binary .and. own == name) call cursor%end_line
+    cursor%binary = binary
+    if (cursor%broken) return
+    if (own /= name) then
+      call skip_section(cursor, '$NodeData', position)
+      return
+    end if
+    if (n < 3) then
+      call cursor%fail('the integers time step, components and number of values are missing', position)
+    else if (integer_tag(2) /= 1) then
+      call cursor%fail('field '//quoted(name)//' has '//to_text(integer_tag(2))//' components, it must have one', position)
+    else if (found .and. step /= integer_tag(1)) then
+      call cursor%fail('field '//quoted(name)//' has several time steps, '//to_text(step)//' and '// &
+                       to_text(integer_tag(1))//': save the one that is meant, or give each a name of its own', position)
+    end if
+    found = .true.
+    step = integer_tag(1)
+    call cursor%require(integer_tag(3), merge(12, 4, binary), 'values', position)
+    do i = 1, integer_tag(3)
+      if (cursor%broken) return
+      call cursor%get_int(tag)
+      call cursor%get_real(value)
+      if (.not. cursor%broken) call values%set(tag, value)
+    end do
+    call read_end(cursor, '$NodeData')
+  end subroutine read_section
+
+  !> What a line has between its quotes; the line without them.
+  pure function between_quotes(line) result(text)
+    !> The line.
+    character(*), intent(in) :: line
+    character(:), allocatable :: text
+    integer :: first, last
+    first = index(line, '"')
+    last = index(line, '"', back=.true.)
+    text = trim(line)
+    if (last > first) text = line(first + 1:last - 1)
+  end function between_quotes
+end module dotyk_mesh_gmsh_node_data

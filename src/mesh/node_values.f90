@@ -1,0 +1,68 @@
+!> A value at some nodes of a file, by their tags.
+module dotyk_mesh_node_values
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_mesh_tag_map, only: growing_tag_map_t
+  implicit none
+  private
+
+  !> The values.
+  type, public :: node_values_t
+    !> Nodes that have one.
+    type(growing_tag_map_t) :: node
+    !> Values by the indices of the nodes; the first `node%n` are in use (room) [any].
+    real(dp), allocatable, private :: value(:)
+  contains
+    procedure :: set => node_values_set
+    procedure :: find => node_values_find
+    procedure :: overlay => node_values_overlay
+  end type node_values_t
+
+contains
+
+  !> Set the value of a node.
+  subroutine node_values_set(self, tag, value)
+    class(node_values_t), intent(inout) :: self
+    !> Tag of the node.
+    integer(int64), intent(in) :: tag
+    !> The value [any].
+    real(dp), intent(in) :: value
+    real(dp), allocatable :: larger(:)
+    integer :: i
+    call self%node%add(tag, i)
+    if (.not. allocated(self%value)) allocate (self%value(32))
+    if (i > size(self%value)) then
+      allocate (larger(2*size(self%value)))
+      larger(:size(self%value)) = self%value
+      call move_alloc(larger, self%value)
+    end if
+    self%value(i) = value
+  end subroutine node_values_set
+
+  !> The value of a node.
+  pure subroutine node_values_find(self, tag, value, found)
+    class(node_values_t), intent(in) :: self
+    !> Tag of the node.
+    integer(int64), intent(in) :: tag
+    !> The value; 0 where it has none [any].
+    real(dp), intent(out) :: value
+    !> Whether it has one.
+    logical, intent(out) :: found
+    integer :: i
+    value = 0
+    i = 0
+    if (self%node%n > 0) i = self%node%find(tag)
+    found = i > 0
+    if (found) value = self%value(i)
+  end subroutine node_values_find
+
+  !> Take over the values that others have.
+  subroutine node_values_overlay(self, other)
+    class(node_values_t), intent(inout) :: self
+    !> The others.
+    type(node_values_t), intent(in) :: other
+    integer :: i
+    do i = 1, other%node%n
+      call self%set(other%node%tag(i), other%value(i))
+    end do
+  end subroutine node_values_overlay
+end module dotyk_mesh_node_values
