@@ -334,10 +334,10 @@ contains
     call list%add('formula', kind_formula, unit='temperature', &
                   meaning='the same as a formula; between the nodes the shape functions interpolate')
     call list%add('field', kind_text, &
-                  meaning='the same at the nodes from the mesh file, as a thermal analysis writes it: name of an array '// &
-                  'of the points of a .vtu file, or of $NodeData of a .msh file; in a deck (.inp) temperature '// &
-                  '(*TEMPERATURE; temperature step 2 where several steps have it) or initial_temperature '// &
-                  '(*INITIAL CONDITIONS)')
+                  meaning='the same at the nodes from the mesh file, as a thermal analysis writes it: name of an '// &
+                  'array of the points of a .vtu file, or of $NodeData of a .msh file; in a deck (.inp) '// &
+                  'temperature (*TEMPERATURE; temperature step 2 where several steps have it) or '// &
+                  'initial_temperature (*INITIAL CONDITIONS)')
     call list%add('reference', kind_real, unit='temperature', &
                   meaning='with field, temperature of the unstressed body in its units (if absent, 0)')
     call add_case_key(list, 'load cases with this temperature, with wildcards; all if absent')

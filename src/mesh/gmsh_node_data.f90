@@ -113,10 +113,12 @@ contains
     if (n < 3) then
       call cursor%fail('the integers time step, components and number of values are missing', position)
     else if (integer_tag(2) /= 1) then
-      call cursor%fail('field '//quoted(name)//' has '//to_text(integer_tag(2))//' components, it must have one', position)
+      call cursor%fail('field '//quoted(name)//' has '//to_text(integer_tag(2))//' components, it must have one', &
+                       position)
     else if (found .and. step /= integer_tag(1)) then
       call cursor%fail('field '//quoted(name)//' has several time steps, '//to_text(step)//' and '// &
-                       to_text(integer_tag(1))//': save the one that is meant, or give each a name of its own', position)
+                       to_text(integer_tag(1))//': save the one that is meant, or give each a name of its own', &
+                       position)
     end if
     found = .true.
     step = integer_tag(1)

@@ -1,8 +1,8 @@
 !> Temperatures of an Abaqus or CalculiX deck, of *INITIAL CONDITIONS, TYPE=TEMPERATURE and of *TEMPERATURE.
 !>
-!> Fields have names: `initial_temperature`; `temperature step 2`, what acts at the end of the second step; `temperature`,
-!> the same of the only step that has such cards. *TEMPERATURE goes on in later steps until OP=NEW; nodes without it have
-!> their initial temperature. Steps that are a perturbation are passed over.
+!> Fields have names: `initial_temperature`; `temperature step 2`, what acts at the end of the second step;
+!> `temperature`, the same of the only step that has such cards. *TEMPERATURE goes on in later steps until OP=NEW; nodes
+!> without it have their initial temperature. Steps that are a perturbation are passed over.
 module dotyk_mesh_inp_temperature
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
