@@ -881,18 +881,24 @@ class Scene:
                     self.start.update(dict.fromkeys(self.nodes_of(fields[0]), number(fields[1])))
 
     def temperatures(self, step):
-        """&temperature of bodies with one change of temperature."""
+        """&temperature of bodies: one change of temperature, or the field of the deck above one initial temperature."""
         lines = []
         for b in range(self.deck.n_bodies):
             if not any(self.expansion.get(self.section.get(e)) for e, c in self.deck.body_of.items() if c == b):
                 continue
             own = [n for n, c in self.deck.body_of_node.items() if c == b]
             change = {step.temperature.get(n, (self.start.get(n, 0.0),))[0] - self.start.get(n, 0.0) for n in own}
-            if len(change) > 1:
+            start = {self.start.get(n, 0.0) for n in own}
+            if len(change) == 1:
+                if change != {0.0}:
+                    lines.append("&temperature body=%s, value=%.12g" % (quoted(self.body(b)), change.pop()))
+            elif len(start) == 1 and all(n in step.temperature or n in self.start for n in own):
+                field = "temperature" + (" step %d" % step.number if step.number else "")
+                lines.append("&temperature body=%s, field='%s', reference=%.12g" % (quoted(self.body(b)), field, start.pop()))
+            else:
                 places = dict.fromkeys(step.temperature[n][1] for n in own if n in step.temperature)
-                self.leave(", ".join(places), "temperatures of body %s that differ from node to node: give a formula" % self.body(b))
-            elif change != {0.0}:
-                lines.append("&temperature body=%s, value=%.12g" % (quoted(self.body(b)), change.pop()))
+                self.leave(", ".join(places), "temperatures of body %s of which some nodes have none, or above initial temperatures that "
+                           "differ: give a formula" % self.body(b))
         return lines
 
     def one_node(self, card, key, prefix):

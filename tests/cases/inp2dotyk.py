@@ -64,6 +64,24 @@ class Inp2Dotyk(dotyk_case.Case):
         text, said = self.convert(deck.replace("*STEP\n", heat + "foot, 25.\n*STEP\n"), code=1)
         self.assertIn("temperatures of body body_1 that differ from node to node", said)
 
+    def test_temperatures_of_nodes(self):
+        """Heat that differs from node to node, in two steps: free cubes bend as by a formula."""
+        nodes = {int(w[0]): [float(c) for c in w[1:]] for w in re.findall(r"(?m)^(\d+), *([-\d.]+), *([-\d.]+), *([-\d.]+)$", CUBE)}
+        upper = "".join("%d, %r\n" % (n + 10, 20 + 30*x[2]) for n, x in nodes.items())
+        heat = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNall, 20.\n"
+        deck = TWO.replace("*NODE\n", "*NODE, NSET=Nall\n").replace("*STEP\n", heat + "*STEP\n", 1) % (
+            "*EXPANSION\n1.e-3\n", "HARD", "*TEMPERATURE\n" + upper + "*CLOAD\nhead, 3, -1.\n*END STEP\n*STEP\n*STATIC\n*TEMPERATURE\n11, 50.\n")
+        text, _ = self.convert(deck)
+        for step in (1, 2):
+            self.assertIn("&temperature body='body_2', field='temperature step %d', reference=20, case='step %d' /" % (step, step), text)
+        self.assertNotIn("&temperature body='body_1'", text)
+        by_field = self.results_by_case()
+        self.write("deck.nml", text.replace("field='temperature step 1', reference=20", "formula='30*(z-1.001)'"))
+        self.assertAlmostEqual(by_field[0], self.results_by_case()[0], delta=1e-12)
+        self.assertGreater(abs(by_field[1] - by_field[0]), 1e-3)
+        said = self.convert(deck.replace("Nall, 20.", "11, 20."), code=1)[1]
+        self.assertIn("temperatures of body body_2 of which some nodes have none", said)
+
     def test_forces_of_quadratic_elements(self):
         """Nodal forces of a uniform traction: -1/12 and 1/3 of a face with eight nodes, 0 and 1/3 of one with six."""
         for kind, shape, corner, side, area in (("C3D20", "hex", -1/12, 1/3, 1.0), ("C3D10", "tet", 0.0, 1/3, 0.5)):
