@@ -1,7 +1,9 @@
 !> Discretization errors of all bodies: congruent ones together, in the axes of the representative.
 module dotyk_control_mesh_error
+  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
@@ -10,6 +12,7 @@ module dotyk_control_mesh_error
   use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
+  use dotyk_ranks_communication, only: n_local_ranks
   implicit none
   private
 
@@ -26,6 +29,8 @@ module dotyk_control_mesh_error
   integer, parameter, public :: most_bodies = 16
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
   real(dp), parameter :: least_share = 0.01_dp
+  !> Fraction of the memory that is left which tractions of faces take at most [].
+  real(dp), parameter :: most_of_memory = 0.125_dp
 
 contains
 
@@ -107,6 +112,8 @@ contains
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(residual_data_t) :: data
+    type(allowance_t) :: face_room
+    type(memory_t) :: memory
     real(dp), allocatable :: u(:, :, :), square(:, :)
     integer :: i
     allocate (square(size(alike), problem%body(problem%classes%first(alike(1)))%mesh%n_elements()), source=0.0_dp)
@@ -117,8 +124,10 @@ contains
     associate (first => problem%body(problem%classes%first(alike(1))))
       call collect_actions(problem, alike, first_row, m, solution, data)
       call to_representative(problem, alike, solution, u)
+      memory = memory_now()
+      if (memory%is_known) face_room%left = int(most_of_memory*memory%left/n_local_ranks(), int64)
       call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, kept%factor, &
-                              kept%room, square, error)
+                              kept%room, face_room, square, error)
     end associate
     if (allocated(error)) return
     do i = 1, size(alike)

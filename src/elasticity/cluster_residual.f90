@@ -9,7 +9,8 @@ module dotyk_elasticity_cluster_residual
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_bubble_table, only: bubble_table_t
-  use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_problem
+  use dotyk_elasticity_element_residual, only: residual_data_t, residual_problem
+  use dotyk_elasticity_face_tractions, only: face_tractions_t
   use dotyk_elasticity_point_stress, only: point_material_t
   use dotyk_linalg_blas, only: dtrsm
   use dotyk_linalg_dense, only: solve_dense
@@ -88,7 +89,7 @@ contains
   end subroutine simplex_bubbles_init
 
   !> Energies of the answer of a cluster on each of its elements.
-  subroutine cluster_energy(mesh, data, material, table, bubbles, u, element, square, error)
+  subroutine cluster_energy(mesh, data, material, table, bubbles, tractions, u, element, square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
@@ -99,6 +100,8 @@ contains
     type(bubble_table_t), intent(in) :: table(:)
     !> The same by edges and faces (n_blocks).
     type(simplex_bubbles_t), intent(in) :: bubbles(:)
+    !> Mean tractions at faces between elements, as far as they are known.
+    type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Elements of the cluster (n).
@@ -108,8 +111,6 @@ contains
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
     type(part_t) :: part(size(element))
-    ! Factors of elements are of no use here.
-    type(bubble_factor_t) :: none
     real(dp), allocatable :: matrix(:, :), rhs(:, :), of_element(:, :), answer(:)
     integer, allocatable :: place(:)
     integer :: b, d, i, k, n, n_unknowns, info
@@ -120,9 +121,9 @@ contains
     do k = 1, size(element)
       b = data%faces%block(element(k))
       n = bubbles(b)%n
-      call residual_problem(mesh, data, material, table, u, element(k), none, part(k)%matrix, of_element, error)
+      call residual_problem(mesh, data, material, table, tractions, u, element(k), of_element, error, part(k)%matrix)
       if (allocated(error)) return
-      if (.not. allocated(part(k)%matrix)) return
+      if (.not. allocated(of_element)) return
       call to_edges(n, d, size(u, 1), bubbles(b), mesh%block(b)%node(:, element(k) - data%faces%before(b)), &
                     part(k)%matrix, of_element)
       place = [(part(k)%unknown + i*n_unknowns, i=0, d - 1)]

@@ -13,12 +13,13 @@ module dotyk_elasticity_element_residual
   use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_elasticity_bubble_stiffness, only: bubble_stiffness
   use dotyk_elasticity_bubble_table, only: bubble_table_t
   use dotyk_elasticity_face_table, only: face_table_t
-  use dotyk_elasticity_face_tractions, only: add_faces
+  use dotyk_elasticity_face_tractions, only: add_faces, face_tractions_t
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_point_stress, only: point_material_t, stresses_at
-  use dotyk_linalg_blas, only: dsyrk, dtrsm
+  use dotyk_linalg_blas, only: dgemm, dtpsv, dtrsm
   use dotyk_linalg_lapack, only: dpotrf
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -53,7 +54,7 @@ module dotyk_elasticity_element_residual
     real(dp), allocatable :: column(:)
   contains
     procedure :: keep => factor_keep
-    procedure :: unpack => factor_unpack
+    procedure :: solve => factor_solve
   end type bubble_factor_t
 
   public :: residual_energy, residual_problem
@@ -79,23 +80,19 @@ contains
     end do
   end subroutine factor_keep
 
-  !> The factor that was kept.
-  pure subroutine factor_unpack(self, m, matrix)
+  !> X <- L^{-1} X with the factor that was kept.
+  subroutine factor_solve(self, x)
     class(bubble_factor_t), intent(in) :: self
-    !> Order.
-    integer, intent(in) :: m
-    !> The factor; its upper triangle is not set (m, m) [sqrt(force/length)].
-    real(dp), intent(inout) :: matrix(m, m)
-    integer :: j, k
-    k = 0
-    do j = 1, m
-      matrix(j:, j) = self%column(k + 1:k + m - j + 1)
-      k = k + m - j + 1
+    !> Right-hand sides in, solutions out (m, n_bodies) [force].
+    real(dp), intent(inout), contiguous :: x(:, :)
+    integer :: k
+    do k = 1, size(x, 2)
+      call dtpsv('L', 'N', 'N', size(x, 1), self%column, x(:, k), 1)
     end do
-  end subroutine factor_unpack
+  end subroutine factor_solve
 
   !> Energies of the local answers of one element.
-  subroutine residual_energy(mesh, data, material, table, u, element, factor, room, square, error)
+  subroutine residual_energy(mesh, data, material, table, tractions, u, element, factor, room, square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
@@ -104,6 +101,8 @@ contains
     type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
+    !> Mean tractions at faces between elements, as far as they are known.
+    type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> The element, in the order of the blocks.
@@ -117,25 +116,28 @@ contains
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: matrix(:, :), rhs(:, :)
-    logical :: known
     integer :: m, info
     square = 0
-    known = allocated(factor%column)
-    call residual_problem(mesh, data, material, table, u, element, factor, matrix, rhs, error)
-    if (allocated(error) .or. .not. allocated(matrix)) return
-    m = size(matrix, 1)
-    if (.not. known) then
+    if (allocated(factor%column)) then
+      call residual_problem(mesh, data, material, table, tractions, u, element, rhs, error)
+      if (allocated(error) .or. .not. allocated(rhs)) return
+      call factor%solve(rhs)
+    else
+      call residual_problem(mesh, data, material, table, tractions, u, element, rhs, error, matrix)
+      if (allocated(error) .or. .not. allocated(rhs)) return
+      m = size(matrix, 1)
       call dpotrf('L', m, matrix, m, info)
       ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
       if (info /= 0) return
       call factor%keep(m, matrix, room)
+      call dtrsm('L', 'L', 'N', 'N', m, size(rhs, 2), 1.0_dp, matrix, m, rhs, m)
     end if
-    call dtrsm('L', 'L', 'N', 'N', m, size(rhs, 2), 1.0_dp, matrix, m, rhs, m)
+    m = size(rhs, 1)
     square = sum(sum(reshape(rhs**2, [m/mesh%dimension, mesh%dimension, size(rhs, 2)]), dim=1), dim=1)
   end subroutine residual_energy
 
   !> The local problem of one element.
-  subroutine residual_problem(mesh, data, material, table, u, element, factor, matrix, rhs, error)
+  subroutine residual_problem(mesh, data, material, table, tractions, u, element, rhs, error, matrix)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
@@ -144,36 +146,41 @@ contains
     type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
+    !> Mean tractions at faces between elements, as far as they are known.
+    type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> The element, in the order of the blocks.
     integer, intent(in) :: element
-    !> Factor of its bubbles.
-    type(bubble_factor_t), intent(in) :: factor
-    !> Stiffness of the bubbles, its lower triangle, by bubbles and then components, or the factor where it was kept;
-    !> not allocated where the element is inverted (dim*n_bubbles, dim*n_bubbles) [force/length].
-    real(dp), allocatable, intent(out) :: matrix(:, :)
-    !> Residual forces on the bubbles (dim*n_bubbles, n_bodies) [force].
+    !> Residual forces on the bubbles; not allocated where the element is inverted (dim*n_bubbles, n_bodies) [force].
     real(dp), allocatable, intent(out) :: rhs(:, :)
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
+    !> Stiffness of the bubbles, its lower triangle, by bubbles and then components (dim*n_bubbles, dim*n_bubbles)
+    !> [force/length].
+    real(dp), allocatable, intent(out), optional :: matrix(:, :)
+    real(dp), allocatable :: stiffness(:, :)
     logical :: valid
-    integer :: b, i, m
+    integer :: b, i, m, n_matrix
     b = data%faces%block(element)
     i = element - data%faces%before(b)
     m = mesh%dimension*table(b)%n
-    allocate (matrix(m, m), rhs(m, size(u, 1)))
+    allocate (rhs(m, size(u, 1)))
+    ! Where it is not wanted the matrix is of size 0.
+    n_matrix = merge(m, 0, present(matrix))
+    allocate (stiffness(n_matrix, n_matrix))
     associate (node => mesh%block(b)%node(:, i))
       call set_up(size(u, 1), mesh%dimension, size(node), table(b)%n, material(1)%form%n_strains, &
-                  material(1)%slots, table(b)%points%n_points, mesh, data, material, table, b, u, element, node, &
-                  factor, matrix, rhs, valid, error)
+                  material(1)%slots, table(b)%points%n_points, n_matrix, mesh, data, material, table, tractions, b, u, &
+                  element, node, rhs, stiffness, valid, error)
     end associate
-    if (.not. valid) deallocate (matrix)
+    if (present(matrix)) call move_alloc(stiffness, matrix)
+    if (.not. valid) deallocate (rhs)
   end subroutine residual_problem
 
   !> Set up the local problem.
-  subroutine set_up(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, data, material, table, block, &
-                    u, element, node, factor, matrix, rhs, valid, error)
+  subroutine set_up(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, n_matrix, mesh, data, &
+                    material, table, tractions, block, u, element, node, rhs, matrix, valid, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
@@ -188,6 +195,8 @@ contains
     integer, intent(in) :: slots
     !> Number of points in the element, with repetitions.
     integer, intent(in) :: n_points
+    !> Order of the matrix; 0 where it is not wanted.
+    integer, intent(in) :: n_matrix
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Loads and held directions.
@@ -196,6 +205,8 @@ contains
     type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
+    !> Mean tractions at faces between elements, as far as they are known.
+    type(face_tractions_t), intent(in) :: tractions
     !> Block of the element.
     integer, intent(in) :: block
     !> Displacements (n_bodies, dim, n_nodes) [length].
@@ -204,164 +215,59 @@ contains
     integer, intent(in) :: element
     !> Its nodes (n).
     integer, intent(in) :: node(n)
-    !> Factor of its bubbles.
-    type(bubble_factor_t), intent(in) :: factor
-    !> The stiffness, or the factor where it was kept; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim)
-    !> [force/length].
-    real(dp), intent(out) :: matrix(dim*n_bubbles, dim*n_bubbles)
     !> Residual forces on the bubbles (n_bubbles, dim, n_bodies) [force].
     real(dp), intent(out) :: rhs(n_bubbles, dim, n_bodies)
+    !> The stiffness; its upper triangle is not set (n_matrix, n_matrix) [force/length].
+    real(dp), intent(out) :: matrix(n_matrix, n_matrix)
     !> Whether the element has no inverted point.
     logical, intent(out) :: valid
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies), slope(n_points, n_bubbles, slots)
+    real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies)
     real(dp), dimension(n_points) :: radius, w, modulus
-    real(dp) :: stiffness(n_strains, n_strains, n_points), worst
-    integer :: i, k, q, m_own, s
+    real(dp) :: by_reference(n_points, dim, n_bodies), stiffness(n_strains, n_strains, n_points), worst
+    integer :: i, j, k, l, s
     valid = .false.
     rhs = 0
-    m_own = mesh%block(block)%material
-    associate (own => table(block))
-      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material(m_own), own%points, node, mesh%x, u, &
-                       .false., inverse, radius, w, modulus, stress, worst, error, stiffness)
+    associate (own => table(block), mine => material(mesh%block(block)%material), &
+               density => data%density(:, :, mesh%block(block)%material))
+      call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, mine, own%points, node, mesh%x, u, .false., &
+                       inverse, radius, w, modulus, stress, worst, error, stiffness)
       if (allocated(error) .or. .not. worst > 0) return
-      slope = 0
-      do s = 1, dim
-        do i = 1, n_bubbles
-          do k = 1, dim
-            do q = 1, n_points
-              slope(q, i, s) = slope(q, i, s) + own%slope(q, i, k)*inverse(q, k, s)
+      ! - sigma : grad w, the stress taken to the reference coordinates.
+      do l = 1, dim
+        by_reference = 0
+        do k = 1, n_bodies
+          do s = 1, dim
+            do i = 1, dim
+              j = mine%form%index(i, s)
+              if (j > 0) by_reference(:, i, k) = by_reference(:, i, k) + w*inverse(:, l, s)*stress(:, j, k)
             end do
           end do
         end do
+        call dgemm('T', 'N', n_bubbles, dim*n_bodies, n_points, -1.0_dp, own%slope(:, :, l), n_points, by_reference, &
+                   n_points, 1.0_dp, rhs, n_bubbles)
       end do
-      if (slots > dim) then
-        do q = 1, own%n_points
-          slope(q, :, 3) = own%value(:, q)/radius(q)
-        end do
-      end if
       do k = 1, n_bodies
-        do s = 1, slots
-          do i = 1, dim
-            if (material(m_own)%form%index(i, s) == 0) cycle
-            rhs(:, i, k) = rhs(:, i, k) - matmul(w*stress(:, material(m_own)%form%index(i, s), k), slope(:, :, s))
-          end do
-        end do
         do i = 1, dim
-          if (abs(data%density(i, k, m_own)) > 0) rhs(:, i, k) = rhs(:, i, k) + &
-            data%density(i, k, m_own)*matmul(own%value, w(:own%n_points))
+          if (slots > dim) then
+            j = mine%form%index(i, 3)
+            if (j > 0) rhs(:, i, k) = rhs(:, i, k) - &
+              matmul(own%value, w(:own%n_points)*stress(:own%n_points, j, k)/radius(:own%n_points))
+          end if
+          if (abs(density(i, k)) > 0) rhs(:, i, k) = rhs(:, i, k) + &
+            density(i, k)*matmul(own%value, w(:own%n_points))
         end do
       end do
       call add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, data%faces, data%held, material, table, &
-                     block, u, element, node, rhs, worst, error)
+                     tractions, block, u, element, node, rhs, worst, error)
       if (allocated(error) .or. .not. worst > 0) return
       call add_loads(n_bodies, dim, n_bubbles, data, own, element, rhs)
+      if (n_matrix > 0) call bubble_stiffness(n_points, n_bubbles, dim, slots, n_strains, own, mine, inverse, &
+                                                 radius, w*modulus, stiffness, matrix)
     end associate
-    if (allocated(factor%column)) then
-      call factor%unpack(dim*n_bubbles, matrix)
-    else
-      if (material(m_own)%field%varies) then
-        call form_varying(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, stiffness, &
-                          w*modulus, slope, matrix)
-      else
-        call form_matrix(n_points, n_bubbles, dim, slots, n_strains, material(m_own)%form%index, &
-                         material(m_own)%stiffness, w*modulus, slope, matrix)
-      end if
-    end if
     valid = .true.
   end subroutine set_up
-
-  !> The stiffness of the bubbles, its lower triangle: from sums over the points of products of two derivatives.
-  subroutine form_matrix(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)
-    !> Number of points.
-    integer, intent(in) :: n_points
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Strain of each slot of each component, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
-    !> From strains to stresses (n_strains, n_strains) [pressure].
-    real(dp), intent(in) :: stiffness(n_strains, n_strains)
-    !> Weights of the points (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
-    !> Derivatives of the bubbles (n_points, n_bubbles, slots) [1/length].
-    real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
-    !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
-    real(dp), intent(out) :: matrix(n_bubbles, dim, n_bubbles, dim)
-    real(dp) :: root(n_points, n_bubbles, slots), product(n_bubbles, slots, n_bubbles, slots), of_weight(n_points), c
-    integer :: a, i, j, s, t
-    of_weight = sqrt(w)
-    do s = 1, slots
-      do a = 1, n_bubbles
-        root(:, a, s) = of_weight*slope(:, a, s)
-      end do
-    end do
-    call dsyrk('L', 'T', n_bubbles*slots, n_points, 1.0_dp, root, n_points, 0.0_dp, product, n_bubbles*slots)
-    do s = 1, slots
-      do t = 1, s
-        do a = 1, n_bubbles
-          if (s > t) then
-            product(a, t, :, s) = product(:, s, a, t)
-          else
-            product(a, s, a + 1:, s) = product(a + 1:, s, a, s)
-          end if
-        end do
-      end do
-    end do
-    matrix = 0
-    do j = 1, dim
-      do i = j, dim
-        do t = 1, slots
-          if (index(j, t) == 0) cycle
-          do s = 1, slots
-            if (index(i, s) == 0) cycle
-            c = stiffness(index(i, s), index(j, t))
-            if (abs(c) > 0) matrix(:, i, :, j) = matrix(:, i, :, j) + c*product(:, s, :, t)
-          end do
-        end do
-      end do
-    end do
-  end subroutine form_matrix
-
-  !> The stiffness of the bubbles, its lower triangle, where the material differs from point to point.
-  subroutine form_varying(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)
-    !> Numbers of points, bubbles, displacement components, gradient slots and strains.
-    integer, intent(in) :: n_points, n_bubbles, dim, slots, n_strains
-    !> Strain of each slot of each component, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
-    !> From strains to stresses (n_strains, n_strains, n_points) [pressure].
-    real(dp), intent(in) :: stiffness(n_strains, n_strains, n_points)
-    !> Weights of the points (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
-    !> Derivatives of the bubbles (n_points, n_bubbles, slots) [1/length].
-    real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
-    !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
-    real(dp), intent(out) :: matrix(n_bubbles, dim, n_bubbles, dim)
-    real(dp) :: strain(n_bubbles, n_strains, dim), stress(n_strains, n_bubbles)
-    integer :: i, j, q, s
-    matrix = 0
-    do q = 1, n_points
-      if (.not. w(q) > 0) cycle
-      strain = 0
-      do j = 1, dim
-        do s = 1, slots
-          if (index(j, s) > 0) strain(:, index(j, s), j) = strain(:, index(j, s), j) + slope(q, :, s)
-        end do
-      end do
-      do j = 1, dim
-        stress = matmul(w(q)*stiffness(:, :, q), transpose(strain(:, :, j)))
-        do i = j, dim
-          matrix(:, i, :, j) = matrix(:, i, :, j) + matmul(strain(:, :, i), stress)
-        end do
-      end do
-    end do
-  end subroutine form_varying
 
   !> Add the loads at points; those along held directions do no work.
   subroutine add_loads(n_bodies, dim, n_bubbles, data, table, element, rhs)
@@ -394,5 +300,4 @@ contains
       end do
     end do
   end subroutine add_loads
-
 end module dotyk_elasticity_element_residual

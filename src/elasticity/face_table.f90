@@ -15,6 +15,10 @@ module dotyk_elasticity_face_table
     integer, allocatable :: neighbour(:, :)
     !> Index of each face among those of the boundary; 0 for the others (max_faces, n_elements).
     integer, allocatable :: boundary(:, :)
+    !> Index of each face among those between two elements; 0 for the others (max_faces, n_elements).
+    integer, allocatable :: interior(:, :)
+    !> Number of faces between two elements.
+    integer :: n_interior = 0
     !> Number of faces of the boundary.
     integer :: n_boundary = 0
     !> First element of each block minus one, and the number of elements (n_blocks + 1).
@@ -47,7 +51,8 @@ contains
       room = room + n*kind%n_faces
     end do
     n = self%before(size(self%before))
-    allocate (self%neighbour(max_faces, n), self%boundary(max_faces, n), source=0)
+    allocate (self%neighbour(max_faces, n), self%boundary(max_faces, n), self%interior(max_faces, n), &
+              source=0)
     allocate (self%block(n), owner(2, room))
     call table%init(4, room)
     do b = 1, size(mesh%block)
@@ -64,6 +69,9 @@ contains
           else
             self%neighbour(f, e) = owner(1, entry)
             self%neighbour(owner(2, entry), owner(1, entry)) = e
+            self%n_interior = self%n_interior + 1
+            self%interior(f, e) = self%n_interior
+            self%interior(owner(2, entry), owner(1, entry)) = self%n_interior
           end if
         end do
       end do

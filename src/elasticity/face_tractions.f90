@@ -1,25 +1,116 @@
 !> Mean tractions of both elements at the faces of an element, for the residual of the element.
 !>
 !> Both elements have the same points on a face where their rules are of one degree: the table of each kind serves from
-!> both sides. Elsewhere the points are placed in the element behind.
+!> both sides, and the traction found for one element is that of the other with the opposite sign. Elsewhere the points
+!> are placed in the element behind.
 module dotyk_elasticity_face_tractions
+  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_bubble_table, only: bubble_table_t, face_bubbles_t, points_table
   use dotyk_elasticity_face_table, only: face_table_t, point_of_element
   use dotyk_elasticity_isoparametric_map, only: point_shape_table_t
   use dotyk_elasticity_point_stress, only: point_material_t, stresses_at
+  use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
+
+  !> Mean tractions at faces between two elements.
+  type, public :: face_tractions_t
+    !> Tractions by areas on the element with the smaller number, at its points (greatest number of points, dim,
+    !> n_bodies, n_interior) [force].
+    real(dp), allocatable :: value(:, :, :, :)
+    !> Whether those of a face are known; not allocated where none are (n_interior).
+    logical, allocatable :: is_known(:)
+  contains
+    procedure :: find => face_tractions_find
+  end type face_tractions_t
+
   public :: add_faces
 
 contains
 
-  !> Add the mean tractions of the faces.
-  subroutine add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, faces, held, material, table, block, u, &
-                       element, node, rhs, worst, error)
+  !> Find them, where there is room: the other faces are evaluated from each side.
+  subroutine face_tractions_find(self, mesh, faces, material, table, u, is_needed, room)
+    class(face_tractions_t), intent(out) :: self
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Faces of the elements.
+    type(face_table_t), intent(in) :: faces
+    !> Materials (n_materials).
+    type(point_material_t), intent(in) :: material(:)
+    !> Bubbles of the kinds of the blocks (n_blocks).
+    type(bubble_table_t), intent(in) :: table(:)
+    !> Displacements (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Elements whose faces are needed (n_elements).
+    logical, intent(in) :: is_needed(:)
+    !> Memory for the tractions.
+    type(allowance_t), intent(inout) :: room
+    integer :: b, e, f, k, n_points
+    n_points = 0
+    do b = 1, size(table)
+      n_points = max(n_points, maxval(table(b)%face%n_points))
+    end do
+    if (.not. room%take(8_int64*n_points*mesh%dimension*size(u, 1)*faces%n_interior)) return
+    allocate (self%value(n_points, mesh%dimension, size(u, 1), faces%n_interior))
+    allocate (self%is_known(faces%n_interior), source=.false.)
+    ! A formula serves one thread.
+    !$omp parallel do default(none) schedule(dynamic, 16) if (all(material%field%constant)) private(b, f, k) &
+    !$omp& shared(self, mesh, faces, material, table, u, is_needed)
+    do e = 1, size(is_needed)
+      b = faces%block(e)
+      do f = 1, size(table(b)%face)
+        if (faces%neighbour(f, e) <= e) cycle
+        if (.not. (is_needed(e) .or. is_needed(faces%neighbour(f, e)))) cycle
+        k = faces%interior(f, e)
+        call find_one(b, e, f, self%value(:, :, :, k), self%is_known(k))
+      end do
+    end do
+    !$omp end parallel do
+
+  contains
+
+    !> Find those of one face.
+    subroutine find_one(block, element, f, value, is_known)
+      !> Block of the element with the smaller number.
+      integer, intent(in) :: block
+      !> The element.
+      integer, intent(in) :: element
+      !> Its face.
+      integer, intent(in) :: f
+      !> The tractions (n_points, dim, n_bodies) [force].
+      real(dp), intent(inout) :: value(:, :, :)
+      !> Whether they were found.
+      logical, intent(out) :: is_known
+      type(error_t), allocatable :: error
+      real(dp) :: worst, their_worst
+      integer, allocatable :: same(:)
+      integer :: their_block, their_face
+      associate (face => table(block)%face(f), behind => faces%neighbour(f, element))
+        their_block = faces%block(behind)
+        associate (node => mesh%block(block)%node(:, element - faces%before(block)), &
+                   their_node => mesh%block(their_block)%node(:, behind - faces%before(their_block)), &
+                   theirs => table(their_block), own => material(mesh%block(block)%material), &
+                   their => material(mesh%block(their_block)%material))
+          call find_match(theirs, table(block)%degree, face, their_node, node(face%corner), their_face, same, is_known)
+          if (.not. is_known) return
+          call mean_tractions(size(u, 1), mesh%dimension, size(node), own%form%n_strains, own%slots, &
+                              face%points%n_points, mesh, own, their, face, node, u, size(their_node), &
+                              theirs%face(their_face)%points%n_points, theirs%face(their_face)%points, their_node, &
+                              same, value(:face%n_points, :, :), worst, their_worst, error)
+          ! Each element finds what is wrong with itself.
+          is_known = .not. allocated(error) .and. worst > 0 .and. their_worst > 0
+        end associate
+      end associate
+    end subroutine find_one
+  end subroutine face_tractions_find
+
+  !> Add the mean tractions of the faces of an element.
+  subroutine add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, faces, held, material, table, tractions, &
+                       block, u, element, node, rhs, worst, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
@@ -42,6 +133,8 @@ contains
     type(point_material_t), intent(in) :: material(:)
     !> Bubbles of the kinds of the blocks (n_blocks).
     type(bubble_table_t), intent(in) :: table(:)
+    !> Those of faces between two elements, as far as they are known.
+    type(face_tractions_t), intent(in) :: tractions
     !> Block of the element.
     integer, intent(in) :: block
     !> Displacements (n_bodies, dim, n_nodes) [length].
@@ -58,8 +151,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
     type(point_shape_table_t) :: points
+    real(dp), allocatable :: traction(:, :, :)
+    real(dp) :: their_worst
     integer :: b, f, behind, g, boundary
-    logical :: known
+    logical :: known, matched
     integer, allocatable :: same(:)
     do f = 1, size(table(block)%face)
       behind = faces%neighbour(f, element)
@@ -68,31 +163,43 @@ contains
         if (.not. any(abs(held(:, :, boundary, :)) > 0)) cycle
       end if
       associate (face => table(block)%face(f), own => material(mesh%block(block)%material))
+        if (allocated(traction)) deallocate (traction)
+        allocate (traction(face%n_points, dim, n_bodies))
         if (behind == 0) then
-          call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, own, face, &
-                        node, u, 0, 0, face%points, [integer ::], [integer ::], held(:, :, boundary, :), rhs, &
-                        worst, error)
+          call mean_tractions(n_bodies, dim, n, n_strains, slots, face%points%n_points, mesh, own, own, face, node, u, &
+                              0, 0, face%points, [integer ::], [integer ::], traction, worst, their_worst, error, &
+                              held(:, :, boundary, :))
         else
           b = faces%block(behind)
+          known = .false.
+          if (allocated(tractions%is_known)) known = tractions%is_known(faces%interior(f, element))
           associate (their_node => mesh%block(b)%node(:, behind - faces%before(b)), &
                      their => material(mesh%block(b)%material), corner => node(face%corner))
-            call find_match(table(b), table(block)%degree, face, their_node, corner, g, same, known)
-            if (known) then
-              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, their, &
-                            face, node, u, size(their_node), table(b)%face(g)%points%n_points, &
-                            table(b)%face(g)%points, their_node, same, held(:, :, :0, 1), rhs, worst, error)
+            if (known .and. behind > element) then
+              traction = tractions%value(:face%n_points, :, :, faces%interior(f, element))
             else
-              kind = element_kind(table(block)%kind)
-              kind = element_kind(kind%face_kind(f))
-              call place_points(table(b)%kind, their_node, kind%corner_kind, corner, face, points, same)
-              call add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, face%points%n_points, mesh, own, their, &
-                            face, node, u, size(their_node), points%n_points, points, their_node, same, &
-                            held(:, :, :0, 1), rhs, worst, error)
+              call find_match(table(b), table(block)%degree, face, their_node, corner, g, same, matched)
+              if (known .and. matched) then
+                traction = -tractions%value(same, :, :, faces%interior(f, element))
+              else if (matched) then
+                call mean_tractions(n_bodies, dim, n, n_strains, slots, face%points%n_points, mesh, own, their, face, &
+                                    node, u, size(their_node), table(b)%face(g)%points%n_points, &
+                                    table(b)%face(g)%points, their_node, same, traction, worst, their_worst, error)
+              else
+                kind = element_kind(table(block)%kind)
+                kind = element_kind(kind%face_kind(f))
+                call place_points(table(b)%kind, their_node, kind%corner_kind, corner, face, points, same)
+                call mean_tractions(n_bodies, dim, n, n_strains, slots, face%points%n_points, mesh, own, their, face, &
+                                    node, u, size(their_node), points%n_points, points, their_node, same, traction, &
+                                    worst, their_worst, error)
+              end if
             end if
           end associate
         end if
+        if (allocated(error) .or. .not. worst > 0) return
+        call dgemm('N', 'N', n_bubbles, dim*n_bodies, face%n_points, 1.0_dp, face%value, n_bubbles, traction, &
+                   face%n_points, 1.0_dp, rhs, n_bubbles)
       end associate
-      if (allocated(error) .or. .not. worst > 0) return
     end do
   end subroutine add_faces
 
@@ -160,17 +267,16 @@ contains
     same = [(q, q=1, face%n_points)]
   end subroutine place_points
 
-  !> Add the mean tractions of one face.
-  subroutine add_face(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, mesh, material, their, face, node, u, &
-                      their_n, their_n_points, their_points, their_node, same, held, rhs, worst, error)
+  !> Mean tractions of one face, by areas.
+  subroutine mean_tractions(n_bodies, dim, n, n_strains, slots, n_points, mesh, material, their, face, node, u, &
+                            their_n, their_n_points, their_points, their_node, same, traction, worst, their_worst, &
+                            error, held)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.
     integer, intent(in) :: dim
     !> Number of nodes of the element.
     integer, intent(in) :: n
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
     !> Number of strains.
     integer, intent(in) :: n_strains
     !> Number of gradient slots.
@@ -199,20 +305,24 @@ contains
     integer, intent(in) :: their_node(their_n)
     !> Its point for each point of the face; unused on the boundary (n_points without repetitions).
     integer, intent(in) :: same(:)
-    !> Projections on the held directions of a face of the boundary (dim, dim, n_bodies) [].
-    real(dp), intent(in) :: held(:, :, :)
-    !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
-    real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
+    !> Tractions by areas on the element; undefined with an error, or where `worst` is not positive (n_points without
+    !> repetitions, dim, n_bodies) [force].
+    real(dp), intent(inout) :: traction(:, :, :)
     !> Smallest determinant of the element at the points [volume].
     real(dp), intent(out) :: worst
+    !> That of the element behind, whose stress is 0 where it is not positive; 1 on the boundary [volume].
+    real(dp), intent(out) :: their_worst
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
+    !> Projections on the held directions of a face of the boundary (dim, dim, n_bodies) [].
+    real(dp), intent(in), optional :: held(:, :, :)
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies)
     real(dp), dimension(n_points) :: radius, w, modulus
     real(dp) :: their_inverse(their_n_points, dim, dim), their_stress(their_n_points, n_strains, n_bodies)
     real(dp), dimension(their_n_points) :: their_radius, their_w, their_modulus
-    real(dp) :: their_worst, their_root, share, area(dim), traction(dim), mean(n_strains)
+    real(dp) :: their_root, share, area(dim), mean(n_strains)
     integer :: i, k, q, s
+    their_worst = 1
     call stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material, face%points, node, mesh%x, u, .true., &
                      inverse, radius, w, modulus, stress, worst, error)
     if (allocated(error) .or. .not. worst > 0) return
@@ -222,6 +332,7 @@ contains
                        their_worst, error)
       if (allocated(error)) return
     end if
+    traction = 0
     do q = 1, face%n_points
       ! The normal times the area of the point (Nanson).
       area = w(q)*matmul(face%normal, inverse(q, :, :))
@@ -232,19 +343,17 @@ contains
           share = their_root/(sqrt(modulus(q)) + their_root)
           mean = share*mean + (1 - share)*their_stress(same(q), :, k)
         end if
-        traction = 0
         do s = 1, dim
           do i = 1, dim
-            if (material%form%index(i, s) > 0) traction(i) = traction(i) + area(s)*mean(material%form%index(i, s))
+            if (material%form%index(i, s) > 0) &
+              traction(q, i, k) = traction(q, i, k) + area(s)*mean(material%form%index(i, s))
           end do
         end do
-        if (their_n == 0) traction = matmul(turned(dim, held(:, :, k), area/norm2(area)), traction)
-        do i = 1, dim
-          rhs(:, i, k) = rhs(:, i, k) + traction(i)*face%value(:, q)
-        end do
+        if (present(held)) &
+          traction(q, :, k) = matmul(turned(dim, held(:, :, k), area/norm2(area)), traction(q, :, k))
       end do
     end do
-  end subroutine add_face
+  end subroutine mean_tractions
 
   !> Projection on the directions held at a point of a curved face: where the normal of the face is held, that of the
   !> point is.

@@ -13,6 +13,7 @@ module dotyk_elasticity_residual_check
   use dotyk_elasticity_bubble_table, only: bubble_table_t
   use dotyk_elasticity_cluster_residual, only: cluster_energy, simplex_bubbles_t
   use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_energy
+  use dotyk_elasticity_face_tractions, only: face_tractions_t
   use dotyk_elasticity_flat_clusters, only: flat_clusters_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_point_stress, only: point_material_t
@@ -36,7 +37,8 @@ module dotyk_elasticity_residual_check
 contains
 
   !> Hold the squared errors of elements against their residuals. Bodies with a projected dilatation keep theirs.
-  subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, square, error)
+  subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, face_room, &
+                                square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -53,6 +55,8 @@ contains
     type(bubble_factor_t), intent(inout) :: factor(:)
     !> Memory for factors.
     type(allowance_t), intent(inout) :: room
+    !> Memory for the tractions of faces, while this runs.
+    type(allowance_t), intent(inout) :: face_room
     !> Squared errors of the elements in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(inout) :: square(:, :)
     !> Allocated where the modulus field has no value.
@@ -61,6 +65,7 @@ contains
     type(bubble_table_t), allocatable :: table(:)
     type(simplex_bubbles_t), allocatable :: bubbles(:)
     type(flat_clusters_t) :: clusters
+    type(face_tractions_t) :: tractions
     type(error_t), allocatable :: failure
     real(dp), allocatable :: energy(:, :)
     real(dp) :: matrix(6, 6), lambda, bulk
@@ -91,20 +96,22 @@ contains
       return
     end if
     call clusters%init(mesh, data%faces)
+    call tractions%find(mesh, data%faces, point_material, table, u, any(square > least, dim=1), face_room)
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%field%constant)) &
     !$omp& private(failure, energy, b, e, k) &
-    !$omp& shared(mesh, data, point_material, table, bubbles, clusters, u, least, factor, room, square, error)
+    !$omp& shared(mesh, data, point_material, table, bubbles, tractions, clusters, u, least, factor, room, square, &
+    !$omp& error)
     do c = 1, clusters%n
       associate (own => clusters%element(clusters%first(c):clusters%first(c + 1) - 1))
         if (all(square(:, own) <= least)) cycle
         if (allocated(energy)) deallocate (energy)
         allocate (energy(size(square, 1), size(own)))
         if (size(own) > 1) then
-          call cluster_energy(mesh, data, point_material, table, bubbles, u, own, energy, failure)
+          call cluster_energy(mesh, data, point_material, table, bubbles, tractions, u, own, energy, failure)
         else
-          call residual_energy(mesh, data, point_material, table, u, own(1), factor(own(1)), room, energy(:, 1), &
-                               failure)
+          call residual_energy(mesh, data, point_material, table, tractions, u, own(1), factor(own(1)), room, &
+                               energy(:, 1), failure)
         end if
         if (allocated(failure)) then
           !$omp critical

@@ -6,7 +6,7 @@ module dotyk_linalg_blas
   implicit none
   private
   public :: reserve_blas, set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
-    dgemm, dgemv, dsyrk, dtrsm, dtrsv
+    dgemm, dgemv, dsyrk, dtpsv, dtrsm, dtrsv
 
   interface
     !> C <- alpha op(A) op(B) + beta C.
@@ -91,6 +91,19 @@ module dotyk_linalg_blas
       !> B [any], then X (ldb, n) [alpha B/A].
       real(dp), intent(inout) :: b(ldb, *)
     end subroutine dtrsm
+
+    !> Solve op(A) x = b with a packed triangular matrix.
+    subroutine dtpsv(uplo, trans, diag, n, ap, x, incx)
+      import :: dp
+      !> Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
+      character(1), intent(in) :: uplo, trans, diag
+      !> Order and stride.
+      integer, intent(in) :: n, incx
+      !> The triangle, column by column (n*(n+1)/2) [any].
+      real(dp), intent(in) :: ap(*)
+      !> b [any], then x [b/A].
+      real(dp), intent(inout) :: x(*)
+    end subroutine dtpsv
 
     !> Allocate OpenBLAS's buffers for n concurrent calls, see blas_memory.c.
     subroutine c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
