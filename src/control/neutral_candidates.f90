@@ -4,7 +4,7 @@ module dotyk_control_neutral_candidates
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_linalg_dense, only: complete_basis
+  use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
   use dotyk_scheme_coarse_space, only: contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_neutral_modes, only: neutral_directions, touching_rows
@@ -69,8 +69,8 @@ contains
           own%g(:, j) = own%g(:, j)/scale(j)
           d(:, j) = d(:, j)/scale(j)
         end do
-        call find_directions(problem%modes(b)%components(), own%g(place, :), d, qp%weight(row(place)), own%basis, &
-                             own%n, error)
+        call find_directions(problem%modes(b)%components(), problem%modes(b)%shape, own%g(place, :), d, &
+                             qp%weight(row(place)), own%basis, own%n, error)
         if (allocated(error)) return
       end associate
     end do
@@ -85,9 +85,11 @@ contains
 
   !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
   !> treated one by one.
-  subroutine find_directions(component, g, d, weight, basis, n_neutral, error)
+  subroutine find_directions(component, shape, g, d, weight, basis, n_neutral, error)
     !> Connected component that each mode moves (n_modes).
     integer, intent(in) :: component(:)
+    !> The modes (dim, n_nodes, n_modes) [].
+    real(dp), intent(in) :: shape(:, :, :)
     !> Rows of G and D that are about to touch (n, n_modes) [].
     real(dp), intent(in) :: g(:, :), d(:, :)
     !> Weights of the rows (n) [area].
@@ -108,6 +110,7 @@ contains
       mode = pack([(i, i=1, size(component))], component == p)
       if (size(mode) == 0) cycle
       call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
+      if (.not. allocated(error)) call leave_translations(shape(:, :, mode), direction, error)
       if (allocated(error)) return
       n = size(direction, 2)
       if (allocated(of_component)) deallocate (of_component)
@@ -120,6 +123,38 @@ contains
       last = last - size(mode) + n
     end do
   end subroutine find_directions
+
+  !> Take out of neutral modes the translations that are not neutral themselves: a body whose spin is held may still
+  !> translate, whichever the axis of the contact. Two bodies with a common motion that nothing resists keep it, exactly.
+  subroutine leave_translations(shape, direction, error)
+    !> The modes of a connected component of a body; 0 at the other nodes (dim, n_nodes, n_modes) [].
+    real(dp), intent(in) :: shape(:, :, :)
+    !> Orthonormal combinations of them as columns (n_modes, n) [].
+    real(dp), allocatable, intent(inout) :: direction(:, :)
+    !> As in `find` of `neutral_modes_t`.
+    type(error_t), allocatable, intent(out) :: error
+    !> Cosines above these say that a direction is a translation, and that a translation is neutral.
+    real(dp), parameter :: same = 1 - 1.0e-9_dp, neutral = 0.7_dp
+    real(dp) :: value(size(shape, 1)), vector(size(shape, 1), size(shape, 1)), sums(size(shape, 3), size(shape, 1))
+    real(dp), allocatable :: translation(:, :), cosine(:), turn(:, :), left(:, :)
+    integer :: j, n
+    if (size(direction, 2) == 0) return
+    ! In the orthonormal modes a translation of length 1 at all of the nodes has the norm of the root of their number.
+    sums = transpose(sum(shape, dim=2))/sqrt(real(count(any(any(abs(shape) > 0, dim=3), dim=1)), dp))
+    call right_singular_vectors(sums, value, vector, error)
+    if (allocated(error)) return
+    n = count(value > same .and. value < 2 - same)
+    translation = matmul(sums, vector(:, :n))
+    allocate (cosine(n), turn(n, n), left(size(direction, 1), size(direction, 2)))
+    call right_singular_vectors(matmul(transpose(direction), translation), cosine, turn, error)
+    if (allocated(error)) return
+    translation = matmul(translation, turn)
+    left = direction
+    do j = 1, n
+      if (cosine(j) < neutral) left = left - matmul(translation(:, j:j), matmul(transpose(translation(:, j:j)), left))
+    end do
+    call orthonormal_range(left, 0.0_dp, direction, n)
+  end subroutine leave_translations
 
   !> Bodies that move far along neutral modes where nothing else moves as far: a hinge that swings by mesh noise, less
   !> than its facets are long and more than anything yields.

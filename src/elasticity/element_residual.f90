@@ -19,7 +19,7 @@ module dotyk_elasticity_element_residual
   use dotyk_elasticity_face_tractions, only: add_faces, face_tractions_t
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_point_stress, only: point_material_t, stresses_at
-  use dotyk_linalg_blas, only: dgemm, dtpsv, dtrsm
+  use dotyk_linalg_blas, only: dgemm, dtpsv
   use dotyk_linalg_lapack, only: dpotrf
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -53,7 +53,7 @@ module dotyk_elasticity_element_residual
     !> Its lower triangle, column by column; not allocated where it is not kept (m(m+1)/2) [sqrt(force/length)].
     real(dp), allocatable :: column(:)
   contains
-    procedure :: keep => factor_keep
+    procedure :: pack => factor_pack
     procedure :: solve => factor_solve
   end type bubble_factor_t
 
@@ -61,26 +61,23 @@ module dotyk_elasticity_element_residual
 
 contains
 
-  !> Keep a factor, where there is room.
-  subroutine factor_keep(self, m, matrix, room)
+  !> Pack a factor.
+  subroutine factor_pack(self, m, matrix)
     class(bubble_factor_t), intent(inout) :: self
     !> Order.
     integer, intent(in) :: m
     !> The factor in its lower triangle (m, m) [sqrt(force/length)].
     real(dp), intent(in) :: matrix(m, m)
-    !> Memory for factors.
-    type(allowance_t), intent(inout) :: room
     integer :: j, k
-    if (.not. room%take(4_int64*m*(m + 1))) return
     allocate (self%column(m*(m + 1)/2))
     k = 0
     do j = 1, m
       self%column(k + 1:k + m - j + 1) = matrix(j:, j)
       k = k + m - j + 1
     end do
-  end subroutine factor_keep
+  end subroutine factor_pack
 
-  !> X <- L^{-1} X with the factor that was kept.
+  !> X <- L^{-1} X.
   subroutine factor_solve(self, x)
     class(bubble_factor_t), intent(in) :: self
     !> Right-hand sides in, solutions out (m, n_bodies) [force].
@@ -115,6 +112,7 @@ contains
     real(dp), intent(out) :: square(:)
     !> Allocated where the modulus field has no value.
     type(error_t), allocatable, intent(out) :: error
+    type(bubble_factor_t) :: packed
     real(dp), allocatable :: matrix(:, :), rhs(:, :)
     integer :: m, info
     square = 0
@@ -129,8 +127,9 @@ contains
       call dpotrf('L', m, matrix, m, info)
       ! An element so flat that its bubbles are dependent has no local answer: its recovered strains alone count.
       if (info /= 0) return
-      call factor%keep(m, matrix, room)
-      call dtrsm('L', 'L', 'N', 'N', m, size(rhs, 2), 1.0_dp, matrix, m, rhs, m)
+      call packed%pack(m, matrix)
+      call packed%solve(rhs)
+      if (room%take(8_int64*size(packed%column))) call move_alloc(packed%column, factor%column)
     end if
     m = size(rhs, 1)
     square = sum(sum(reshape(rhs**2, [m/mesh%dimension, mesh%dimension, size(rhs, 2)]), dim=1), dim=1)
