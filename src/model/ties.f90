@@ -23,6 +23,9 @@ module dotyk_model_ties
 
   !> Surfaces are tied up to this distance, in facets [].
   real(dp), parameter :: most_distant = 0.5_dp
+  !> The rotated side of a sector lies on the other one up to this fraction of a facet: what facets of curved sides are
+  !> apart.
+  real(dp), parameter :: most_off_sector = 0.1_dp
   !> Length of the mean of unit normals over a flat surface, at least [].
   real(dp), parameter :: nearly_flat = 0.9999_dp
   !> Greatest number of corners of a facet.
@@ -208,6 +211,12 @@ contains
           matmul(turn(:d, :d), turned%x - spread(given%centre(:d), 2, size(turned%x, 2)))
         call discretize_tie(body_a%mesh, tie%surface_a, turned, tie%surface_b, settings, of_component, &
                             tie%normal(:d), tie%distance, error, turn(:d, :d))
+        if (.not. allocated(error) .and. tie%distance > most_off_sector*tie%facet_size) &
+          call set_error(error, '&tie '//quoted(given%name)//': surface_b '//quoted(given%surface_b)// &
+                         ', rotated by angle='//to_text(given%angle)//' about axis through centre, is up to '// &
+                         to_text(tie%distance, 3)//' from surface_a '//quoted(given%surface_a)// &
+                         ', on which it has to lie (facets of '//to_text(tie%facet_size, 3)// &
+                         '): the angle of one of n sectors is 360/n degrees, positive or negative', exit_bad_input)
       else
         call discretize_tie(body_a%mesh, tie%surface_a, body_b%mesh, tie%surface_b, settings, of_component, &
                             tie%normal(:d), tie%distance, error)

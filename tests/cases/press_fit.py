@@ -111,5 +111,30 @@ class PressFit(dotyk_case.Case):
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10), order=1)
         self.check(file, pressure, 8e-3, 2e-2)
 
+    def test_whole_rings(self):
+        """Held along the axis alone: both rings may move together across it, and spin. The meshes are unstructured, so
+        that the axis of the contact is beside their centres."""
+        lines = ['SetFactory("OpenCASCADE");', "Mesh.MeshSizeMax = 10; Mesh.MeshSizeFromCurvature = 24; Mesh.ElementOrder = 2; Mesh.HighOrderOptimize = 2;"]
+        for number, name, inner, outer in (1, "shaft", 10, 20), (2, "ring", 20, 40):
+            lines += ["Cylinder(%d) = {0, 0, 0, 0, 0, 20, %d}; Cylinder(%d) = {0, 0, 0, 0, 0, 20, %d};"
+                      % (number, outer, number + 10, inner),
+                      "BooleanDifference(%d) = { Volume{%d}; Delete; }{ Volume{%d}; Delete; };"
+                      % (number + 20, number, number + 10),
+                      'Physical Volume("%s") = {%d};' % (name, number + 20)]
+        lines += ['Physical Surface("low") = Surface In BoundingBox {-50, -50, -0.1, 50, 50, 0.1};', ""]
+        self.write("rings.geo", "\n".join(lines))
+        self.write("rings.nml", """&scene mesh='rings.geo' /
+&material name='steel', young=210e3, poisson=0.3 /
+&body name='shaft', volume='shaft', material='steel' /
+&body name='ring', volume='ring', material='steel' /
+&support body='*', surface='low', fix='z' /
+&contact name='fit', auto=.true., gap=-0.024 /
+""")
+        self.assertIn("neutral modes", self.dotyk("rings.nml"))
+        fit = next(iter(self.results("rings.vtkhdf")["dotyk/contact"].values()))
+        w, p = fit["weight"][:], fit["pressure"][:]
+        lame = 0.024 / (2 * 20.0**3 * (40**2 - 10**2) / (210e3 * (20**2 - 10**2) * (40**2 - 20**2)))
+        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / lame, 1, delta=0.01)
+
 
 dotyk_case.main()

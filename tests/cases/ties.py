@@ -257,6 +257,24 @@ class Ties(Case):
         for place, value in pressure[0].items():
             self.assertAlmostEqual(value / peak, pressure[1][place] / peak, delta=1e-8, msg=place)
 
+    def test_sector_of_another_angle(self):
+        text = "\n".join(["Point(1) = {1, 0, 0};", "w() = Extrude {1, 0, 0} { Point{1}; Layers{4}; };",
+                          "f() = Extrude {{0, 0, 1}, {0, 0, 0}, Pi/6} { Curve{w(1)}; Layers{3}; Recombine; };",
+                          'Physical Surface("ring") = {f(1)};', 'Physical Curve("a") = {w(1)};',
+                          'Physical Curve("b") = {Abs(f(0))};', 'Physical Curve("in") = {Abs(f(3))};', ""])
+        self.write("sector.geo", text)
+        lines = ["&scene mesh='sector.geo', analysis='plane_stress' /", MATERIAL, "&body name='ring', volume='ring', material='steel' /",
+                 "&tie name='sides', surface_a='ring:a', surface_b='ring:b', angle=%s /",
+                 "&load body='ring', surface='in', pressure=1 /"]
+        for angle, code in (-30, 0), (-31, 2), (-29, 2):
+            with self.subTest(angle=angle):
+                name = "turned %d" % angle
+                log = self.solve(name, ["\n".join(lines) % angle], code=code)
+                if code:
+                    for words in ":4: ", "'sides'", "angle=%d" % angle, "'b'", "'a'", "360/n":
+                        self.assertIn(words, log)
+                    self.assertFalse((self.folder / (name + ".vtkhdf")).exists())
+
     def test_refused(self):
         lines = self.two_blocks("hex8", "hex8", 1, 2)
         lines = [lines[0], MATERIAL, *(line % "" for line in lines[1:]), "&support body='low', surface='bottom', fix='xyz' /"]
