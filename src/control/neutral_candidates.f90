@@ -5,7 +5,7 @@ module dotyk_control_neutral_candidates
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
-  use dotyk_scheme_coarse_space, only: contact_modes_t, mode_block_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_neutral_modes, only: neutral_directions, touching_rows
   implicit none
@@ -33,18 +33,20 @@ module dotyk_control_neutral_candidates
 contains
 
   !> The neutral modes of each body, the others at rest.
-  subroutine find_candidates(problem, modes, qp, deviation, angle, stiffness, candidate, error)
+  subroutine find_candidates(problem, modes, coarse, qp, deviation, angle, stiffness, candidate, error)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
     !> The modes at the contact nodes (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
-    !> The quadratic programme with all modes.
+    !> Rows of all of them.
+    type(coarse_space_t), intent(in) :: coarse
+    !> The quadratic programme, the modes of tied bodies 0.
     type(contact_qp_t), intent(in) :: qp
     !> D by bodies, in the scale of the modes of the QP (n_bodies) [].
     type(mode_block_t), intent(in) :: deviation(:)
     !> Deviation of the normals of each row (n_rows) [].
     real(dp), intent(in) :: angle(:)
-    !> Stiffness of the Winkler foundation (n_rows) [force/length].
+    !> Stiffness of the Winkler foundation; 0 for ties (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
     !> Their modes, with the neutral ones first (n_bodies).
     type(candidate_t), intent(inout) :: candidate(:)
@@ -58,12 +60,12 @@ contains
     call touching_rows(qp, deviation, angle, stiffness, touching)
     do b = 1, size(modes)
       if (.not. floats(modes(b))) cycle
-      associate (row => qp%block(b)%row, scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1), &
+      associate (row => qp%block(b)%row, scale => coarse%scale(coarse%first(b):coarse%first(b + 1) - 1), &
                  own => candidate(b))
-        place = pack([(i, i=1, size(row))], touching(row))
+        place = pack([(i, i=1, size(row))], touching(row) .and. stiffness(row) > 0)
         if (size(place) == 0) cycle
         own%element_size = sum(qp%weight(row(place))**(1.0_dp/(qp%dimension - 1)))/size(place)
-        own%g = qp%coarse%block(b)%value
+        own%g = coarse%block(b)%value
         d = deviation(b)%value(place, :)
         do j = 1, size(scale)
           own%g(:, j) = own%g(:, j)/scale(j)

@@ -5,6 +5,9 @@
 !> Winkler foundation, which is known before, in the solution, or where the scheme finds none; the contact is solved
 !> again then. The body does not move along it, and its forces need not be in equilibrium along it. The compliance
 !> operator is the Moore-Penrose inverse, so that it distributes the resultant that is left over over the body.
+!>
+!> Motions of tied bodies are those of several bodies, which nobody looks for: they are at rest in the equilibria on the
+!> foundation, and never held. Where one moves far along a neutral mode of its own the solution is none.
 module dotyk_control_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -27,7 +30,9 @@ module dotyk_control_neutral_modes
     type(candidate_t), allocatable, private :: candidate(:)
     !> All modes at the contact nodes; not allocated where nothing floats on curved surfaces (n_bodies).
     type(contact_modes_t), allocatable, private :: modes(:)
-    !> Stiffness of the Winkler foundation (n_rows) [force/length].
+    !> Bodies that ties hold (n_bodies).
+    logical, allocatable, private :: is_tied(:)
+    !> Stiffness of the Winkler foundation; 0 for ties (n_rows) [force/length].
     real(dp), allocatable, private :: stiffness(:)
     !> The latest equilibrium on it: amplitudes of all modes of `modes`, body after body (n_modes) [length].
     real(dp), allocatable, private :: motion(:)
@@ -79,25 +84,34 @@ contains
     !> An entry is not finite, or LAPACK's singular value decomposition does not converge.
     type(error_t), allocatable, intent(out) :: error
     type(mode_block_t), allocatable :: deviation(:)
+    type(coarse_space_t) :: coarse
     real(dp), allocatable :: angle(:), force(:), alpha(:)
-    integer :: b
+    integer :: b, k
     ! A scene may be factorized twice.
     if (allocated(problem%neutral)) deallocate (problem%neutral)
     allocate (problem%neutral(size(problem%body)), self%candidate(size(problem%body)))
-    ! Those of tied bodies are motions of several bodies, which nobody looks for.
-    if (qp%n_rows == 0 .or. problem%n_ties() > 0) return
+    if (qp%n_rows == 0) return
+    allocate (self%is_tied(size(modes)), source=.false.)
+    do k = 1, problem%n_ties()
+      self%is_tied([problem%tie(k)%component(1)%body_a, problem%tie(k)%component(1)%body_b]) = .true.
+    end do
     if (.not. any([(floats(modes(b)), b=1, size(modes))])) return
     call find_deviations(problem, qp, modes, deviation, angle)
     if (.not. any(angle > flat)) return
     self%modes = modes
     self%stiffness = qp%weight/(qp%foundation + theta)
-    call find_candidates(problem, modes, qp, deviation, angle, self%stiffness, self%candidate, error)
-    if (allocated(error)) return
-    if (all(self%candidate%n == 0)) return
-    allocate (force(qp%n_rows), alpha(qp%coarse%n))
-    call rest_on_foundation(qp, self%stiffness, force, alpha, kept=self%kept)
-    if (allocated(self%kept%alpha)) self%kept%alpha = qp%coarse%scale*self%kept%alpha
-    self%motion = qp%coarse%scale*alpha
+    self%stiffness(sum(problem%pair%n_rows) + 1:) = 0
+    coarse = qp%coarse
+    if (any(self%is_tied)) call replace_modes(self%modes, self%is_tied, qp)
+    call find_candidates(problem, modes, coarse, qp, deviation, angle, self%stiffness, self%candidate, error)
+    if (.not. allocated(error) .and. any(self%candidate%n > 0)) then
+      allocate (force(qp%n_rows), alpha(qp%coarse%n))
+      call rest_on_foundation(qp, self%stiffness, force, alpha, kept=self%kept)
+      if (allocated(self%kept%alpha)) self%kept%alpha = qp%coarse%scale*self%kept%alpha
+      self%motion = qp%coarse%scale*alpha
+    end if
+    if (any(self%is_tied)) call replace_modes(self%modes, [(.false., b=1, size(modes))], qp)
+    if (.not. allocated(self%motion)) return
     call self%hold(self%moved_far(self%motion), problem, qp)
   end subroutine neutral_find
 
@@ -128,7 +142,7 @@ contains
     end do
   end function neutral_moved_far
 
-  !> Hold the neutral modes of some bodies, but for loaded directions.
+  !> Hold the neutral modes of some bodies that no tie holds, but for loaded directions.
   subroutine neutral_hold(self, chosen, problem, qp)
     class(neutral_modes_t), intent(inout) :: self
     !> The bodies; those that are held already stay as they are (n_bodies).
@@ -139,10 +153,10 @@ contains
     type(contact_qp_t), intent(inout) :: qp
     logical :: is_new(size(chosen))
     integer :: b
-    is_new = chosen .and. self%candidate%n_held == 0 .and. self%candidate%n > 0
+    is_new = chosen .and. .not. self%is_tied .and. self%candidate%n_held == 0 .and. self%candidate%n > 0
     if (.not. any(is_new)) return
     where (is_new) self%candidate%n_held = self%candidate%n
-    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate, self%motion, self%kept)
+    call release_loaded(self%modes, self%is_tied, self%stiffness, is_new, qp, self%candidate, self%motion, self%kept)
     do b = 1, size(chosen)
       associate (own => self%candidate(b))
         if (.not. is_new(b) .or. own%n_held == 0) cycle
@@ -217,6 +231,8 @@ contains
       end associate
     end do
     problem%neutral%moved_far = self%moved_far(state%alpha)
+    if (any(self%is_tied)) problem%neutral%moved_far = problem%neutral%moved_far .or. &
+      self%is_tied .and. moved_beyond_others(self%candidate, problem, qp, state%y, state%alpha)
     problem%neutral%n_free = self%candidate%n - self%candidate%n_held
     if (state%ended /= ended_converged) return
     if (any(problem%neutral%left_over > largest_left_over)) state%ended = ended_unbalanced
@@ -225,9 +241,11 @@ contains
 
   !> Release directions along which loads and contact forces are not in equilibrium by far: they are no noise. The
   !> forces are those of rigid bodies on a Winkler foundation.
-  subroutine release_loaded(modes, stiffness, may_release, qp, candidate, motion, kept)
+  subroutine release_loaded(modes, is_tied, stiffness, may_release, qp, candidate, motion, kept)
     !> The modes at the contact nodes, all of them (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
+    !> Bodies that ties hold, at rest here (n_bodies).
+    logical, intent(in) :: is_tied(:)
     !> Stiffness of the foundation (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
     !> Bodies whose modes may be released (n_bodies).
@@ -241,7 +259,6 @@ contains
     !> An iterate on the way to it, its amplitudes those of `modes`; nothing where there is none.
     type(point_t), intent(inout) :: kept
     type(contact_modes_t) :: trial(size(modes))
-    type(coarse_space_t) :: coarse
     real(dp), allocatable :: along(:), turn(:, :), alpha(:)
     real(dp) :: force(qp%n_rows), most, length
     integer :: pass, b, n_released
@@ -253,8 +270,7 @@ contains
       do b = 1, size(modes)
         if (candidate(b)%n_held > 0) call hold_modes(candidate(b), trial(b))
       end do
-      call coarse%init(qp%block, qp%n_rows, trial)
-      call qp%replace_modes(coarse)
+      call replace_modes(trial, is_tied, qp)
       if (pass == most_passes .or. is_last) exit
       if (allocated(kept%alpha)) kept%alpha = amplitudes_of(kept%alpha, candidate, qp%coarse)
       call rest_on_foundation(qp, stiffness, force, alpha, amplitudes_of(motion, candidate, qp%coarse), kept)
@@ -283,7 +299,29 @@ contains
       if (n_released == 0) exit
       is_last = qp%coarse%n >= many_modes .and. n_released <= few*sum(candidate%n_held)
     end do
+    if (any(is_tied)) call replace_modes(trial, [(.false., b=1, size(modes))], qp)
   end subroutine release_loaded
+
+  !> Give the QP other modes, or those of some bodies none.
+  subroutine replace_modes(modes, at_rest, qp)
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> Bodies that do not move (n_bodies).
+    logical, intent(in) :: at_rest(:)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(inout) :: qp
+    type(contact_modes_t) :: moving(size(modes))
+    type(coarse_space_t) :: coarse
+    integer :: b
+    moving = modes
+    do b = 1, size(modes)
+      if (.not. at_rest(b)) cycle
+      moving(b)%displacement = 0
+      moving(b)%resultant = 0
+    end do
+    call coarse%init(qp%block, qp%n_rows, moving)
+    call qp%replace_modes(coarse)
+  end subroutine replace_modes
 
   !> Amplitudes of the modes of a QP, some of them held, that come next to a motion.
   function amplitudes_of(motion, candidate, coarse) result(alpha)

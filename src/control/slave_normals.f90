@@ -28,14 +28,16 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The modes at the contact nodes (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
-    !> D by bodies, in the scale of the modes of the QP; not allocated where no normal deviates (n_bodies) [].
+    !> D by bodies, in the scale of the modes of the QP, 0 for rows of ties; not allocated where no normal
+    !> deviates (n_bodies) [].
     type(mode_block_t), allocatable, intent(out) :: deviation(:)
     !> Deviation of the normals of each row (n_rows) [].
     real(dp), allocatable, intent(out) :: angle(:)
     type(contact_pair_t), allocatable :: pair(:)
     type(contact_operator_t) :: operator
     integer :: b, j, k
-    allocate (angle(qp%n_rows), pair(size(problem%pair)))
+    allocate (angle(qp%n_rows), source=0.0_dp)
+    allocate (pair(size(problem%pair)))
     do k = 1, size(pair)
       pair(k) = problem%pair(k)
       call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
@@ -47,15 +49,16 @@ contains
     call build_operator(qp%dimension, size(problem%body), pair, problem%surface_a, problem%surface_b, operator)
     allocate (deviation(size(modes)))
     do b = 1, size(modes)
-      associate (of_body => deviation(b), n => size(modes(b)%resultant))
-        allocate (of_body%value(size(qp%block(b)%row), n))
+      associate (of_body => deviation(b), n => size(modes(b)%resultant), n_contact => size(operator%block(b)%row))
+        allocate (of_body%value(size(qp%block(b)%row), n), source=0.0_dp)
         do j = 1, n
-          if (size(qp%block(b)%row) == 0) cycle
+          ! Rows of ties come behind those of contact.
+          if (n_contact == 0) cycle
           associate (scale => qp%coarse%scale(qp%coarse%first(b) + j - 1))
-            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:, j))
+            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:n_contact, j))
           end associate
         end do
-        of_body%value = of_body%value - qp%coarse%block(b)%value
+        of_body%value(:n_contact, :) = of_body%value(:n_contact, :) - qp%coarse%block(b)%value(:n_contact, :)
       end associate
     end do
   end subroutine find_deviations

@@ -214,6 +214,7 @@ contains
         coarse%block(g)%value = matmul(group(g)%g_c, group(g)%free)
       end do
       coarse%n = coarse%first(size(group) + 1) - 1
+      coarse%holds_modes = qp%coarse%holds_modes
       allocate (coarse%scale(coarse%n), source=1.0_dp)
       coarse%resultant = of_groups(qp%coarse%resultant, with_tensions=.true.)
       if (.not. allocated(qp%coarse%stiffness)) return

@@ -111,9 +111,9 @@ class PressFit(dotyk_case.Case):
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10), order=1)
         self.check(file, pressure, 8e-3, 2e-2)
 
-    def test_whole_rings(self):
-        """Held along the axis alone: both rings may move together across it, and spin. The meshes are unstructured, so
-        that the axis of the contact is beside their centres."""
+    def rings(self, support, more):
+        """A whole ring shrunk on a hollow shaft: mean pressure by Lame's, and the pressures. The meshes are unstructured,
+        so that the axis of the contact is beside the centres of the bodies."""
         lines = ['SetFactory("OpenCASCADE");', "Mesh.MeshSizeMax = 10; Mesh.MeshSizeFromCurvature = 24; Mesh.ElementOrder = 2; Mesh.HighOrderOptimize = 2;"]
         for number, name, inner, outer in (1, "shaft", 10, 20), (2, "ring", 20, 40):
             lines += ["Cylinder(%d) = {0, 0, 0, 0, 0, 20, %d}; Cylinder(%d) = {0, 0, 0, 0, 0, 20, %d};"
@@ -121,20 +121,38 @@ class PressFit(dotyk_case.Case):
                       "BooleanDifference(%d) = { Volume{%d}; Delete; }{ Volume{%d}; Delete; };"
                       % (number + 20, number, number + 10),
                       'Physical Volume("%s") = {%d};' % (name, number + 20)]
-        lines += ['Physical Surface("low") = Surface In BoundingBox {-50, -50, -0.1, 50, 50, 0.1};', ""]
+        lines += ['Physical Surface("low") = Surface In BoundingBox {-50, -50, -0.1, 50, 50, 0.1};',
+                  'Physical Surface("joint") = Surface In BoundingBox {-20.1, -20.1, -0.1, 20.1, 20.1, 20.1};', ""]
         self.write("rings.geo", "\n".join(lines))
         self.write("rings.nml", """&scene mesh='rings.geo' /
 &material name='steel', young=210e3, poisson=0.3 /
 &body name='shaft', volume='shaft', material='steel' /
 &body name='ring', volume='ring', material='steel' /
-&support body='*', surface='low', fix='z' /
-&contact name='fit', auto=.true., gap=-0.024 /
-""")
-        self.assertIn("neutral modes", self.dotyk("rings.nml"))
-        fit = next(iter(self.results("rings.vtkhdf")["dotyk/contact"].values()))
-        w, p = fit["weight"][:], fit["pressure"][:]
+&contact name='fit', surface_a='shaft:joint', surface_b='ring:joint', gap=-0.024 /
+&support body='ring', surface='low', fix='z' /
+&support body='shaft', surface='low', fix='%s' /
+%s
+""" % (support, more))
+        log = self.dotyk("rings.nml")
+        self.assertIn("rotation about the axis (0, 0, 1)", log)
+        pairs = list(self.results("rings.vtkhdf")["dotyk/contact"].values())
+        x, w, p = (np.concatenate([pair[name][:] for pair in pairs]) for name in ("position", "weight", "pressure"))
         lame = 0.024 / (2 * 20.0**3 * (40**2 - 10**2) / (210e3 * (20**2 - 10**2) * (40**2 - 20**2)))
-        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / lame, 1, delta=0.01)
+        return np.sum(w * p) / np.sum(w) / lame, {tuple(np.round(x, 6) + 0.0): p for x, p in zip(x, p)}
+
+    def test_rings_that_float_together(self):
+        """Held along the axis alone, they may move together across it, and spin."""
+        mean, _ = self.rings("z", "")
+        self.assertAlmostEqual(mean, 1, delta=0.01)
+
+    def test_ring_on_a_cut_shaft(self):
+        """The ring may spin on the shaft, which is held. A cut by a bolt that is not tightened changes nothing."""
+        _, whole = self.rings("xyz", "")
+        _, cut = self.rings("xyz", "&bolt name='cut', body='shaft', point=0,0,11, normal=0,0,1, shortening=0 /")
+        self.assertEqual(cut.keys(), whole.keys())
+        for place, pressure in whole.items():
+            # Rows of both halves at the cut know the axis that is held to that.
+            self.assertAlmostEqual(cut[place] / pressure, 1, delta=1e-5, msg=place)
 
 
 dotyk_case.main()
