@@ -1,9 +1,9 @@
 !> The neutral modes of each floating body (`dotyk_scheme_neutral_modes`), the other bodies at rest, and how far a
-!> solution moves along them.
+!> solution moves along them and is out of balance there.
 module dotyk_control_neutral_candidates
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
   use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -24,7 +24,7 @@ module dotyk_control_neutral_candidates
     real(dp) :: element_size = 0
   end type candidate_t
 
-  public :: find_candidates, floats, moved_beyond_others
+  public :: find_candidates, floats, left_over, moved_beyond_others
 
   !> Motions along neutral modes that are larger than all other displacements by this factor have no cause but the
   !> errors of the mesh.
@@ -127,7 +127,7 @@ contains
   end subroutine find_directions
 
   !> Take out of neutral modes the translations that are not neutral themselves: a body whose spin is held may still
-  !> translate, whichever the axis of the contact. Two bodies with a common motion that nothing resists keep it, exactly.
+  !> translate, whichever the axis of the contact. Two bodies with a common motion that nothing resists keep it exactly.
   subroutine leave_translations(shape, direction, error)
     !> The modes of a connected component of a body; 0 at the other nodes (dim, n_nodes, n_modes) [].
     real(dp), intent(in) :: shape(:, :, :)
@@ -216,4 +216,28 @@ contains
       largest = max(largest, norm2(u))
     end do
   end function largest
+
+  !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
+  pure real(dp) function left_over(neutral, shape, lambda) result(fraction)
+    !> Neutral modes of the body; there is one.
+    type(neutral_body_t), intent(in) :: neutral
+    !> Modes of the body (dimension, n_nodes, n_modes) [].
+    real(dp), intent(in) :: shape(:, :, :)
+    !> Contact forces of the rows of the body (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    real(dp) :: along(neutral%n), u(size(shape, 1)), most
+    integer :: i, k
+    fraction = 0
+    along = neutral%resultant - matmul(lambda, neutral%at_rows)
+    if (.not. norm2(along) > 0) return
+    most = 0
+    do i = 1, size(shape, 2)
+      u = 0
+      do k = 1, neutral%n
+        u = u + along(k)*shape(:, i, k)
+      end do
+      most = max(most, norm2(u))
+    end do
+    fraction = sum(along**2)/most/max(tiny(most), sum(lambda))
+  end function left_over
 end module dotyk_control_neutral_candidates

@@ -11,8 +11,9 @@
 module dotyk_control_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
-  use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, moved_beyond_others
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, left_over, &
+    moved_beyond_others
   use dotyk_control_slave_normals, only: find_deviations
   use dotyk_linalg_dense, only: complete_basis
   use dotyk_scheme_centrality, only: point_t
@@ -379,28 +380,4 @@ contains
     modes%displacement(:, :candidate%n_held) = 0
     modes%resultant(:candidate%n_held) = 0
   end subroutine hold_modes
-
-  !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
-  pure real(dp) function left_over(neutral, shape, lambda) result(fraction)
-    !> Neutral modes of the body; there is one.
-    type(neutral_body_t), intent(in) :: neutral
-    !> Modes of the body (dimension, n_nodes, n_modes) [].
-    real(dp), intent(in) :: shape(:, :, :)
-    !> Contact forces of the rows of the body (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    real(dp) :: along(neutral%n), u(size(shape, 1)), most
-    integer :: i, k
-    fraction = 0
-    along = neutral%resultant - matmul(lambda, neutral%at_rows)
-    if (.not. norm2(along) > 0) return
-    most = 0
-    do i = 1, size(shape, 2)
-      u = 0
-      do k = 1, neutral%n
-        u = u + along(k)*shape(:, i, k)
-      end do
-      most = max(most, norm2(u))
-    end do
-    fraction = sum(along**2)/most/max(tiny(most), sum(lambda))
-  end function left_over
 end module dotyk_control_neutral_modes
