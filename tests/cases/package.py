@@ -266,6 +266,19 @@ class Runs(dotyk_case.Case):
         self.assertEqual((results.converged, results.status), (False, "max_iterations"))
         self.assertEqual(results.summary["iterations"], len(results.history["energy"]))
 
+    def test_halves_of_a_body(self):
+        scene = column()
+        scene.bolt(name="cut", body="lower", point=[0, 0, 0.5], normal=[0, 0, 1], shortening=0)
+        results = dotyk.run(scene, self.case)
+        self.assertEqual(list(results.bodies), ["lower (1)", "lower (2)", "upper"])
+        whole = dotyk.run(column(), self.folder / "whole.vtkhdf")
+        np.testing.assert_allclose(results.bodies["upper"].displacement, whole.bodies["upper"].displacement, atol=1e-9)
+        self.assertEqual(results.ties["names"].splitlines(), ["cut"])
+        self.assertEqual(results.ties["shortening"].shape, (1,))
+        scene.case(name="one")
+        scene.case(name="two")
+        self.assertIn("lower (2)", dotyk.run(scene, self.case).case("two").bodies)
+
     def test_status_of_load_cases(self):
         scene = column(**{**ENDLESS, "max_iterations": 3})
         scene.case(name="idle")

@@ -219,8 +219,9 @@ class Results:
         return Record(groups[name])
 
     supports = property(lambda self: self.record('supports'), doc="""Reactions, one entry per support: force, moment, body, ...; Record.
-        Its names are .supports['names'].splitlines(), likewise those of the next two.""")
+        Its names are .supports['names'].splitlines(), likewise those of the next three.""")
     loads = property(lambda self: self.record('loads'), doc='Resultants of the loads: force, moment, body, ...; Record.')
+    ties = property(lambda self: self.record('ties'), doc='Ties and bolts: force, moment, tension, shortening, ...; Record.')
     forces = property(lambda self: self.record('bodies'), doc='Sums of forces on each body, and strain energies; Record.')
 
     @property
@@ -246,9 +247,10 @@ class Results:
 
     @functools.cached_property
     def bodies(self):
-        """The bodies by name, in the order of the scene: {name: Body}."""
+        """The bodies by name, in the order of the scene: {name: Body}. Of a body that a &bolt cuts both halves, 'name (1)' and 'name (2)'."""
         grid = self.file['VTKHDF']
-        names = [name for name, _ in self.scene.bodies()]
+        root = self.file['dotyk/cases'][self.cases[0]] if self.cases else self._root
+        names = _plain(root['bodies'].attrs['names']).splitlines() if 'bodies' in root else [name for name, _ in self.scene.bodies()]
         ranges = []
         for what in ('Points', 'Cells', 'ConnectivityIds'):
             ends = np.cumsum(grid['NumberOf' + what][:]).tolist()
