@@ -55,7 +55,7 @@ contains
     real(dp), allocatable :: d(:, :)
     logical, allocatable :: touching(:)
     integer, allocatable :: place(:)
-    integer :: b, i, j
+    integer :: b, i, j, n_nodes
     allocate (touching(qp%n_rows))
     call touching_rows(qp, deviation, angle, stiffness, touching)
     do b = 1, size(modes)
@@ -71,8 +71,10 @@ contains
           own%g(:, j) = own%g(:, j)/scale(j)
           d(:, j) = d(:, j)/scale(j)
         end do
-        call find_directions(problem%modes(b)%components(), problem%modes(b)%shape, own%g(place, :), d, &
-                             qp%weight(row(place)), own%basis, own%n, error)
+        ! Ranks know the nodes of their parts of a body that is split.
+        n_nodes = merge(0, size(problem%modes(b)%shape, 2), allocated(problem%body(b)%own_equation))
+        call find_directions(problem%modes(b)%components(), problem%modes(b)%shape(:, :n_nodes, :), own%g(place, :), &
+                             d, qp%weight(row(place)), own%basis, own%n, error)
         if (allocated(error)) return
       end associate
     end do
@@ -129,7 +131,8 @@ contains
   !> Take out of neutral modes the translations that are not neutral themselves: a body whose spin is held may still
   !> translate, whichever the axis of the contact. Two bodies with a common motion that nothing resists keep it exactly.
   subroutine leave_translations(shape, direction, error)
-    !> The modes of a connected component of a body; 0 at the other nodes (dim, n_nodes, n_modes) [].
+    !> The modes of a connected component of a body, 0 at the other nodes; nothing is done without nodes (dim, n_nodes,
+    !> n_modes) [].
     real(dp), intent(in) :: shape(:, :, :)
     !> Orthonormal combinations of them as columns (n_modes, n) [].
     real(dp), allocatable, intent(inout) :: direction(:, :)
@@ -140,7 +143,7 @@ contains
     real(dp) :: value(size(shape, 1)), vector(size(shape, 1), size(shape, 1)), sums(size(shape, 3), size(shape, 1))
     real(dp), allocatable :: translation(:, :), cosine(:), turn(:, :), left(:, :)
     integer :: j, n
-    if (size(direction, 2) == 0) return
+    if (size(direction, 2) == 0 .or. size(shape, 2) == 0) return
     ! In the orthonormal modes a translation of length 1 at all of the nodes has the norm of the root of their number.
     sums = transpose(sum(shape, dim=2))/sqrt(real(count(any(any(abs(shape) > 0, dim=3), dim=1)), dp))
     call right_singular_vectors(sums, value, vector, error)
