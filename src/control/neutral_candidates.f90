@@ -5,6 +5,8 @@ module dotyk_control_neutral_candidates
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
   use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: item_t, share
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_neutral_modes, only: neutral_directions, touching_rows
@@ -54,10 +56,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: d(:, :)
     logical, allocatable :: touching(:)
+    type(item_t) :: of_body(size(modes))
+    real(dp), allocatable :: translation(:, :)
     integer, allocatable :: place(:)
-    integer :: b, i, j, n_nodes
+    integer :: b, i, j
     allocate (touching(qp%n_rows))
     call touching_rows(qp, deviation, angle, stiffness, touching)
+    call find_translations(problem, of_body)
     do b = 1, size(modes)
       if (.not. floats(modes(b))) cycle
       associate (row => qp%block(b)%row, scale => coarse%scale(coarse%first(b):coarse%first(b + 1) - 1), &
@@ -71,10 +76,9 @@ contains
           own%g(:, j) = own%g(:, j)/scale(j)
           d(:, j) = d(:, j)/scale(j)
         end do
-        ! Ranks know the nodes of their parts of a body that is split.
-        n_nodes = merge(0, size(problem%modes(b)%shape, 2), allocated(problem%body(b)%own_equation))
-        call find_directions(problem%modes(b)%components(), problem%modes(b)%shape(:, :n_nodes, :), own%g(place, :), &
-                             d, qp%weight(row(place)), own%basis, own%n, error)
+        translation = reshape(of_body(b)%value, [size(scale), size(of_body(b)%value)/size(scale)])
+        call find_directions(problem%modes(b)%components(), translation, own%g(place, :), d, qp%weight(row(place)), &
+                             own%basis, own%n, error)
         if (allocated(error)) return
       end associate
     end do
@@ -89,11 +93,11 @@ contains
 
   !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
   !> treated one by one.
-  subroutine find_directions(component, shape, g, d, weight, basis, n_neutral, error)
+  subroutine find_directions(component, translation, g, d, weight, basis, n_neutral, error)
     !> Connected component that each mode moves (n_modes).
     integer, intent(in) :: component(:)
-    !> The modes (dim, n_nodes, n_modes) [].
-    real(dp), intent(in) :: shape(:, :, :)
+    !> Amplitudes of the translations of the components; of no columns where they are not known (n_modes, dim) [].
+    real(dp), intent(in) :: translation(:, :)
     !> Rows of G and D that are about to touch (n, n_modes) [].
     real(dp), intent(in) :: g(:, :), d(:, :)
     !> Weights of the rows (n) [area].
@@ -114,7 +118,7 @@ contains
       mode = pack([(i, i=1, size(component))], component == p)
       if (size(mode) == 0) cycle
       call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
-      if (.not. allocated(error)) call leave_translations(shape(:, :, mode), direction, error)
+      if (.not. allocated(error)) call leave_translations(translation(mode, :), direction, error)
       if (allocated(error)) return
       n = size(direction, 2)
       if (allocated(of_component)) deallocate (of_component)
@@ -128,24 +132,50 @@ contains
     end do
   end subroutine find_directions
 
+  !> Amplitudes of the translations in the modes of all bodies: ranks know the modes of their own bodies at all nodes.
+  subroutine find_translations(problem, of_body)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> By modes and axes; nothing where bodies are split (n_bodies) [].
+    type(item_t), intent(inout) :: of_body(:)
+    real(dp), allocatable :: sums(:, :)
+    integer, allocatable :: component(:), mode(:)
+    integer :: b, k, p, n_nodes
+    do b = 1, size(of_body)
+      allocate (of_body(b)%value(0))
+      if (problem%ranks%are_split() .or. .not. problem%ranks%is_own(b) .or. problem%modes(b)%n == 0) cycle
+      if (problem%modes(b)%is_near_null()) cycle
+      associate (shape => problem%modes(b)%shape)
+        component = problem%modes(b)%components()
+        sums = transpose(sum(shape, dim=2))
+        ! In the orthonormal modes a translation of length 1 at n nodes has the norm of the root of n.
+        do p = 1, maxval(component)
+          mode = pack([(k, k=1, size(component))], component == p)
+          n_nodes = count(any(any(abs(shape(:, :, mode)) > 0, dim=3), dim=1))
+          sums(mode, :) = sums(mode, :)/sqrt(real(max(1, n_nodes), dp))
+        end do
+        of_body(b)%value = reshape(sums, [size(sums)])
+      end associate
+    end do
+    if (n_ranks() > 1 .and. .not. problem%ranks%are_split()) call share(problem%ranks%owner, of_body)
+  end subroutine find_translations
+
   !> Take out of neutral modes the translations that are not neutral themselves: a body whose spin is held may still
   !> translate, whichever the axis of the contact. Two bodies with a common motion that nothing resists keep it exactly.
-  subroutine leave_translations(shape, direction, error)
-    !> The modes of a connected component of a body, 0 at the other nodes; nothing is done without nodes (dim, n_nodes,
-    !> n_modes) [].
-    real(dp), intent(in) :: shape(:, :, :)
+  subroutine leave_translations(sums, direction, error)
+    !> Amplitudes of the translations along the axes in the modes of a connected component, of length 1 where these have
+    !> them (n_modes, dim) [].
+    real(dp), intent(in) :: sums(:, :)
     !> Orthonormal combinations of them as columns (n_modes, n) [].
     real(dp), allocatable, intent(inout) :: direction(:, :)
     !> As in `find` of `neutral_modes_t`.
     type(error_t), allocatable, intent(out) :: error
     !> Cosines above these say that a direction is a translation, and that a translation is neutral.
     real(dp), parameter :: same = 1 - 1.0e-9_dp, neutral = 0.7_dp
-    real(dp) :: value(size(shape, 1)), vector(size(shape, 1), size(shape, 1)), sums(size(shape, 3), size(shape, 1))
+    real(dp) :: value(size(sums, 2)), vector(size(sums, 2), size(sums, 2))
     real(dp), allocatable :: translation(:, :), cosine(:), turn(:, :), left(:, :)
     integer :: j, n
-    if (size(direction, 2) == 0 .or. size(shape, 2) == 0) return
-    ! In the orthonormal modes a translation of length 1 at all of the nodes has the norm of the root of their number.
-    sums = transpose(sum(shape, dim=2))/sqrt(real(count(any(any(abs(shape) > 0, dim=3), dim=1)), dp))
+    if (size(direction, 2) == 0 .or. size(sums, 2) == 0) return
     call right_singular_vectors(sums, value, vector, error)
     if (allocated(error)) return
     n = count(value > same .and. value < 2 - same)
