@@ -33,6 +33,8 @@ module dotyk_base_error
   type, public :: problem_list_t
     !> Number of problems.
     integer :: count = 0
+    !> Number of those that were in the list already.
+    integer, private :: n_repeated = 0
     !> Their messages, one a line.
     character(:), allocatable :: messages
     !> Exit code of the first problem.
@@ -72,19 +74,26 @@ contains
     if (allocated(error)) error%message = context//error%message
   end subroutine add_context
 
-  !> Add a problem to the list.
+  !> Add a problem to the list. One that is there already counts, but is told once: two halves of one body have the same.
   subroutine problem_list_add(self, message, code)
     class(problem_list_t), intent(inout) :: self
     !> Message for the user.
     character(*), intent(in) :: message
     !> Exit code; `exit_bad_input` if absent. The first problem's code is that of the list.
     integer, intent(in), optional :: code
+    character(*), parameter :: end_of_line = new_line('a')
     self%count = self%count + 1
+    if (self%count > 1) then
+      if (index(end_of_line//self%messages//end_of_line, end_of_line//message//end_of_line) > 0) then
+        self%n_repeated = self%n_repeated + 1
+        return
+      end if
+    end if
     if (self%count == 1) then
       self%messages = message
       if (present(code)) self%code = code
-    else if (self%count <= most_listed) then
-      self%messages = self%messages//new_line('a')//message
+    else if (self%count - self%n_repeated <= most_listed) then
+      self%messages = self%messages//end_of_line//message
     end if
   end subroutine problem_list_add
 
@@ -108,7 +117,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     if (self%count == 0) return
     call set_error(error, self%messages, self%code)
-    if (self%count > most_listed) &
-      error%message = error%message//new_line('a')//'and '//to_text(self%count - most_listed)//' more problems'
+    if (self%count - self%n_repeated > most_listed) &
+      error%message = error%message//new_line('a')//'and '//to_text(self%count - self%n_repeated - most_listed)// &
+                      ' more problems'
   end subroutine problem_list_raise
 end module dotyk_base_error

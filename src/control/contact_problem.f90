@@ -56,6 +56,8 @@ module dotyk_control_contact_problem
     logical :: is_bolt = .false., slides = .false.
     !> Normal of a flat slave surface, out of its body (3) [].
     real(dp) :: normal(3) = 0
+    !> Angle between the normal of a bolt and its shank; 0 where the body is no shank [degrees].
+    real(dp) :: oblique = 0
     !> Tension of a bolt that slides [force].
     real(dp) :: force = 0
     !> How far its halves overlap: given, or of the last load case in which it was tightened [length].

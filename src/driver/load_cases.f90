@@ -76,7 +76,7 @@ contains
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                          monitor%timing%iterate%wall - before)
       before = monitor%timing%iterate%wall
-      call write_results(case, k, scene, solution, threads, monitor, file, pair_solution, error)
+      call write_results(case, k, scene, solution, monitor, file, pair_solution, error)
       if (allocated(error)) exit
       n_written = k
       if (.not. solution%state%has_converged()) code = exit_not_converged

@@ -27,7 +27,7 @@ module dotyk_driver_results
 contains
 
   !> Contact pressures by pairs, and the results of a load case; with the last one the file is complete.
-  subroutine write_results(case, step, scene, solution, threads, monitor, file, pair_solution, error)
+  subroutine write_results(case, step, scene, solution, monitor, file, pair_solution, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> The load case.
@@ -36,8 +36,6 @@ contains
     type(scene_t), intent(in) :: scene
     !> The solution; what it keeps for nodal stresses changes.
     type(contact_solution_t), intent(inout) :: solution
-    !> Number of threads.
-    integer, intent(in) :: threads
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
     !> The results file: created with the first load case.
@@ -138,7 +136,7 @@ contains
     type(error_t), allocatable :: error
     type(results_file_t) :: file
     type(pair_solution_t), allocatable :: pair_solution(:)
-    call write_results(case, 1, scene, solution, threads, monitor, file, pair_solution, error)
+    call write_results(case, 1, scene, solution, monitor, file, pair_solution, error)
     if (.not. allocated(error)) call finish_results(case, 1, threads, monitor, file, error)
     if (this_rank() > 0) return
     if (.not. allocated(error)) then

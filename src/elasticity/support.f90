@@ -40,6 +40,8 @@ module dotyk_elasticity_support
   real(dp), parameter :: displacement_tolerance = 1.0e-9_dp
   !> Nodes of axisymmetric bodies nearer to the axis than this fraction of the body's size are on the axis.
   real(dp), parameter :: axis_tolerance = 1.0e-9_dp
+  !> Conditions whose directions have a smaller cosine have nothing to do with each other [].
+  real(dp), parameter :: perpendicular = 1.0e-6_dp
 
   public :: collect_supports
 
@@ -251,8 +253,11 @@ contains
       value = conditions%value(order(first(node):first(node + 1) - 1))
       axes = combine_conditions(dim, n, direction, value, tolerance)
       if (axes%contradiction > 0) then
-        call contradiction_error(mesh, supports, node, conditions%source(order(first(node):first(node + 1) - 1)), &
-                                 axes, direction(:, axes%contradiction), error)
+        associate (source => conditions%source(order(first(node):first(node + 1) - 1)), &
+                   along => abs(matmul(direction(:, axes%contradiction), direction)))
+          call contradiction_error(mesh, supports, node, pack(source, along > perpendicular), axes, &
+                                   direction(:, axes%contradiction), error)
+        end associate
         return
       end if
       where (axes%is_given(:dim)) constraint%equation(:, node) = held
@@ -273,7 +278,7 @@ contains
     type(support_t), intent(in) :: supports(:)
     !> The node.
     integer, intent(in) :: node
-    !> Supports of all conditions at the node; 0 for the axis of symmetry (n_conditions).
+    !> Supports of the conditions at the node that are not perpendicular to this one; 0 for the axis of symmetry (n).
     integer, intent(in) :: source(:)
     !> Nodal axes with the contradicting condition.
     type(node_axes_t), intent(in) :: axes

@@ -155,6 +155,9 @@ contains
     if (is_given(group, 'angle') .and. tie%surface_a /= tie%surface_b) return
     if (is_given(group, 'angle')) then
       call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
+    else if (name == 'tie') then
+      call report(problems, group, 'surface_b', 'a tie without an angle needs two different bodies, got '// &
+                  shown(bodies%name(tie%body_a)%s)//' twice; for cyclic symmetry add axis=0,0,1, angle=360/n, in degrees')
     else
       call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
                   shown(bodies%name(tie%body_a)%s)//' twice')
@@ -173,8 +176,11 @@ contains
     n = 0
     do k = 1, size(matched)
       same = .false.
-      if (k > 1 .and. allocated(bodies%whole)) &
-        same = len(bodies%whole(matched(k))%s) > 0 .and. bodies%whole(matched(k))%s == bodies%whole(matched(k - 1))%s
+      if (k > 1 .and. allocated(bodies%whole)) then
+        associate (before => bodies%whole(matched(max(1, k - 1))), now => bodies%whole(matched(k)))
+          same = len(now%s) > 0 .and. now%s == before%s
+        end associate
+      end if
       if (.not. same) n = n + 1
       whole(k) = n
     end do
@@ -287,6 +293,8 @@ contains
       if (is_given(group, 'centre')) call report(problems, group, 'centre', 'centre is given without an angle')
     else if (scene%analysis == analysis_axisymmetric) then
       call report(problems, group, 'angle', 'angle means nothing in axisymmetric analyses')
+    else if (is_usable(group, 'angle') .and. .not. abs(tie%angle) > 0) then
+      call report(problems, group, 'angle', 'an angle of 0 is no rotation: that of one of n sectors is 360/n degrees')
     end if
   end subroutine read_turn
 

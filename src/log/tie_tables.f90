@@ -18,6 +18,8 @@ module dotyk_log_tie_tables
   integer, parameter :: most_shown = 20
   !> Slave surfaces less of which is tied get a word [].
   real(dp), parameter :: nearly_all = 0.999_dp
+  !> Cuts whose normal is farther off the shank get a word: at this angle it carries 0.4 % more [degrees].
+  real(dp), parameter :: most_oblique = 5
 
 contains
 
@@ -50,6 +52,12 @@ contains
                       'search_radius')
     end do
     if (size(tie) > most_shown) call log%line('  ... '//counted(size(tie) - most_shown, 'more tie'))
+    do k = 1, size(tie)
+      if (tie(k)%oblique > most_oblique) &
+        call log%line('  warning: the cut of bolt '//quoted(tie(k)%name)//' has its normal '// &
+                      to_text(tie(k)%oblique, 2)//' degrees off the shank: force, tension and shortening are along '// &
+                      'the normal, and the shank carries more; give the direction of the shank as normal')
+    end do
     call find_joined_rows(pair, tie, joined_row, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)

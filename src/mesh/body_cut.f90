@@ -8,6 +8,7 @@ module dotyk_mesh_body_cut
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes
+  use dotyk_mesh_facet, only: area_vector
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_physical_group, only: groups_like, unknown_group
   use dotyk_mesh_surface, only: gather_facets, node_numbers, surface_t
@@ -18,6 +19,9 @@ module dotyk_mesh_body_cut
 
   !> Elements whose centre is on the plane are behind it, whatever the rounding of bodies in place.
   real(dp), parameter :: rounding = 1.0e-9_dp
+  !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut through
+  !> a prism has all of it, one across the edge between two faces less [].
+  real(dp), parameter :: least_fraction = 0.7_dp
   !> Greatest number of corners of a face.
   integer, parameter :: max_corners = 4
 
@@ -39,7 +43,7 @@ contains
     type(corner_table_t) :: none
     integer, allocatable :: parent(:), n_of(:), beside(:, :)
     logical, allocatable :: is_crossed(:), moves(:)
-    real(dp) :: distance(max_element_nodes)
+    real(dp) :: distance(max_element_nodes), fraction
     integer :: b, e, i, n, round
     n = whole%n_elements()
     allocate (is_ahead(n), is_crossed(n), moves(n))
@@ -87,7 +91,81 @@ contains
         return
       end if
     end do
+    fraction = fraction_of_section(whole, is_ahead, point, normal)
+    if (fraction < least_fraction) &
+      call set_error(error, 'along faces of elements the plane takes '//to_text(100*max(0.0_dp, fraction), 2)//' % of '// &
+                     'its section with it: elements there are too large for a cut so near an end or a shoulder; '// &
+                     'name a point farther inside the shank, or make a finer mesh', exit_bad_input)
   end subroutine cut_along_plane
+
+  !> Area of a cut along faces of elements, seen along the normal of the plane, as a fraction of the section of the body
+  !> by the plane [].
+  !>
+  !> What closes a part of the boundary has its area vector with the other sign: the boundary of the elements behind
+  !> the cut, and the boundary behind the plane, facets clipped.
+  real(dp) function fraction_of_section(whole, is_ahead, point, normal) result(fraction)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: whole
+    !> Whether each element is in the second half (n_elements).
+    logical, intent(in) :: is_ahead(:)
+    !> A point of the plane (dimension) [length].
+    real(dp), intent(in) :: point(:)
+    !> Its normal (dimension) [].
+    real(dp), intent(in) :: normal(:)
+    type(surface_t) :: boundary
+    type(element_kind_t) :: kind
+    real(dp) :: x(size(point), max_corners), behind(size(point), 2*max_corners), cut, section
+    integer :: before(size(whole%block)), f, i, k
+    i = 0
+    do k = 1, size(whole%block)
+      before(k) = i
+      i = i + size(whole%block(k)%tag)
+    end do
+    call extract_boundary(whole, boundary)
+    cut = 0
+    section = 0
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      associate (m => kind%n_corners)
+        x(:, :m) = whole%x(:, boundary%node(:m, f))
+        if (.not. is_ahead(before(boundary%block(f)) + boundary%element(f))) &
+          cut = cut - dot_product(area_vector(x(:, :m)), normal)
+        call clip(x(:, :m), behind, k)
+        section = section - dot_product(area_vector(behind(:, :k)), normal)
+      end associate
+    end do
+    fraction = cut/section
+
+  contains
+
+    !> The part of a facet behind the plane.
+    subroutine clip(corner, part, n)
+      !> Corners (dimension, 2 to 4) [length].
+      real(dp), intent(in) :: corner(:, :)
+      !> Corners of the part (dimension, >= n) [length].
+      real(dp), intent(out) :: part(:, :)
+      !> Number of these.
+      integer, intent(out) :: n
+      real(dp) :: ahead(size(corner, 2))
+      integer :: c, next
+      do c = 1, size(ahead)
+        ahead(c) = dot_product(normal, corner(:, c) - point)
+      end do
+      n = 0
+      do c = 1, size(ahead)
+        if (ahead(c) <= 0) then
+          n = n + 1
+          part(:, n) = corner(:, c)
+        end if
+        next = modulo(c, size(ahead)) + 1
+        ! A facet of two corners has one edge.
+        if (size(ahead) == 2 .and. c == 2) exit
+        if (.not. ahead(c)*ahead(next) < 0) cycle
+        n = n + 1
+        part(:, n) = corner(:, c) + ahead(c)/(ahead(c) - ahead(next))*(corner(:, next) - corner(:, c))
+      end do
+    end subroutine clip
+  end function fraction_of_section
 
   !> The elements on one side of a surface inside a body: those that are not on the side of its first element.
   subroutine cut_along_surface(mesh, whole, name, is_ahead, error)

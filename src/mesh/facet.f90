@@ -6,7 +6,7 @@ module dotyk_mesh_facet
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
   implicit none
   private
-  public :: facet_geometry, facet_frame, frame_of_normal, facet_tangents, cross
+  public :: area_vector, facet_geometry, facet_frame, frame_of_normal, facet_tangents, cross
 
   !> The projection of the unit vector x on the surface vanishes where it is shorter than this [].
   real(dp), parameter :: min_projection = 1.0e-6_dp
@@ -135,6 +135,22 @@ contains
     frame(:, 1) = axis/norm2(axis)
     if (dimension == 3) frame(:, 2) = cross(normal, frame(:, 1))
   end subroutine frame_of_normal
+
+  !> Area of a polygon times its mean normal; in two dimensions length times normal of a segment [length^2].
+  pure function area_vector(x) result(vector)
+    !> Corners, in the order in which an outward normal has them anticlockwise (dimension, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    real(dp) :: vector(size(x, 1))
+    integer :: i
+    vector = 0
+    if (size(x, 1) == 2) then
+      if (size(x, 2) > 1) vector = [x(2, size(x, 2)) - x(2, 1), x(1, 1) - x(1, size(x, 2))]
+      return
+    end if
+    do i = 2, size(x, 2) - 1
+      vector = vector + cross(x(:, i) - x(:, 1), x(:, i + 1) - x(:, 1))/2
+    end do
+  end function area_vector
 
   !> Vector product.
   pure function cross(a, b) result(c)

@@ -11,6 +11,7 @@ module dotyk_model_pair_finder
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
+  use dotyk_input_cut, only: cut_surface
   use dotyk_mesh_boundary_part, only: boundary_part
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
@@ -23,6 +24,12 @@ module dotyk_model_pair_finder
   implicit none
   private
   public :: form_pairs
+
+  !> Facets of the boundary of a body at the cut of a bolt.
+  type :: facet_mask_t
+    !> Whether each facet is there; not allocated where the body is whole (n_facets).
+    logical, allocatable :: facet(:)
+  end type facet_mask_t
 
 contains
 
@@ -44,6 +51,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(body_faces_t) :: faces(size(body))
     type(facet_graph_t) :: graph(size(body))
+    type(facet_mask_t) :: inside(size(body))
     type(near_faces_t), allocatable :: near(:)
     type(group_report_t) :: group
     type(pair_list_t) :: list
@@ -64,6 +72,9 @@ contains
       if (surfaces(b)%boundary%n_facets > 0) call faces(b)%init(body(b)%mesh%x, surfaces(b)%boundary)
     end do
     !$omp end parallel do
+    do b = 1, size(body)
+      if (case%body(b)%cut%is_cut()) call surfaces(b)%facets(surfaces(b)%find(cut_surface), inside(b)%facet)
+    end do
     searched = -1
     allocate (report%group(count(case%contact%searched)))
     ! Pairs of named surfaces first: faces that are named are not for `auto`.
@@ -99,7 +110,10 @@ contains
     call problems%raise(error)
     if (allocated(error)) return
     if (size(body) > 1) then
-      if (abs(searched) > 0) call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
+      if (abs(searched) > 0) then
+        call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
+        call leave_out_cuts()
+      end if
       call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)
     else
       allocate (report%unnamed(0))
@@ -115,8 +129,33 @@ contains
       real(dp), intent(in) :: radius
       if (abs(searched - radius) <= 0) return
       call find_near_faces(faces, radius, near)
+      call leave_out_cuts()
       searched = radius
     end subroutine search
+
+    !> Faces at the cut of a bolt are inside its body: they touch nothing but the other half.
+    subroutine leave_out_cuts()
+      integer :: i
+      do i = 1, size(near)
+        if (allocated(inside(near(i)%body_a)%facet)) &
+          near(i)%opposite = near(i)%opposite .and. .not. inside(near(i)%body_a)%facet(near(i)%facet_a)
+        if (allocated(inside(near(i)%body_b)%facet)) &
+          near(i)%opposite = near(i)%opposite .and. .not. inside(near(i)%body_b)%facet(near(i)%facet_b)
+      end do
+    end subroutine leave_out_cuts
+
+    !> Facets of a body around those opposite another one, without those at the cut of a bolt.
+    subroutine find_patch(b, facet, patch)
+      !> The body.
+      integer, intent(in) :: b
+      !> Facets opposite the other body, maybe several times (n_near).
+      integer, intent(in) :: facet(:)
+      !> Facets of the patch, ascending (n_patch).
+      integer, allocatable, intent(out) :: patch(:)
+      if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
+      call grow_patch(surfaces(b)%boundary, graph(b), faces(b), facet, patch)
+      if (allocated(inside(b)%facet)) patch = pack(patch, .not. inside(b)%facet(patch))
+    end subroutine find_patch
 
     !> Bodies of the pairs so far (2, n_pairs).
     function named_bodies() result(bodies)
@@ -271,10 +310,8 @@ contains
             group%n_named = group%n_named + 1
             cycle
           end if
-          if (.not. allocated(graph(a)%start)) call graph(a)%init(surfaces(a)%boundary)
-          if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
-          call grow_patch(surfaces(a)%boundary, graph(a), faces(a), pack(near(i)%facet_a, near(i)%opposite), facet_a)
-          call grow_patch(surfaces(b)%boundary, graph(b), faces(b), pack(near(i)%facet_b, near(i)%opposite), facet_b)
+          call find_patch(a, pack(near(i)%facet_a, near(i)%opposite), facet_a)
+          call find_patch(b, pack(near(i)%facet_b, near(i)%opposite), facet_b)
           call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
           call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
           first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &

@@ -1,6 +1,6 @@
 !> Discretizes the ties of the input.
 module dotyk_model_ties
-  use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t, set_error
+  use dotyk_base_error, only: error_slot_t, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
@@ -17,6 +17,7 @@ module dotyk_model_ties
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_shank_direction, only: angle_to_shank
   implicit none
   private
   public :: find_ties, set_bolts
@@ -28,6 +29,8 @@ module dotyk_model_ties
   real(dp), parameter :: most_off_sector = 0.1_dp
   !> Length of the mean of unit normals over a flat surface, at least [].
   real(dp), parameter :: nearly_flat = 0.9999_dp
+  !> Fraction of the side of a sector that is tied, at least, where the body is cut [].
+  real(dp), parameter :: whole_side = 0.999_dp
   !> Greatest number of corners of a facet.
   integer, parameter :: max_corners = 4
 
@@ -52,17 +55,22 @@ contains
     !> Allocated where ties cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
-    type(error_t), allocatable :: failed
+    type(error_slot_t), allocatable :: failed(:)
     integer :: k, p
     call drop_absent_ties(case, surfaces, problems)
     call problems%raise(error)
     if (allocated(error)) return
-    allocate (tie(size(case%tie)))
+    allocate (tie(size(case%tie)), failed(size(case%tie)))
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
         call find_tie(given, case%scene%analysis == analysis_axisymmetric, body(given%body_a), body(given%body_b), &
-                      surfaces(given%body_a), surfaces(given%body_b), tie(k), failed)
-        call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
+                      surfaces(given%body_a), surfaces(given%body_b), tie(k), failed(k)%error)
+      end associate
+    end do
+    call drop_distant_halves(case, tie, failed)
+    do k = 1, size(case%tie)
+      associate (given => case%tie(k))
+        call problems%add_error(failed(k)%error, case%file//':'//to_text(given%line)//': ')
         if (.not. allocated(tie(k)%component)) cycle
         do p = 1, size(pair)
           if (is_tied_contact(tie(k), pair(p), surface_a(p), surface_b(p))) &
@@ -73,9 +81,69 @@ contains
         end do
       end associate
     end do
+    do k = 1, size(tie)
+      associate (given => case%tie(k))
+        if (.not. (abs(given%angle) > 0 .and. case%body(given%body_a)%cut%is_cut())) cycle
+        if (tie(k)%tied < whole_side) &
+          call problems%add(case%file//':'//to_text(given%line)//': &tie '//quoted(given%name)//': '// &
+                            to_text(100*(1 - tie(k)%tied), 2)//' % of '//quoted(given%surface_a)//' of body '// &
+                            quoted(body(given%body_a)%name)//' meets the other half of the cut body, to which it '// &
+                            'would not be tied: the cut leaves other lines on both sides of the sector; let &bolt cut '// &
+                            'along a surface of the mesh, or along faces that are alike on both sides', exit_bad_input)
+      end associate
+    end do
     call problems%raise(error)
     if (.not. allocated(error)) call set_bolts(case%tie, 1, tie)
   end subroutine find_ties
+
+  !> Drop the ties of halves of cut bodies that the other side does not reach, where it reaches another half.
+  subroutine drop_distant_halves(case, tie, failed)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    !> The ties; rows where one was found (n_ties).
+    type(tied_surfaces_t), allocatable, intent(inout) :: tie(:)
+    !> Why there is none (n_ties).
+    type(error_slot_t), allocatable, intent(inout) :: failed(:)
+    type(tied_surfaces_t), allocatable :: kept(:)
+    type(error_slot_t), allocatable :: left(:)
+    logical :: is_kept(size(tie))
+    integer :: i, k, n
+    do k = 1, size(tie)
+      is_kept(k) = .not. allocated(failed(k)%error)
+      if (is_kept(k)) cycle
+      is_kept(k) = .true.
+      do i = 1, size(tie)
+        if (allocated(failed(i)%error) .or. case%tie(i)%line /= case%tie(k)%line) cycle
+        if (has_same_whole(case%tie(i)%body_a, case%tie(k)%body_a) .and. &
+            has_same_whole(case%tie(i)%body_b, case%tie(k)%body_b)) is_kept(k) = .false.
+      end do
+    end do
+    if (all(is_kept)) return
+    n = count(is_kept)
+    allocate (kept(n), left(n))
+    n = 0
+    do k = 1, size(tie)
+      if (.not. is_kept(k)) cycle
+      n = n + 1
+      kept(n) = tie(k)
+      if (allocated(failed(k)%error)) call move_alloc(failed(k)%error, left(n)%error)
+    end do
+    case%tie = pack(case%tie, is_kept)
+    call move_alloc(kept, tie)
+    call move_alloc(left, failed)
+
+  contains
+
+    !> Whether two bodies are one, or halves of one.
+    pure logical function has_same_whole(one, other)
+      !> The bodies.
+      integer, intent(in) :: one, other
+      has_same_whole = one == other
+      if (has_same_whole) return
+      if (.not. (case%body(one)%cut%is_cut() .and. case%body(other)%cut%is_cut())) return
+      has_same_whole = case%body(one)%cut%whole == case%body(other)%cut%whole
+    end function has_same_whole
+  end subroutine drop_distant_halves
 
   !> Drop the ties of halves of cut bodies that do not have the surface: it is on the other half.
   subroutine drop_absent_ties(case, surfaces, problems)
@@ -226,6 +294,7 @@ contains
     tie%is_bolt = given%is_bolt
     if (given%is_bolt) call tighten(given, tie, error)
     if (allocated(error)) return
+    if (given%is_bolt .and. .not. axisymmetric) tie%oblique = angle_to_shank(body_a%mesh, tie%surface_a, tie%normal)
     associate (pair => of_component(1))
       lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
     end associate

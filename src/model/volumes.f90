@@ -38,6 +38,8 @@ module dotyk_model_volumes
     type(text_t), allocatable, private :: name(:)
     !> Its whole boundary; allocated when first asked for.
     type(surface_t), allocatable, private :: boundary
+    !> Whether it is one half of a body that a bolt cuts.
+    logical, private :: is_half = .false.
     !> Its surface, where this rank has a part of its elements.
     type(surface_layer_t), allocatable, private :: layer
   contains
@@ -73,7 +75,8 @@ contains
     if (locks .and. .not. allocated(self%error)) then
       if (has_linear_simplices(self%mesh)) call elevate_order(self%mesh)
     end if
-    if (allocated(self%error) .or. .not. given%cut%is_cut()) return
+    self%is_half = given%cut%is_cut()
+    if (allocated(self%error) .or. .not. self%is_half) return
     self%n = 1
     call take_cut(uncut, self%mesh, self%surface(1))
   end subroutine volume_take
@@ -132,6 +135,7 @@ contains
         call layer_surface_names(mesh, self%layer, self%name)
       else
         call surface_names(mesh, self%mesh, self%name)
+        if (self%is_half) call drop_edges()
       end if
     end if
     has = .true.
@@ -139,6 +143,20 @@ contains
       if (self%name(i)%s == name .or. matches(name, self%name(i)%s)) return
     end do
     has = .false.
+
+  contains
+
+    !> Of surfaces that end at a jagged cut a half may have all nodes of a facet, and no facet.
+    subroutine drop_edges()
+      type(surface_t) :: surface
+      type(error_t), allocatable :: failed
+      logical :: is_there(size(self%name))
+      do i = 1, size(is_there)
+        call extract_surface(mesh, self%mesh, self%name(i)%s, surface, failed)
+        is_there(i) = .not. allocated(failed)
+      end do
+      self%name = pack(self%name, is_there)
+    end subroutine drop_edges
   end function volume_has_surface
 
   !> Extract a surface of the volume, or copy it where it is extracted already.
