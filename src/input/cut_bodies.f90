@@ -51,7 +51,17 @@ contains
         end do
       end associate
     end do
-    if (any(cut%is_cut())) call divide(cut, body, names)
+    if (.not. any(cut%is_cut())) return
+    call divide(cut, body, names)
+    do i = 1, size(body)
+      if (.not. body(i)%cut%is_cut()) cycle
+      do k = 1, size(body)
+        if (k /= i .and. body(k)%name == body(i)%name) &
+          call problems%add(body(k)%line, '&body: '//shown(body(k)%name)//' is the name of a half of body '// &
+                            shown(body(i)%cut%whole)//', which the &bolt of line '//to_text(body(i)%cut%line)// &
+                            ' cuts: give it another name')
+      end do
+    end do
   end subroutine cut_bodies
 
   !> Read where a bolt is cut.

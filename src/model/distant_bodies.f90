@@ -74,7 +74,7 @@ contains
       searched = search_distance(faces(body), faces(c), case%contact(group)%search_radius)
       reach = min(beyond*searched, nearest%distance)
       if (any(faces(c)%lo > faces(body)%hi + reach .or. faces(c)%hi < faces(body)%lo - reach)) cycle
-      if (exclusion_of(case%contact(group)%exclude, case%body(body)%name, case%body(c)%name) > 0) cycle
+      if (exclusion_of(case%contact(group)%exclude, case%body(body), case%body(c)) > 0) cycle
       near = near_faces_t()
       call find_facets(faces(body), faces(c), reach, near)
       if (.not. any(near%opposite)) cycle

@@ -2,7 +2,7 @@
 module dotyk_model_exclusions
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
-  use dotyk_input_case, only: case_t, exclusion_t
+  use dotyk_input_case, only: body_input_t, case_t, exclusion_t
   implicit none
   private
   public :: are_tied, exclusion_of, exclusion_texts
@@ -28,10 +28,10 @@ contains
   pure integer function exclusion_of(exclude, a, b) result(i)
     !> Exclusions of a group (n_exclusions).
     type(exclusion_t), intent(in) :: exclude(:)
-    !> Name of a body.
-    character(*), intent(in) :: a
-    !> Name of the other body.
-    character(*), intent(in) :: b
+    !> A body.
+    type(body_input_t), intent(in) :: a
+    !> The other body.
+    type(body_input_t), intent(in) :: b
     do i = 1, size(exclude)
       if (is_meant(exclude(i)%a, a) .and. is_meant(exclude(i)%b, b)) return
       if (is_meant(exclude(i)%a, b) .and. is_meant(exclude(i)%b, a)) return
@@ -39,13 +39,15 @@ contains
     i = 0
   end function exclusion_of
 
-  !> Whether a name with wildcards means a body.
-  pure logical function is_meant(pattern, name)
+  !> Whether a name with wildcards means a body, or the one of which it is a half.
+  pure logical function is_meant(pattern, body)
     !> Name, maybe with wildcards.
     character(*), intent(in) :: pattern
-    !> Name of the body.
-    character(*), intent(in) :: name
-    is_meant = pattern == name .or. matches(pattern, name)
+    !> The body.
+    type(body_input_t), intent(in) :: body
+    is_meant = pattern == body%name .or. matches(pattern, body%name)
+    if (is_meant .or. .not. body%cut%is_cut()) return
+    is_meant = pattern == body%cut%whole .or. matches(pattern, body%cut%whole)
   end function is_meant
 
   !> Some exclusions as the user writes them.

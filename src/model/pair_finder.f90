@@ -211,7 +211,7 @@ contains
       !> Index of the other body.
       integer, intent(in) :: b
       integer :: place
-      place = exclusion_of(given%exclude, body(a)%name, body(b)%name)
+      place = exclusion_of(given%exclude, case%body(a), case%body(b))
       is_excluded = place > 0
       if (.not. is_excluded) return
       used(place) = .true.

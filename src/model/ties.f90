@@ -13,8 +13,7 @@ module dotyk_model_ties
   use dotyk_input_case, only: case_t, tie_input_t
   use dotyk_input_load_case, only: applies_in
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_corner_table, only: corner_table_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_common_facets, only: find_common_facets
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_shank_direction, only: angle_to_shank
@@ -31,8 +30,6 @@ module dotyk_model_ties
   real(dp), parameter :: nearly_flat = 0.9999_dp
   !> Fraction of the side of a sector that is tied, at least, where the body is cut [].
   real(dp), parameter :: whole_side = 0.999_dp
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
 
 contains
 
@@ -78,6 +75,14 @@ contains
                               ' is in part between the faces that '//quoted(given%name)//' (line '// &
                               to_text(given%line)//') ties to each other: forces would be divided at will; name '// &
                               'other faces, or one of both groups only', exit_bad_input)
+        end do
+        do p = 1, k - 1
+          if (.not. allocated(tie(p)%component)) cycle
+          if (is_tied_contact(tie(p), tie(k)%component(1), tie(k)%surface_a, tie(k)%surface_b)) &
+            call problems%add(case%file//':'//to_text(given%line)//': '//quoted(given%name)//' ties faces that '// &
+                              quoted(case%tie(p)%name)//' (line '//to_text(case%tie(p)%line)//') ties to each '// &
+                              'other already: forces would be divided at will; name other faces, or one of both only', &
+                              exit_bad_input)
         end do
       end associate
     end do
@@ -209,29 +214,6 @@ contains
       if (is_tied) return
     end do
   end function is_tied_contact
-
-  !> Facets of a surface that another surface of the same body has, too.
-  subroutine find_common_facets(surface, other, is_common)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> The other one.
-    type(surface_t), intent(in) :: other
-    !> Whether the other one has each facet of the surface (n_facets).
-    logical, allocatable, intent(out) :: is_common(:)
-    type(corner_table_t) :: table
-    type(element_kind_t) :: kind
-    integer :: f, entry
-    call table%init(max_corners, other%n_facets)
-    do f = 1, other%n_facets
-      kind = element_kind(other%kind(f))
-      call table%add(other%node(:kind%n_corners, f), entry)
-    end do
-    allocate (is_common(surface%n_facets))
-    do f = 1, surface%n_facets
-      kind = element_kind(surface%kind(f))
-      is_common(f) = table%find(surface%node(:kind%n_corners, f)) > 0
-    end do
-  end subroutine find_common_facets
 
   !> Discretize one tie.
   subroutine find_tie(given, axisymmetric, body_a, body_b, surfaces_a, surfaces_b, tie, error)

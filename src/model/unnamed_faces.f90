@@ -127,7 +127,7 @@ contains
     if (are_tied(case, a, b)) return
     do k = 1, size(case%contact)
       if (.not. allocated(case%contact(k)%exclude)) cycle
-      if (exclusion_of(case%contact(k)%exclude, case%body(a)%name, case%body(b)%name) > 0) return
+      if (exclusion_of(case%contact(k)%exclude, case%body(a), case%body(b)) > 0) return
     end do
     left_out = .false.
   end function is_left_out

@@ -12,10 +12,11 @@ module dotyk_model_volumes
   use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_layer_part, only: held_surface_of_layer
+  use dotyk_mesh_common_facets, only: find_common_facets
   use dotyk_mesh_layer_surface, only: extract_layer_surface, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
-  use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
+  use dotyk_mesh_surface, only: extract_surface, node_numbers, refuse_inner, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_model_special_volumes, only: cut_volume, take_cut, take_rigid_surface
   use dotyk_model_volume_parts, only: volume_share_t
@@ -182,6 +183,7 @@ contains
       if (.not. allocated(error)) call held_surface_of_layer(self%layer, self%mesh, surface)
     else
       call extract_surface(mesh, self%mesh, name, surface, error)
+      if (self%is_half .and. .not. allocated(error)) call refuse_at_cut()
     end if
     if (allocated(error)) return
     if (self%n == size(self%surface)) then
@@ -191,5 +193,14 @@ contains
     end if
     self%n = self%n + 1
     self%surface(self%n) = surface
+
+  contains
+
+    !> Facets at the cut are inside the whole body: what acts on them would act on both halves.
+    subroutine refuse_at_cut()
+      logical, allocatable :: is_cut(:)
+      call find_common_facets(surface, self%surface(1), is_cut)
+      if (any(is_cut)) call refuse_inner(mesh, name, count(is_cut), surface%tag(findloc(is_cut, .true., dim=1)), error)
+    end subroutine refuse_at_cut
   end subroutine volume_take_surface
 end module dotyk_model_volumes
