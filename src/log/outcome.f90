@@ -187,8 +187,15 @@ contains
     !> Allocated on return: names the contact pair and the overlap.
     type(error_t), allocatable, intent(out) :: error
     integer :: k, n
-    n = maxloc(qp%initial_penetration, 1)
+    ! Rows of ties come after those of the pairs.
+    n = maxloc(qp%initial_penetration(:qp%pair_first_row(size(case%contact) + 1) - 1), 1)
     k = count(qp%pair_first_row <= n)
+    if (size(case%tie) > 0) then
+      call set_error(error, case%file//': contact surfaces overlap where supports or ties hold both of them, and '// &
+                     'theta = 0 allows no penetration; give the contact pairs surfaces that end where ties begin, '// &
+                     'or set theta > 0', exit_not_solvable)
+      return
+    end if
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
                    ': prescribed displacements of both bodies make the surfaces overlap by '// &
                    to_text(qp%initial_penetration(n))//', and theta = 0 allows no penetration; '// &

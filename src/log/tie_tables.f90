@@ -18,6 +18,8 @@ module dotyk_log_tie_tables
   integer, parameter :: most_shown = 20
   !> Slave surfaces less of which is tied get a word [].
   real(dp), parameter :: nearly_all = 0.999_dp
+  !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
+  real(dp), parameter :: most_turned = 0.02_dp
   !> Cuts whose normal is farther off the shank get a word: at this angle it carries 0.4 % more [degrees].
   real(dp), parameter :: most_oblique = 5
 
@@ -58,6 +60,16 @@ contains
                       to_text(tie(k)%oblique, 2)//' degrees off the shank: force, tension and shortening are along '// &
                       'the normal, and the shank carries more; give the direction of the shank as normal')
     end do
+    do k = 1, size(tie)
+      do q = 1, k - 1
+        p = contact_of_other_sectors(pair, tie(k), tie(q))
+        if (p > 0) &
+          call log%line('  warning: '//quoted(pair(p)%name)//' joins sectors that are cut '// &
+                        to_text(turn_between(tie(k), tie(q)), 2)//' degrees apart: contact with the next sector is '// &
+                        'not seen; cut '//quoted(body(pair(p)%body_a)%name)//' and '// &
+                        quoted(body(pair(p)%body_b)%name)//' in the same planes')
+      end do
+    end do
     call find_joined_rows(pair, tie, joined_row, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)
@@ -75,6 +87,34 @@ contains
       end do
     end do
   end subroutine show_ties
+
+  !> Contact pair between two bodies that are sectors, cut at other angles; 0 where there is none.
+  pure integer function contact_of_other_sectors(pair, tie, other) result(p)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> A tie.
+    type(tied_surfaces_t), intent(in) :: tie
+    !> Another one.
+    type(tied_surfaces_t), intent(in) :: other
+    p = 0
+    if (.not. (abs(tie%angle) > 0 .and. abs(other%angle) > 0)) return
+    if (turn_between(tie, other) <= most_turned*abs(tie%angle)) return
+    associate (a => tie%component(1)%body_a, b => other%component(1)%body_a)
+      do p = size(pair), 1, -1
+        if (pair(p)%body_a == a .and. pair(p)%body_b == b .or. pair(p)%body_a == b .and. pair(p)%body_b == a) return
+      end do
+    end associate
+  end function contact_of_other_sectors
+
+  !> Angle between the cuts of two sectors, of the nearest copies [degrees].
+  pure real(dp) function turn_between(tie, other) result(turn)
+    !> A tie with a rotation.
+    type(tied_surfaces_t), intent(in) :: tie
+    !> Another one.
+    type(tied_surfaces_t), intent(in) :: other
+    turn = modulo(tie%azimuth - other%azimuth, abs(tie%angle))
+    turn = min(turn, abs(tie%angle) - turn)
+  end function turn_between
 
   !> A side of a tie.
   function side(body, surface)

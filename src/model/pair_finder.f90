@@ -73,7 +73,11 @@ contains
     end do
     !$omp end parallel do
     do b = 1, size(body)
-      if (case%body(b)%cut%is_cut()) call surfaces(b)%facets(surfaces(b)%find(cut_surface), inside(b)%facet)
+      if (.not. case%body(b)%cut%is_cut()) cycle
+      call surfaces(b)%facets(surfaces(b)%find(cut_surface), inside(b)%facet)
+      if (case%body(b)%cut%half == 2) cycle
+      ! The search distance is that of the whole, about.
+      faces(b:b + 1)%diameter = sum(faces(b:b + 1)%diameter)
     end do
     searched = -1
     allocate (report%group(count(case%contact%searched)))

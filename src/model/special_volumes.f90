@@ -7,10 +7,12 @@ module dotyk_model_special_volumes
   use dotyk_input_cut, only: cut_input_t, cut_surface
   use dotyk_mesh_body_cut, only: cut_along_plane, cut_along_surface, extract_cut, take_half
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_rigid_surface, only: extract_rigid_surface, facing_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
   public :: cut_volume, refuse_on_both_halves, take_cut, take_rigid_surface
@@ -58,8 +60,36 @@ contains
     else
       call cut_along_plane(whole, cut%point(:whole%dimension), cut%normal(:whole%dimension), is_ahead, error)
     end if
-    call add_context(error, 'body '//quoted(cut%whole)//' cannot be cut by the &bolt of line '//to_text(cut%line)//': ')
     if (.not. allocated(error)) call take_half(whole, is_ahead .eqv. cut%half == 2, body_mesh)
+    if (.not. allocated(error) .and. len(cut%surface) == 0 .and. whole%dimension == 3) call refuse_two_sections()
+    call add_context(error, 'body '//quoted(cut%whole)//' cannot be cut by the &bolt of line '//to_text(cut%line)//': ')
+
+  contains
+
+    !> A plane through a ring has two sections, which would share the force.
+    subroutine refuse_two_sections()
+      type(surface_t) :: section
+      type(element_kind_t) :: kind
+      integer, allocatable :: parent(:)
+      logical :: is_root(body_mesh%n_nodes())
+      integer :: f, i, n
+      call extract_cut(whole, body_mesh, cut_surface, section)
+      parent = [(i, i=1, body_mesh%n_nodes())]
+      do f = 1, section%n_facets
+        kind = element_kind(section%kind(f))
+        do i = 2, kind%n_corners
+          call join(parent, section%node(1, f), section%node(i, f))
+        end do
+      end do
+      is_root = .false.
+      do f = 1, section%n_facets
+        is_root(root_of(parent, section%node(1, f))) = .true.
+      end do
+      n = count(is_root)
+      if (n > 1) call set_error(error, 'the plane cuts it in '//to_text(n)//' places, which would share the force: a '// &
+                                'bolt is cut once, across its shank; give the body by a volume of its own, or another '// &
+                                'point or normal', exit_bad_input)
+    end subroutine refuse_two_sections
   end subroutine cut_volume
 
   !> The surface of a half at the cut.

@@ -14,6 +14,8 @@ module dotyk_model_ties
   use dotyk_input_load_case, only: applies_in
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_common_facets, only: find_common_facets
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_facet, only: frame_of_normal
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_shank_direction, only: angle_to_shank
@@ -118,9 +120,8 @@ contains
       if (is_kept(k)) cycle
       is_kept(k) = .true.
       do i = 1, size(tie)
-        if (allocated(failed(i)%error) .or. case%tie(i)%line /= case%tie(k)%line) cycle
-        if (has_same_whole(case%tie(i)%body_a, case%tie(k)%body_a) .and. &
-            has_same_whole(case%tie(i)%body_b, case%tie(k)%body_b)) is_kept(k) = .false.
+        if (allocated(failed(i)%error)) cycle
+        if (joins_halves_of(case, i, k)) is_kept(k) = .false.
       end do
     end do
     if (all(is_kept)) return
@@ -137,17 +138,6 @@ contains
     call move_alloc(kept, tie)
     call move_alloc(left, failed)
 
-  contains
-
-    !> Whether two bodies are one, or halves of one.
-    pure logical function has_same_whole(one, other)
-      !> The bodies.
-      integer, intent(in) :: one, other
-      has_same_whole = one == other
-      if (has_same_whole) return
-      if (.not. (case%body(one)%cut%is_cut() .and. case%body(other)%cut%is_cut())) return
-      has_same_whole = case%body(one)%cut%whole == case%body(other)%cut%whole
-    end function has_same_whole
   end subroutine drop_distant_halves
 
   !> Drop the ties of halves of cut bodies that do not have the surface: it is on the other half.
@@ -159,7 +149,7 @@ contains
     !> Mistakes are added.
     type(problem_list_t), intent(inout) :: problems
     logical :: is_there(size(case%tie))
-    integer :: k
+    integer :: i, k
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
         is_there(k) = surfaces(given%body_a)%find(given%surface_a) > 0 .and. &
@@ -168,7 +158,7 @@ contains
     end do
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
-        if (is_there(k) .or. any(is_there .and. case%tie%line == given%line)) cycle
+        if (is_there(k) .or. any([(is_there(i) .and. joins_halves_of(case, i, k), i=1, size(is_there))])) cycle
         call problems%add(case%file//':'//to_text(given%line)//': '// &
                           trim(merge('&bolt', '&tie ', given%is_bolt))//' '//quoted(given%name)// &
                           ': no half of the bodies that are cut has the surface '// &
@@ -184,6 +174,28 @@ contains
     end do
     case%tie = pack(case%tie, is_there)
   end subroutine drop_absent_ties
+
+  !> Whether two ties are one of the input: of the same bodies, or of halves of these.
+  pure logical function joins_halves_of(case, one, other) result(joins)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The ties.
+    integer, intent(in) :: one, other
+    joins = case%tie(one)%line == case%tie(other)%line
+    if (joins) joins = has_same_whole(case%tie(one)%body_a, case%tie(other)%body_a) .and. &
+                       has_same_whole(case%tie(one)%body_b, case%tie(other)%body_b)
+
+  contains
+
+    !> Whether two bodies are one, or halves of one.
+    pure logical function has_same_whole(a, b)
+      !> The bodies.
+      integer, intent(in) :: a, b
+      has_same_whole = a == b
+      if (has_same_whole .or. .not. (case%body(a)%cut%is_cut() .and. case%body(b)%cut%is_cut())) return
+      has_same_whole = case%body(a)%cut%whole == case%body(b)%cut%whole
+    end function has_same_whole
+  end function joins_halves_of
 
   !> Whether a contact pair has points between a slave facet and a master facet that are both tied, to each other.
   logical function is_tied_contact(tie, pair, surface_a, surface_b) result(is_tied)
@@ -255,6 +267,8 @@ contains
         if (norm2(given%axis) > 0) tie%normal = given%axis
       else if (abs(given%angle) > 0) then
         turn = rotation_matrix(given%axis, given%angle)
+        tie%angle = given%angle
+        tie%azimuth = azimuth_of(given%axis, given%centre, body_a%mesh, tie%surface_a)
         tie%offset(:d) = given%centre(:d) - matmul(turn(:d, :d), given%centre(:d))
         turned = body_b%mesh
         turned%x = spread(given%centre(:d), 2, size(turned%x, 2)) + &
@@ -283,6 +297,33 @@ contains
     tie%tied = 1 - lost
     call move_alloc(of_component, tie%component)
   end subroutine find_tie
+
+  !> Angle of the mean position of a surface around an axis [degrees].
+  real(dp) function azimuth_of(axis, centre, mesh, surface) result(azimuth)
+    !> Direction of the axis (3) [].
+    real(dp), intent(in) :: axis(3)
+    !> A point of it (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    real(dp) :: frame(3, 3), arm(3)
+    type(element_kind_t) :: kind
+    integer :: f, n
+    n = 0
+    arm = 0
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      associate (corner => surface%node(:kind%n_corners, f))
+        arm(:mesh%dimension) = arm(:mesh%dimension) + sum(mesh%x(:, corner), 2)
+        n = n + size(corner)
+      end associate
+    end do
+    arm = arm/n - centre
+    call frame_of_normal(3, axis/norm2(axis), frame)
+    azimuth = atan2(dot_product(frame(:, 2), arm), dot_product(frame(:, 1), arm))*180/acos(-1.0_dp)
+  end function azimuth_of
 
   !> Find the axis of a bolt, and how it is pulled together.
   subroutine tighten(given, bolt, error)

@@ -71,7 +71,7 @@ module dotyk_scheme_condensation
     procedure :: take_rows => group_take_rows
     procedure :: form => group_form
     procedure :: solve => group_solve
-    procedure :: condensed_compliance => group_condensed_compliance
+    procedure :: condense => group_condense
     procedure :: resultants => group_resultants
     procedure :: shortening_work => group_shortening_work
   end type tied_group_t
@@ -86,6 +86,9 @@ module dotyk_scheme_condensation
   real(dp), parameter :: least_stiffness = 1.0e-9_dp
   !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
   real(dp), parameter :: least_compliance = 1.0e-12_dp
+  !> Rows with ties that yield by less than this fraction of what they yield without, or move by less, are held by the
+  !> ties [].
+  real(dp), parameter :: rounding_of_held = 1.0e-9_dp
   !> Steps of iterative refinement at most, and the fraction to which a step reduces the residual where more are worth
   !> it.
   integer, parameter :: most_refinements = 8
@@ -382,19 +385,36 @@ contains
     work = dot_product(self%slide%force, alpha(size(self%mode) + 1:))
   end function group_shortening_work
 
-  !> C^, the compliance of the contact rows with closed ties.
-  function group_condensed_compliance(self) result(compliance)
+  !> C^, the compliance of the contact rows with closed ties. Rows of vertices that ties hold on both sides do not yield:
+  !> what is left of their compliance is rounding.
+  subroutine group_condense(self, compliance, is_held)
     class(tied_group_t), intent(in) :: self
-    !> Symmetric (n_contact, n_contact) [length/force].
-    real(dp), allocatable :: compliance(:, :)
-    real(dp), allocatable :: p(:, :), q(:, :), product(:, :)
+    !> Symmetric; 0 in rows and columns that are held (n_contact, n_contact) [length/force].
+    real(dp), allocatable, intent(out) :: compliance(:, :)
+    !> Whether ties hold the row (n_contact).
+    logical, allocatable, intent(out) :: is_held(:)
+    real(dp), allocatable :: p(:, :), q(:, :), by_ties(:, :), by_modes(:, :), moves(:)
+    integer :: i
     compliance = self%c_cc
+    allocate (is_held(size(compliance, 1)), source=.false.)
     if (size(self%tie) == 0 .or. size(compliance) == 0) return
     call self%solve(self%c_tc, transpose(self%g_c), p, q)
-    allocate (product, mold=compliance)
-    call transposed_product(self%c_tc, p, product)
-    compliance = compliance - product
-    call add_product(1.0_dp, self%g_c, q, compliance)
+    allocate (by_ties, by_modes, mold=compliance)
+    call transposed_product(self%c_tc, p, by_ties)
+    by_modes = 0
+    call add_product(1.0_dp, self%g_c, q, by_modes)
+    compliance = compliance - by_ties + by_modes
     compliance = (compliance + transpose(compliance))/2
-  end function group_condensed_compliance
+    allocate (moves(size(is_held)), source=0.0_dp)
+    if (size(self%free, 2) > 0) moves = maxval(abs(matmul(self%g_c, self%free)), 2)
+    do i = 1, size(is_held)
+      is_held(i) = abs(compliance(i, i)) <= rounding_of_held*(abs(self%c_cc(i, i)) + abs(by_ties(i, i)) + &
+                                                               abs(by_modes(i, i))) .and. moves(i) <= rounding_of_held
+    end do
+    do i = 1, size(is_held)
+      if (.not. is_held(i)) cycle
+      compliance(:, i) = 0
+      compliance(i, :) = 0
+    end do
+  end subroutine group_condense
 end module dotyk_scheme_condensation

@@ -47,6 +47,8 @@ module dotyk_scheme_condensed_qp
   real(dp), parameter :: most_open = 1.0e-6_dp
   !> Rounding of the displacements of a group that moves, over `most_open` [].
   real(dp), parameter :: rounding_of_motion = 1.0e3_dp*epsilon(1.0_dp)/most_open
+  !> Penetrations of rows that ties hold, below this fraction of the largest one without ties, are rounding [].
+  real(dp), parameter :: rounding_of_closing = 1.0e-9_dp
   !> Resultants on several bodies below this fraction of those of each are rounding.
   real(dp), parameter :: rounding_of_sums = 1.0e-12_dp
   !> Means of rows below this fraction of these are rounding [].
@@ -67,7 +69,10 @@ contains
     !> Allocated where ties contradict each other or supports.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: lambda(:), alpha(:), of_loads(:), alpha_of_loads(:), y(:), z(:), load_work(:)
-    real(dp) :: work
+    real(dp), allocatable :: entries(:, :)
+    logical, allocatable :: is_held(:)
+    integer, allocatable :: held(:)
+    real(dp) :: work, largest
     integer :: n_groups, g, i
     work = 0
     call find_groups(qp, ties%first_tie, condensed%group_of, n_groups)
@@ -115,7 +120,17 @@ contains
       call take_modes(qp, condensed)
       call condensed%compliance%init(small)
       do g = 1, n_groups
-        call condensed%compliance%set(small, g, condensed%group(g)%condensed_compliance())
+        call condensed%group(g)%condense(entries, is_held)
+        call condensed%compliance%set(small, g, entries)
+        if (.not. any(is_held)) cycle
+        ! There, rounding of what the ties close is no penetration.
+        held = pack(condensed%group(g)%contact, is_held)
+        largest = maxval(abs(qp%initial_penetration))
+        where (abs(small%initial_penetration(held)) <= rounding_of_closing*largest) small%initial_penetration(held) = 0
+        small%load_displacement(held) = 0
+        do i = 1, size(is_held)
+          if (is_held(i)) small%coarse%block(g)%value(i, :) = 0
+        end do
       end do
     end associate
     call join_contact_rows(ties%joined_row, condensed)

@@ -76,6 +76,33 @@ class Bolts(Case):
             self.assertGreater(len(values), 1)
             self.assertLess(np.ptp(values, axis=0).max(), 1e-9 * scale)
 
+    def test_oblique(self):
+        """A normal off the shank is told: between walls that slide the shank carries F/cos of the angle."""
+        lines = self.bar("hex20")
+        for degrees in 0, 30:
+            normal = in_place([np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees))])
+            log, file = self.solve("oblique", [*lines, "&bolt name='b', body='bar', point=%s, normal=%s, force=100 /"
+                                               % (numbers(in_place([0.4, 0.5, 1.3]) + [1, 2, 3]), numbers(normal))])
+            self.assertAlmostEqual(np.linalg.norm(file["dotyk/supports/force"][0]) * np.cos(np.radians(degrees)), 100, delta=1e-7)
+            self.assertEqual("30 degrees off the shank" in log, degrees == 30)
+
+    def test_search_for_contact(self):
+        """Inner faces of a jagged cut touch nothing; exclude and the search distance are those of the whole."""
+        self.write("beam.geo", blocks.block_geo("tet4", (2, 6, 2), (0, 0, -0.01), (1, 4, 1)))
+        self.write("plate.geo", blocks.block_geo("hex8", (3, 9, 2), (-1, -1, -1), (3, 6, 1)))
+        lines = ["&scene /", MATERIAL % 0.3, *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b)
+                                               for b in ("beam", "plate")),
+                 "&support body='plate', surface='bottom', fix='xyz' /", "&support body='beam', surface='top', fix='xyz' /",
+                 "&solver theta=0 /"]
+        bolt = "&bolt name='b', body='beam', point=0.5,2,0.5, normal=0,1,%s, shortening=0 /"
+        auto = "&contact auto=.true. /"
+        whole = self.solve("beam", [*lines, auto])[1]["dotyk/summary"].attrs["energy"]
+        for slope in 0, -0.9:
+            cut = self.solve("beam", [*lines, auto, bolt % slope])[1]["dotyk/summary"].attrs["energy"]
+            self.assertAlmostEqual(cut / whole, 1, delta=1e-9)
+        log = self.solve("beam", [*lines, "&contact auto=.true., exclude='beam - plate' /", bolt % 0], code=1)[0]
+        self.assertIn("0 pairs of faces that face each other; 2 excluded", log)
+
     def test_halves_of_the_user(self):
         """A bolt clamps a plate between two caps, and is locked while one of them is pulled off: the same as with halves
         that are bodies of their own."""
@@ -125,6 +152,21 @@ class Bolts(Case):
 
     def test_refusals(self):
         """What cannot be cut, and what would act twice."""
+        lines = self.bar("hex20")
+        inner = [line.replace("bar.geo", "inner.geo") for line in lines]
+        self.write("inner.geo", 'Point(1) = {0,0,0}; l() = Extrude {1,0,0} { Point{1}; Layers{1}; };\n'
+                   'f() = Extrude {0,1,0} { Curve{l(1)}; Layers{1}; Recombine; };\n'
+                   'low() = Extrude {0,0,1} { Surface{f(1)}; Layers{2}; Recombine; };\n'
+                   'up() = Extrude {0,0,2} { Surface{low(0)}; Layers{3}; Recombine; };\n'
+                   'Physical Volume("block") = {low(1), up(1)}; Physical Surface("middle") = {low(0)};\n'
+                   'Physical Surface("bottom") = {f(1)}; Physical Surface("top") = {up(0)};\n')
+        log = self.solve("bad", [*inner, "&load body='bar', surface='middle', pressure=1 /",
+                                 "&bolt name='b', body='bar', surface='middle', force=1 /"], code=2)[0]
+        self.assertIn("'middle' lies inside the body", log)
+        log = self.solve("bad", [*self.bar("tet10"), "&bolt name='b', body='bar', point=%s, normal=%s, force=1 /"
+                                 % (numbers(in_place([0.5, 0.5, 0.5]) + [1, 2, 3]), numbers(in_place([0, 0, 1])))], code=2)[0]
+        self.assertIn("along faces of elements the plane takes 25 % of its section", log)
+        self.assertEqual(log.count("cannot be cut"), 1)
         lines = self.bar("hex20")
         for bolt, text in (
                 ("body='bar', point=0,0,9, normal=0,0,1", "the plane leaves all elements on one side of it"),

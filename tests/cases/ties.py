@@ -275,13 +275,55 @@ class Ties(Case):
                         self.assertIn(words, log)
                     self.assertFalse((self.folder / (name + ".vtkhdf")).exists())
 
+    def test_contact_between_tied_edges(self):
+        """Contact rows of vertices that ties hold on both sides carry nothing, however the scene is turned."""
+        kind = "quad4"
+        self.write("c.geo", blocks.block_geo(kind, (4, 2), (0, -1), (2, 1)))
+        for name, x in ("a", 0), ("b", 1):
+            self.write(name + ".geo", blocks.block_geo(kind, (2, 2), (x, 0), (1, 1)))
+        for angle in 0, 20, 33:
+            lines = ["&scene analysis='plane_strain' /", MATERIAL]
+            lines += ["&body name='%s', mesh='%s.geo', volume='block', material='steel', at=0.3,0.1, axis=0,0,1, angle=%r /"
+                      % (b, b, angle) for b in "abc"]
+            lines += ["&support body='c', surface='bottom', fix='xy' /", "&load body='a', surface='top', pressure=7 /",
+                      "&load body='b', surface='top', pressure=3 /", ""&contact surface_a='a:sides x', surface_b='b:sides x', theta=0 contact name='k', surface_a='a:sides x', surface_b='b:sides x', theta=0 /",
+                      *("&tie name='%s', surface_a='%s:bottom', surface_b='c:top' /" % (b, b) for b in "ab")]
+            self.write("edge.nml", "\n".join(lines) + "\n")
+            self.dotyk("edge.nml")
+            summary = self.results("edge.vtkhdf")["dotyk/summary"].attrs
+            if angle == 0:
+                energy = summary["energy"]
+            self.assertAlmostEqual(summary["energy"] / energy, 1, delta=1e-12)
+            self.assertEqual(summary["n_active"], 0)
+
+    def test_faces_that_are_tied(self):
+        """Faces are tied once, whatever their surfaces are called."""
+        for name, z in ("low", 0), ("up", 1):
+            self.write(name + ".geo", blocks.block_geo("hex8", 2, (0, 0, z)))
+        lines = ["&scene /", MATERIAL, *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b)
+                                         for b in ("low", "up")), "&support body='low', surface='bottom', fix='xyz' /"]
+        self.write("case.nml", "\n".join([*lines, "&tie name='one', surface_a='up:bottom', surface_b='low:top' /",
+                                          "&tie name='two', surface_a='up:bott*', surface_b='low:top' /"]) + "\n")
+        self.assertIn("'two' ties faces that 'one' (line 6) ties to each other already", self.dotyk("case.nml", code=2))
+
+    def test_motion_without_strain(self):
+        """A support that moves a tied group leaves no strain, and its rounding is no error."""
+        for name, z in ("low", 0), ("up", 1):
+            self.write(name + ".geo", blocks.block_geo("hex8", 2 + z, (0, 0, z)))
+        for value in "value=1,2,3", "value_formula='1e-3*(y-2*z)', '1e-3*(-x+3*z)', '1e-3*(2*x-3*y)'":
+            self.write("case.nml", "\n".join([
+                "&scene /", MATERIAL, *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b)
+                                        for b in ("low", "up")), "&support body='low', surface='bottom', fix='xyz', %s /" % value,
+                "&tie name='one', surface_a='up:bottom', surface_b='low:top' /"]) + "\n")
+            self.dotyk("case.nml")
+
     def test_refused(self):
         lines = self.two_blocks("hex8", "hex8", 1, 2)
         lines = [lines[0], MATERIAL, *(line % "" for line in lines[1:]), "&support body='low', surface='bottom', fix='xyz' /"]
         tie = "&tie name='joint', surface_a='up:bottom', surface_b='low:top'%s /"
         for extra, code, texts in (
                 ([tie.replace("low:top", "low:bottom") % ""], 2, ("case.nml:6: &tie 'joint': none of the",)),
-                ([tie.replace("up:bottom", "low:bottom") % ""], 2, ("&tie needs two different bodies, got 'low' twice",)),
+                ([tie.replace("up:bottom", "low:bottom") % ""], 2, ("a tie without an angle needs two different bodies, got 'low' twice",)),
                 ([tie % ", axis=0,0,1"], 2, ("axis is given without an angle",)),
                 ([tie % "", "&solver response='multigrid' /"], 2, ("response='multigrid' knows no ties",)),
                 ([tie % "", "&solver scheme='neumann', theta_mesh=0.1 /"], 2, ("scheme='neumann' knows no ties",)),
