@@ -83,7 +83,7 @@ contains
     integer, intent(in), optional :: code
     character(*), parameter :: end_of_line = new_line('a')
     self%count = self%count + 1
-    if (self%count > 1) then
+    if (self%count > 1 .and. self%count - self%n_repeated <= most_listed) then
       if (index(end_of_line//self%messages//end_of_line, end_of_line//message//end_of_line) > 0) then
         self%n_repeated = self%n_repeated + 1
         return

@@ -33,6 +33,8 @@ static void on_signal(int number) {
     first_time = now;
     signal_number = number;
     if (child > 0) kill((pid_t)child, number);
+    static const char text[] = "\r\033[Kinterrupted: ends after the current step with the results so far; again: at once\n";
+    if (number == SIGINT && isatty(STDERR_FILENO) && write(STDERR_FILENO, text, sizeof text - 1) < 0) errno = saved;
   } else if ((double)(now.tv_sec - first_time.tv_sec) + 1e-9 * (double)(now.tv_nsec - first_time.tv_nsec) > same_time) {
     if (child > 0) kill((pid_t)child, SIGKILL);
     signal(number, SIG_DFL);

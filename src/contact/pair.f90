@@ -105,6 +105,8 @@ module dotyk_contact_pair
     type(sparse_rows_t) :: average
     !> Corner of each mortar row, numbered as by `corner_interpolation_t` from the mortar points (n_mortar_rows).
     integer, allocatable :: row_corner(:)
+    !> Fraction of the slave surface around the vertex of each mortar row that the master covers (n_mortar_rows) [].
+    real(dp), allocatable :: row_covered(:)
     !> Position of each row, a vertex or an integration point (dimension, n_rows) [length].
     real(dp), allocatable :: row_position(:, :)
     !> Weighted mean of the normals, normalized (dimension, n_rows) [].
@@ -194,6 +196,7 @@ contains
     call parcel%carry(self%n_mortar_points)
     call self%average%carry(parcel)
     call parcel%carry(self%row_corner)
+    call parcel%carry(self%row_covered)
     call parcel%carry(self%row_position)
     call parcel%carry(self%row_normal)
     call parcel%carry(self%row_weight)

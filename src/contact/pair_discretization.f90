@@ -154,7 +154,7 @@ contains
     call shift_origin(pair%position, -origin)
     call set_given_gap(settings, formula, pair, error)
     if (allocated(error)) return
-    call set_rows(settings%division, mesh_a, surface_a, origin, size(contact), pair)
+    call set_rows(settings%division, settings%axisymmetric, mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine discretize_shifted
 

@@ -8,6 +8,7 @@ module dotyk_contact_pair_rows
   use dotyk_contact_local_origin, only: shift_origin
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_point_contacts, only: point_contact_t
+  use dotyk_contact_vertex_coverage, only: vertex_coverage
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_surface, only: surface_t
@@ -47,9 +48,11 @@ contains
 
   !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
   !> weighted mean of the gap before it is squared.
-  subroutine set_rows(division, mesh_a, surface_a, origin, n_contacts, pair)
+  subroutine set_rows(division, axisymmetric, mesh_a, surface_a, origin, n_contacts, pair)
     !> How ranks divide the slave facets.
     type(division_t), intent(in) :: division
+    !> Whether weights include the circumference 2 pi r.
+    logical, intent(in) :: axisymmetric
     !> Mesh of the slave body, in shifted coordinates.
     type(body_mesh_t), intent(in) :: mesh_a
     !> Slave surface (surface_a).
@@ -62,6 +65,7 @@ contains
     type(contact_pair_t), intent(inout) :: pair
     type(corner_interpolation_t) :: corners
     type(sparse_rows_t) :: mortar
+    real(dp), allocatable :: covered(:)
     integer :: c, i, n, m
     n = 0
     if (pair%discretization /= discretization_quadrature) n = pair%n_points - n_contacts
@@ -75,6 +79,10 @@ contains
       call dual_mortar_rows(division, corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
                             pair%normal(:, 1:n), pair%row_corner, pair%row_weight, mortar)
       m = size(pair%row_corner)
+      call vertex_coverage(pair%facet_a(1:n), pair%weight(1:n), axisymmetric, surface_a, mesh_a%x, corners, covered)
+      pair%row_covered = covered(pair%row_corner)
+    else
+      allocate (pair%row_covered(0))
     end if
     pair%n_mortar_rows = m
     pair%n_rows = m + pair%n_points - n

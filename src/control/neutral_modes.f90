@@ -11,6 +11,7 @@
 module dotyk_control_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_control_common_motions, only: keep_common_motions
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, left_over, &
     moved_beyond_others
@@ -105,6 +106,7 @@ contains
     coarse = qp%coarse
     if (any(self%is_tied)) call replace_modes(self%modes, self%is_tied, qp)
     call find_candidates(problem, modes, coarse, qp, deviation, angle, self%stiffness, self%candidate, error)
+    if (.not. allocated(error)) call keep_common_motions(problem, qp, self%candidate)
     if (.not. allocated(error) .and. any(self%candidate%n > 0)) then
       allocate (force(qp%n_rows), alpha(qp%coarse%n))
       call rest_on_foundation(qp, self%stiffness, force, alpha, kept=self%kept)

@@ -1,5 +1,6 @@
 !> Contact pressures as users look at them: projected, with resultants, and as a field of the nodes.
 module dotyk_control_pressures
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
@@ -37,11 +38,18 @@ module dotyk_control_pressures
     real(dp) :: peak = 0
     !> Position of its row (3) [length].
     real(dp) :: peak_position(3) = 0
+    !> Fraction of the slave surface around this row that the master covers [].
+    real(dp) :: peak_covered = 1
     !> Least gap [length].
     real(dp) :: least_gap = 0
     !> Position of its row (3) [length].
     real(dp) :: gap_position(3) = 0
+  contains
+    procedure :: forget_rounding => pair_solution_forget_rounding
   end type pair_solution_t
+
+  !> Contact forces below this fraction of all forces on the bodies are rounding [].
+  real(dp), parameter :: rounding = 1.0e-12_dp
 
   !> One number per node of a body.
   type, public :: nodal_field_t
@@ -52,6 +60,26 @@ module dotyk_control_pressures
   public :: project_pressures
 
 contains
+
+  !> No contact where the contact forces are rounding beside the others: without a place, and without an area.
+  subroutine pair_solution_forget_rounding(self, pair, force)
+    class(pair_solution_t), intent(inout) :: self
+    !> The pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Sum of the sizes of all nodal forces on its bodies [force].
+    real(dp), intent(in) :: force
+    if (sum(pair%row_weight*abs(self%pressure)) > rounding*force) return
+    self%pressure = 0
+    self%projected = 0
+    self%force = 0
+    self%radial_force = 0
+    self%moment = 0
+    self%centre = ieee_value(force, ieee_quiet_nan)
+    self%n_active = 0
+    self%area = 0
+    self%peak = 0
+    self%peak_covered = 1
+  end subroutine pair_solution_forget_rounding
 
   !> Pressures of all pairs.
   subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields)
@@ -136,6 +164,8 @@ contains
     i = maxloc(solution%projected, 1)
     solution%peak = solution%projected(i)
     solution%peak_position(:pair%dimension) = pair%row_position(:, i)
+    ! Contacts at points and edges have no area.
+    if (i <= pair%n_mortar_rows) solution%peak_covered = pair%row_covered(i)
     i = minloc(solution%gap, 1)
     solution%least_gap = solution%gap(i)
     solution%gap_position(:pair%dimension) = pair%row_position(:, i)

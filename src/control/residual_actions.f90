@@ -23,7 +23,8 @@ module dotyk_control_residual_actions
   !> Mean squared cosine between a direction and those that the nodes of a face hold, above which the face is held:
   !> normals of one curved face differ.
   real(dp), parameter :: is_held = 0.9_dp
-  !> Forces at contact points below this fraction of the largest one are rounding.
+  !> Forces at contact points below this fraction of the largest one, and pressures below this fraction of the largest
+  !> stress, are rounding.
   real(dp), parameter :: negligible = 1.0e-12_dp
 
   public :: collect_actions
@@ -84,7 +85,8 @@ contains
       if (.not. problem%ranks%is_own(alike(i))) cycle
       back = transpose(problem%classes%motion(alike(i))%rotation)
       do k = 1, size(problem%pair)
-        associate (pair => problem%pair(k), pressure => m(first_row(k):first_row(k + 1) - 1))
+        associate (pair => problem%pair(k), pressure => significant(m(first_row(k):first_row(k + 1) - 1), &
+                                                                    largest_stress(solution(alike(i)), m)))
           if (pair%body_a == alike(i)) &
             call hold_contact(problem%body(alike(i)), pair, problem%surface_a(k), pair%facet_a, pressure, &
                               back(:d, :d), data%faces, data%held(:, :, :, i))
@@ -103,6 +105,26 @@ contains
       end do
     end do
   end subroutine collect_actions
+
+  !> Pressures beside which others of the body are no rounding.
+  pure function significant(pressure, largest) result(p)
+    !> Pressures of a pair (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    !> Greatest pressure or stress [pressure].
+    real(dp), intent(in) :: largest
+    real(dp) :: p(size(pressure))
+    p = merge(pressure, 0.0_dp, pressure > negligible*largest)
+  end function significant
+
+  !> Greatest contact pressure, or stress of a body where it is known [pressure].
+  pure real(dp) function largest_stress(solution, m) result(largest)
+    !> The body.
+    type(body_solution_t), intent(in) :: solution
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    largest = maxval([0.0_dp, abs(m)])
+    if (allocated(solution%stress)) largest = max(largest, maxval(abs(solution%stress)))
+  end function largest_stress
 
   !> Stresses of congruent bodies at rest, in the axes of their representative; nothing where none of them has any.
   subroutine collect_initial_stresses(problem, alike, data)

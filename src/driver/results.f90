@@ -62,6 +62,14 @@ contains
         call find_balance(problem, solution%qp, solution%state%m, solution%state%y, displacements, &
                           case%output%reaction, balance, error)
       if (allocated(error)) return
+      if (allocated(balance%body)) then
+        do b = 1, size(problem%pair)
+          associate (pair => problem%pair(b))
+            call pair_solution(b)%forget_rounding(pair, max(balance%body(pair%body_a)%force_scale, &
+                                                            balance%body(pair%body_b)%force_scale))
+          end associate
+        end do
+      end if
       if (solution%state%ended /= ended_time) then
         call show_pair_results(monitor%log, problem%pair, pair_solution)
         call show_balance(monitor%log, problem, balance)
@@ -108,7 +116,7 @@ contains
       do k = 2, n_written
         names = names//new_line('a')//case%load_case(k)%name
       end do
-      call file%end_cases(names, n_written, error)
+      call file%end_cases(names, n_written, case%n_cases(), error)
       if (allocated(error)) call file%discard()
       if (allocated(error)) return
     end if

@@ -56,6 +56,7 @@ contains
       call file%put_attribute(group, 'contact_area', pair_solution(k)%area)
       call file%put_attribute(group, 'peak_pressure', pair_solution(k)%peak)
       call file%put_attribute(group, 'peak_position', pair_solution(k)%peak_position)
+      call file%put_attribute(group, 'peak_covered', pair_solution(k)%peak_covered)
       call file%put_attribute(group, 'least_gap', pair_solution(k)%least_gap)
       call file%put_attribute(group, 'gap_position', pair_solution(k)%gap_position)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)

@@ -30,7 +30,7 @@ module dotyk_elasticity_body_modes
     !> Sum of the absolute terms of the resultants on near-null-space modes (n) [force].
     real(dp), allocatable :: resultant_size(:)
     !> Rigid body modes as translations and rotations, for messages.
-    type(rigid_body_modes_t), private :: rigid
+    type(rigid_body_modes_t) :: rigid
   contains
     procedure :: find => modes_find
     procedure :: move => modes_move

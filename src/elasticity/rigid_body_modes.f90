@@ -4,6 +4,7 @@
 !> The basis is stored as translations and rotations beside the displacements, which are evaluated from these alone:
 !> they are rigid to rounding, however thin the body is.
 module dotyk_elasticity_rigid_body_modes
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_parcel, only: parcel_t
@@ -12,8 +13,9 @@ module dotyk_elasticity_rigid_body_modes
   use dotyk_elasticity_part_sums, only: add_up_parts, own_product
   use dotyk_elasticity_rigid_motion, only: component_text, describe_rigid_motions, first_node, rigid_displacement, &
     rigid_null_space
-  use dotyk_linalg_dense, only: orthonormal_range
+  use dotyk_linalg_dense, only: least_squares, orthonormal_range
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_placement, only: placement_t
   implicit none
   private
@@ -38,6 +40,8 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: init => rigid_body_modes_init
     procedure :: move => rigid_body_modes_move
     procedure :: rotate => rigid_body_modes_rotate
+    procedure :: motions => rigid_body_modes_motions
+    procedure :: amplitudes => rigid_body_modes_amplitudes
     procedure :: combination_text => rigid_body_modes_combination_text
     procedure :: span_text => rigid_body_modes_span_text
     procedure :: carry => rigid_body_modes_carry
@@ -45,6 +49,8 @@ module dotyk_elasticity_rigid_body_modes
 
   !> Modes whose amplitude is below this fraction of the largest one are rounding errors, and not described.
   real(dp), parameter :: least_fraction = 1.0e-9_dp
+  !> Motions that modes leave this fraction of are not free.
+  real(dp), parameter :: not_free = 1.0e-9_dp
 
 contains
 
@@ -132,6 +138,46 @@ contains
     call move_alloc(rotated, self%coefficient)
     self%component = [(self%component(maxloc(abs(basis(:, k)), 1)), k=1, self%n)]
   end subroutine rigid_body_modes_rotate
+
+  !> Combinations of the modes of a body of one component as motions of space.
+  pure function rigid_body_modes_motions(self, amplitude) result(motion)
+    class(rigid_body_modes_t), intent(in) :: self
+    !> Amplitudes as columns (n, n_motions) [length].
+    real(dp), intent(in) :: amplitude(:, :)
+    !> Translation of the origin, and rotation (6, n_motions) [length, radian].
+    real(dp) :: motion(6, size(amplitude, 2))
+    integer :: k
+    motion = matmul(self%coefficient, amplitude)
+    motion(4:6, :) = motion(4:6, :)/self%radius(1)
+    do k = 1, size(motion, 2)
+      motion(1:3, k) = motion(1:3, k) - cross(motion(4:6, k), self%centre(:, 1))
+    end do
+  end function rigid_body_modes_motions
+
+  !> Motions of space as combinations of the modes of a body of one component.
+  subroutine rigid_body_modes_amplitudes(self, motion, amplitude, are_free)
+    class(rigid_body_modes_t), intent(in) :: self
+    !> Translation of the origin, and rotation (6, n_motions) [length, radian].
+    real(dp), intent(in) :: motion(:, :)
+    !> Amplitudes as columns (n, n_motions) [length].
+    real(dp), allocatable, intent(out) :: amplitude(:, :)
+    !> Whether the modes of the body have all these motions.
+    logical, intent(out) :: are_free
+    type(error_t), allocatable :: error
+    real(dp) :: about_centre(6, size(motion, 2)), a(6, self%n)
+    integer :: k, rank
+    about_centre(4:6, :) = motion(4:6, :)*self%radius(1)
+    do k = 1, size(motion, 2)
+      about_centre(1:3, k) = motion(1:3, k) + cross(motion(4:6, k), self%centre(:, 1))
+    end do
+    amplitude = about_centre
+    a = self%coefficient
+    call least_squares(a, amplitude, not_free, rank, error)
+    are_free = .not. allocated(error) .and. rank == self%n
+    if (.not. are_free) return
+    amplitude = amplitude(:self%n, :)
+    are_free = all(abs(matmul(self%coefficient, amplitude) - about_centre) <= not_free*maxval(abs(about_centre)))
+  end subroutine rigid_body_modes_amplitudes
 
   !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
   subroutine make_orthonormal(mesh, constraint, component, p, centre, radius, coefficient, mode)

@@ -21,7 +21,7 @@ module dotyk_elasticity_rigid_hold
     real(dp) :: point(3) = 0
   contains
     procedure :: displacement => rigid_hold_displacement
-    procedure :: add_rows => rigid_hold_add_rows
+    procedure :: free_motions => rigid_hold_free_motions
     procedure :: reaction => rigid_hold_reaction
     procedure :: carry => rigid_hold_carry
   end type rigid_hold_t
@@ -40,31 +40,43 @@ contains
     u = moved(:size(x))
   end function rigid_hold_displacement
 
-  !> Rows of the held components over motions of a body: those of a, and of w times the radius.
-  pure subroutine rigid_hold_add_rows(self, centre, radius, exists, row)
+  !> Motions of the body that are not held: translations, and rotations about axes through the point. They are named one
+  !> by one: a null space of what is held would lose motions about a point far away to rounding.
+  pure subroutine rigid_hold_free_motions(self, centre, radius, exists, free, n)
     class(rigid_hold_t), intent(in) :: self
-    !> Centre of the body, to which the motions refer (3) [length].
+    !> Centre of the body (3) [length].
     real(dp), intent(in) :: centre(3)
-    !> Its radius: motions are a translation, and a rotation times the radius [length].
+    !> Its radius [length].
     real(dp), intent(in) :: radius
-    !> Motions that exist in the analysis (n).
+    !> Motions that exist in the analysis (n_motions).
     integer, intent(in) :: exists(:)
-    !> The rows (n_held, n) [].
-    real(dp), allocatable, intent(out) :: row(:, :)
-    real(dp) :: all(6), axis(3)
-    integer :: k, m
-    allocate (row(count(self%held(exists)), size(exists)))
-    m = 0
+    !> Orthonormal motions in the first n columns: translation of the centre, and rotation times the radius (6, 6) [].
+    real(dp), intent(out) :: free(6, 6)
+    !> Number of motions.
+    integer, intent(out) :: n
+    real(dp) :: axis(3)
+    integer :: i, k, pass
+    n = 0
+    free = 0
     do k = 1, 6
-      if (.not. self%held(k) .or. .not. any(exists == k)) cycle
+      if (self%held(k) .or. .not. any(exists == k)) cycle
       axis = 0
       axis(merge(k, k - 3, k <= 3)) = 1
-      all = [0*axis, axis]
-      if (k <= 3) all = [axis, cross((self%point - centre)/radius, axis)]
-      m = m + 1
-      row(m, :) = all(exists)
+      n = n + 1
+      if (k <= 3) then
+        free(1:3, n) = axis
+      else
+        free(1:3, n) = cross(axis, centre - self%point)
+        free(4:6, n) = axis*radius
+      end if
+      do pass = 1, 2
+        do i = 1, n - 1
+          free(:, n) = free(:, n) - dot_product(free(:, i), free(:, n))*free(:, i)
+        end do
+        free(:, n) = free(:, n)/norm2(free(:, n))
+      end do
     end do
-  end subroutine rigid_hold_add_rows
+  end subroutine rigid_hold_free_motions
 
   !> Reaction of the held components to forces, and its moment about the origin (6) [force, force length].
   pure function rigid_hold_reaction(self, sums) result(reaction)

@@ -193,6 +193,10 @@ contains
     else
       exists = [1, 2, 6]
     end if
+    if (constraint%rigid%is_set) then
+      call constraint%rigid%free_motions(centre, radius, exists, free, n)
+      return
+    end if
     ! One row per held unknown: its displacement in each motion. Normal equations would lose half of the digits.
     allocate (held_displacement(count(constraint%equation == 0), size(exists)))
     m = 0
@@ -215,7 +219,6 @@ contains
       end do
     end do
     held_displacement = held_displacement(:m, :)
-    if (constraint%rigid%is_set) call constraint%rigid%add_rows(centre, radius, exists, held_displacement)
     call add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, held_displacement)
     call gather_rows(mesh, held_displacement)
     least = least_hold*sqrt(1 + sum(held_displacement**2))
@@ -316,7 +319,7 @@ contains
         shift = motion(1:3, j)*radius/norm2(motion(4:6, j))
         along = dot_product(shift, axis)*axis
         through = centre + cross(axis, shift)
-        if (n == 1 .and. norm2(shift) > far_axis*radius) then
+        if (norm2(shift) > far_axis*radius) then
           ! An axis far away, or a screw of such a pitch, is a translation with a slight rotation.
           text = text//'translation along '//direction_text(motion(:dim, j))//' with a slight rotation'
           cycle

@@ -8,7 +8,7 @@ module dotyk_input_body_fields
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, names_t, pick_groups, real_of, reals_of, refuse, report, texts_of, text_of
-  use dotyk_input_wildcards, only: append_places, refer_to_bodies
+  use dotyk_input_wildcards, only: append_places, names_several, refer_to_bodies
   implicit none
   private
   public :: read_temperatures, read_initial_stresses
@@ -105,6 +105,7 @@ contains
       associate (group => groups(picked(i)))
         call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
         call read_field(group, problems, of_group(i))
+        of_group(i)%any_body = names_several(text_of(group, 'body'), bodies)
         call cases_of(group, cases, problems, of_group(i)%in_case)
         twice: do k = 1, size(matched)
           do j = 1, size(body_of)

@@ -155,6 +155,8 @@ module dotyk_input_case
     integer :: line = 0
     !> Index of the body.
     integer :: body = 0
+    !> Whether wildcards name it, maybe among others.
+    logical :: any_body = .false.
     !> Constant value: a temperature in the first component [temperature], or stresses in the order xx yy zz xy yz xz
     !> [pressure] (6).
     real(dp) :: value(6) = 0

@@ -93,6 +93,13 @@ contains
     if (case%solver%response == response_multigrid) &
       call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &
                         'response=''multigrid'': remove that')
+    ! Where wildcards name it among others, as in a temperature of all bodies, it has no share.
+    case%temperature = pack(case%temperature, .not. is_spared(case%temperature%line, case%temperature%body, &
+                                                              case%temperature%any_body))
+    case%initial_stress = pack(case%initial_stress, .not. is_spared(case%initial_stress%line, &
+                                                                    case%initial_stress%body, &
+                                                                    case%initial_stress%any_body))
+    case%support = pack(case%support, .not. is_spared(case%support%line, case%support%body, case%support%any_body))
     do i = 1, size(case%support)
       call refuse(case%support(i)%line, case%support(i)%body, &
                   trim(merge('&spring ', '&support', case%support(i)%is_spring)), &
@@ -133,6 +140,19 @@ contains
         end if
       end do
     end subroutine compare
+
+    !> Whether a group of several bodies spares one because it is rigid: not where all are.
+    pure function is_spared(line, body, several)
+      !> Lines of the groups, bodies, 0 for none, and whether a group names several (n).
+      integer, intent(in) :: line(:), body(:)
+      logical, intent(in) :: several(:)
+      logical :: is_spared(size(line)), is_rigid(size(line))
+      integer :: k
+      is_rigid = [(any(case%rigid%body == body(k)), k=1, size(body))]
+      do k = 1, size(line)
+        is_spared(k) = is_rigid(k) .and. several(k) .and. any(line == line(k) .and. .not. is_rigid .and. body > 0)
+      end do
+    end function is_spared
 
     !> Report a group of a rigid body.
     subroutine refuse(line, body, group, reason)

@@ -17,6 +17,8 @@ module dotyk_log_force_tables
 
   !> Greatest number of contact pairs, supports or bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20
+  !> Vertices less of which is covered get a word: on straight edges of the master across facets it is half [].
+  real(dp), parameter :: well_covered = 0.4_dp
 
 contains
 
@@ -41,12 +43,10 @@ contains
       around = ''
       if (abs(solution(k)%radial_force) > 0) &
         around = ', radial '//to_text(solution(k)%radial_force, 5)//' around the circumference'
-      associate (force => solution(k)%force)
-        call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
-                      counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
-                      to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
-                      ') on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5))
-      end associate
+      call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
+                    counted(pair(k)%n_rows, 'constraint')//' active, contact force '// &
+                    vector_text(solution(k)%force, sum(pair(k)%row_weight*abs(solution(k)%pressure)))// &
+                    ' on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5))
       call log%line('    '//details(solution(k)))
     end do
     if (size(pair) <= most_shown) return
@@ -68,6 +68,9 @@ contains
         line = line//'centre of pressure '//vector_text(solution%centre)//', '
       line = line//'contact area '//to_text(solution%area, 5)//', peak pressure at '// &
              vector_text(solution%peak_position)//', '
+      if (solution%peak_covered < well_covered) &
+        line = line//'where the master covers '//to_text(100*solution%peak_covered, 2)//' % of the vertex (no measure '// &
+               'of the pressure beside it), '
     end if
     line = line//'least gap '//to_text(solution%least_gap, 4)//' at '//vector_text(solution%gap_position)
   end function details

@@ -59,7 +59,12 @@ contains
       end if
       is_open = is_open .and. .not. alike
       if (is_held(b)) then
-        text = text//' (contact resists it by no more than its normals are uncertain; minimum-norm solution)'
+        if (count(any(abs(of_body(b)%value) > 0, dim=1)) > problem%neutral(b)%n) then
+          text = text//' (contact resists a part of it by no more than its normals are uncertain, nothing resists '// &
+                 'the rest; minimum-norm solution)'
+        else
+          text = text//' (contact resists it by no more than its normals are uncertain; minimum-norm solution)'
+        end if
       else
         text = text//' (neither loads nor contact determine it; minimum-norm solution)'
       end if

@@ -129,7 +129,9 @@ contains
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
                    ': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact '// &
                    'resist: '//motion_of(worst)//others// &
-                   '; add a &support, a &contact that resists the motion, or another &load', exit_not_solvable)
+                   '; add a &support, a &contact that resists the motion, or another &load'// &
+                   trim(merge(' (no body of the scene has a &support)', repeat(' ', 38), size(case%support) == 0)), &
+                   exit_not_solvable)
   contains
     !> The bolts of a body, or those of others.
     function bolts_of(which) result(text)

@@ -3,7 +3,7 @@ module dotyk_log_pair_table
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: discretization_quadrature
-  use dotyk_base_text, only: counted, to_text
+  use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: mesh_compliance
   use dotyk_elasticity_body, only: body_t
@@ -73,6 +73,9 @@ contains
     call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
                   counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
                   surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
+    if (body(pair%body_a)%constraint%rigid%is_set) &
+      call log%line('    warning: the slave side is a rigid body: where its mesh is finer than that of '// &
+                    quoted(body(pair%body_b)%name)//', pressures are not unique; make it surface_b')
     if (pair%n_unprojected > 0) &
       call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
                     'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &

@@ -65,17 +65,20 @@ contains
   end subroutine results_begin_case
 
   !> What follows is of all load cases.
-  subroutine results_end_cases(self, names, n_written, error)
+  subroutine results_end_cases(self, names, n_written, n_cases, error)
     class(results_file_t), intent(inout) :: self
     !> Names of the cases that were written, separated by line feeds.
     character(*), intent(in) :: names
     !> Their number.
     integer, intent(in) :: n_written
+    !> Number of those of the scene: more where the run was interrupted.
+    integer, intent(in) :: n_cases
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     deallocate (self%root)
     call self%finish_steps(n_written, error)
     if (.not. allocated(error)) call self%file%put_attribute('/dotyk/cases', 'names', names, error)
+    if (.not. allocated(error)) call self%file%put_attribute('/dotyk/cases', 'n_missing', n_cases - n_written, error)
   end subroutine results_end_cases
 
   !> Add the group of a contact pair; `commit` reports a failure.

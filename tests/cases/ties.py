@@ -286,7 +286,7 @@ class Ties(Case):
             lines += ["&body name='%s', mesh='%s.geo', volume='block', material='steel', at=0.3,0.1, axis=0,0,1, angle=%r /"
                       % (b, b, angle) for b in "abc"]
             lines += ["&support body='c', surface='bottom', fix='xy' /", "&load body='a', surface='top', pressure=7 /",
-                      "&load body='b', surface='top', pressure=3 /", ""&contact surface_a='a:sides x', surface_b='b:sides x', theta=0 contact name='k', surface_a='a:sides x', surface_b='b:sides x', theta=0 /",
+                      "&load body='b', surface='top', pressure=3 /", "&contact name='k', surface_a='a:sides x', surface_b='b:sides x', theta=0 /",
                       *("&tie name='%s', surface_a='%s:bottom', surface_b='c:top' /" % (b, b) for b in "ab")]
             self.write("edge.nml", "\n".join(lines) + "\n")
             self.dotyk("edge.nml")

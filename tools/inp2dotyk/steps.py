@@ -56,6 +56,10 @@ class Steps(Namelist):
             elif card.keyword in ("boundary", "cload", "dload", "dsload", "temperature"):
                 if card.get("op").lower() == "new" and card.keyword not in first:
                     self.clear(at, card.keyword)
+                    other = {"dload": "dsload", "dsload": "dload"}.get(card.keyword)
+                    if any(key[0] == other for key in at.load):
+                        self.leave(card.place, "what OP=NEW of *%s does to *%s of earlier steps: CalculiX cancels that, too, Abaqus does not; "
+                                   "it goes on" % (card.keyword.upper(), other.upper()))
                 first.add(card.keyword)
                 if card.get("amplitude"):
                     self.leave(card.place, "the amplitude of *%s: its whole value is taken" % card.keyword.upper())

@@ -180,6 +180,7 @@ class Results:
         self.path, self.log = os.fspath(path), log
         self.file = h5py.File(self.path, 'r')
         self.cases = _case_names(self.file)
+        self._is_chosen = case is not None
         self.case_name = case if case is not None or len(self.cases) != 1 else self.cases[0]
         if self.case_name is not None and self.case_name not in self.cases:
             raise KeyError("%s: no load case '%s'; there are %s" % (self.path, case, ', '.join(self.cases) or 'none'))
@@ -224,20 +225,24 @@ class Results:
     ties = property(lambda self: self.record('ties'), doc='Ties and bolts: force, moment, tension, shortening, ...; Record.')
     forces = property(lambda self: self.record('bodies'), doc='Sums of forces on each body, and strain energies; Record.')
 
+    def _n_missing(self):
+        """Number of load cases of the scene that an interrupted run left out."""
+        return int(self.file['dotyk/cases'].attrs.get('n_missing', 0)) if self.cases else 0
+
     @property
     def converged(self):
-        """Whether the stop rule was met; of load cases none of which is chosen: in all of them."""
-        if self.cases and self.case_name is None:
-            return all(self.file['dotyk/cases'][name]['summary'].attrs['converged'] for name in self.cases)
+        """Whether the stop rule was met; of load cases none of which is chosen: in all of them, and none is missing."""
+        if self.cases and not self._is_chosen:
+            return not self._n_missing() and all(self.file['dotyk/cases'][name]['summary'].attrs['converged'] for name in self.cases)
         return bool(self.summary['converged'])
 
     @property
     def status(self):
         """How the run ended: 'converged', 'max_iterations', 'interrupted', ... (docs/results.md). Of load cases none of
         which is chosen: 'converged' where all are, or that of the first one that is not."""
-        if self.cases and self.case_name is None:
+        if self.cases and not self._is_chosen:
             ends = [self.case(name).status for name in self.cases]
-            return next((end for end in ends if end != 'converged'), 'converged')
+            return next((end for end in ends if end != 'converged'), 'interrupted' if self._n_missing() else 'converged')
         return self.summary['status']
 
     @functools.cached_property

@@ -1,0 +1,83 @@
+!> Motions that two floating bodies in contact have in common.
+!>
+!> Each body has its neutral modes held by itself, and moves by the others. A press fit that nothing supports floats as a
+!> whole: its bodies keep their common motions exactly where what they keep are the same motions of space. The neutral
+!> modes of each are those of its own mesh, to which the others are orthogonal in its own nodes, and differ by as much as
+!> the meshes do. A rotation that one body almost has would be resisted a little: a stiffness of rounding.
+module dotyk_control_common_motions
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_neutral_candidates, only: candidate_t
+  use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+  public :: keep_common_motions
+
+  !> Neutral modes may change by this cosine at least: normals are uncertain by more.
+  real(dp), parameter :: nearly_same = 0.98_dp
+  !> Motions of space are dependent below this fraction.
+  real(dp), parameter :: dependent = 1.0e-9_dp
+
+contains
+
+  !> Let bodies that touch have the same motions beside their neutral modes, those of the first one, where their own
+  !> are nearly these.
+  subroutine keep_common_motions(problem, qp, candidate)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Their modes, with the neutral ones first; other bases on return (n_bodies).
+    type(candidate_t), intent(inout) :: candidate(:)
+    integer :: a, b
+    do b = 2, size(candidate)
+      if (.not. is_single(b)) cycle
+      do a = 1, b - 1
+        if (.not. is_single(a) .or. candidate(a)%n /= candidate(b)%n) cycle
+        if (problem%modes(a)%n /= problem%modes(b)%n) cycle
+        if (.not. any(qp%coarse%body(1, :) == a .and. qp%coarse%body(2, :) == b .or. &
+                      qp%coarse%body(1, :) == b .and. qp%coarse%body(2, :) == a)) cycle
+        call take_motions(a, b)
+        exit
+      end do
+    end do
+
+  contains
+
+    !> Whether a body has neutral modes and others, all of one connected component.
+    logical function is_single(b)
+      !> The body.
+      integer, intent(in) :: b
+      is_single = candidate(b)%n > 0 .and. candidate(b)%n < problem%modes(b)%n
+      if (is_single) is_single = .not. problem%modes(b)%is_near_null()
+      if (is_single) is_single = all(problem%modes(b)%components() == 1)
+    end function is_single
+
+    !> Give a body the motions of another one.
+    subroutine take_motions(from, to)
+      !> The bodies.
+      integer, intent(in) :: from, to
+      type(error_t), allocatable :: error
+      real(dp), allocatable :: amplitude(:, :), basis(:, :), cosine(:), turn(:, :)
+      logical :: are_free
+      integer :: n, n_modes, rank
+      n = candidate(to)%n
+      n_modes = problem%modes(to)%n
+      call problem%modes(to)%rigid%amplitudes(problem%modes(from)%rigid%motions(candidate(from)%basis(:, n + 1:)), &
+                                              amplitude, are_free)
+      if (.not. are_free) return
+      allocate (basis(n_modes, n_modes), source=0.0_dp)
+      call orthonormal_range(amplitude, dependent, basis, rank)
+      if (rank /= n_modes - n) return
+      call complete_basis(basis, rank)
+      basis = cshift(basis, rank, 2)
+      allocate (cosine(n), turn(n, n))
+      call right_singular_vectors(matmul(transpose(candidate(to)%basis(:, :n)), basis(:, :n)), cosine, turn, error)
+      if (allocated(error)) return
+      if (minval(cosine) < nearly_same) return
+      candidate(to)%basis = basis
+    end subroutine take_motions
+  end subroutine keep_common_motions
+end module dotyk_control_common_motions
