@@ -113,6 +113,22 @@ contains
     end do
   end function lower
 
+  !> A text in lower case without blanks, hyphens and underscores.
+  pure function squeezed(text)
+    !> Any text.
+    character(*), intent(in) :: text
+    character(len(text)) :: squeezed
+    integer :: i, n
+    squeezed = ''
+    n = 0
+    do i = 1, len(text)
+      if (index(' -_', text(i:i)) > 0) cycle
+      n = n + 1
+      squeezed(n:n) = text(i:i)
+    end do
+    squeezed = lower(squeezed)
+  end function squeezed
+
   !> Name of a list that is nearest to a misspelled one; empty where none is near.
   pure function nearest_name(name, names) result(nearest)
     !> Name as written.
@@ -125,6 +141,11 @@ contains
     ! One change in three letters is still likely to be a misspelling.
     least = max(1, (len_trim(name) + 1)/3) + 1
     do i = 1, size(names)
+      ! 'Face14' is 'face 14', not 'face 4'.
+      if (squeezed(name) == squeezed(names(i)%s)) then
+        nearest = names(i)%s
+        return
+      end if
       if (abs(len_trim(name) - len(names(i)%s)) >= least) cycle
       distance = edit_distance(lower(trim(name)), lower(names(i)%s))
       if (distance < least) then

@@ -35,6 +35,9 @@ module dotyk_contact_doubtful_force
   !> Surfaces touch where their smallest gap is below this fraction of the greatest one under the same row: rounding of
   !> the integrals, and facets on which the contact ends.
   real(dp), parameter :: touching = 0.01_dp
+  !> They touch, too, where it is below this fraction of the displacements of both: in a closed press fit all gaps are
+  !> errors of the facets.
+  real(dp), parameter :: closed = 1.0e-4_dp
 
 contains
 
@@ -57,18 +60,19 @@ contains
     !> Forces; the share is 0 where there are none.
     type(doubtful_force_t), intent(out) :: doubtful
     real(dp), allocatable :: p(:), gap(:)
-    real(dp) :: force
+    real(dp) :: force, moved
     integer :: i, k
     doubtful%pair = pair%name
     allocate (doubtful%position(pair%dimension), source=0.0_dp)
     doubtful%total = sum(pair%row_weight*pressure)
     if (.not. any(pressure(:pair%n_mortar_rows) > 0) .or. .not. doubtful%total > 0) return
     call gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
+    moved = max(maxval(abs(u_a)), maxval(abs(u_b)))
     do i = 1, pair%n_mortar_rows
       force = pair%row_weight(i)*pressure(i)
       if (.not. force > 0) cycle
       associate (points => pair%average%column(pair%average%row_start(i):pair%average%row_start(i + 1) - 1))
-        if (.not. minval(gap(points)) > touching*maxval(gap(points))) cycle
+        if (.not. minval(gap(points)) > max(touching*maxval(gap(points)), closed*moved)) cycle
         if (.not. any([(is_quadratic(surface_a%kind(pair%facet_a(points(k)))), k=1, size(points))])) cycle
         doubtful%share = doubtful%share + force/doubtful%total
         if (force <= doubtful%force) cycle

@@ -32,22 +32,28 @@ contains
     type(surface_t), intent(in) :: surface
     character(:), allocatable :: text
     real(dp), allocatable :: p(:, :), middle(:, :), normal(:, :)
-    real(dp) :: centre(3), axis(3), radius, extent
+    character(:), allocatable :: as_cylinder
+    real(dp) :: centre(3), axis(3), radius, extent, deviation, of_cylinder
     text = ''
     call find_corners(x, surface, p, middle, normal)
     if (size(p, 2) < 6) return
-    centre = sum(p, dim=2)/size(p, 2)
     extent = maxval(maxval(p, dim=2) - minval(p, dim=2))
-    call fit_sphere(p, centre, radius)
-    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), &
-             norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) then
-      text = words('sphere', 'hollow sphere')//' of radius '//to_text(radius, 4)
-      return
-    end if
     centre = sum(p, dim=2)/size(p, 2)
     call fit_cylinder(p, normal, centre, axis, radius)
-    if (.not. fits(distances(p), distances(middle))) return
-    text = words('cylinder', 'hole')//' of radius '//to_text(radius, 4)//' about '//vector_text(axis)
+    as_cylinder = ''
+    of_cylinder = huge(of_cylinder)
+    if (fits(distances(p), distances(middle))) then
+      of_cylinder = deviation
+      as_cylinder = words('cylinder', 'hole')//' of radius '//to_text(radius, 4)//' about '//vector_text(axis)
+    end if
+    centre = sum(p, dim=2)/size(p, 2)
+    call fit_sphere(p, centre, radius)
+    if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), &
+             norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) &
+      text = words('sphere', 'hollow sphere')//' of radius '//to_text(radius, 4)
+    ! Two circles, the corners of a cylinder of one layer, lie on a sphere, too.
+    if (len(as_cylinder) > 0 .and. (len(text) == 0 .or. of_cylinder <= max(deviation, rounding*tolerance))) &
+      text = as_cylinder
 
   contains
 
@@ -67,7 +73,9 @@ contains
       !> The distances of corners, and of the middles of facets [length].
       real(dp), intent(in) :: distance(:), of_middles(:)
       fits = radius > 0 .and. radius < greatest_radius*extent
-      if (fits) fits = norm2(distance - radius) < tolerance*radius*sqrt(real(size(distance), dp))
+      deviation = huge(deviation)
+      if (fits) deviation = norm2(distance - radius)/(radius*sqrt(real(size(distance), dp)))
+      if (fits) fits = deviation < tolerance
       if (fits) fits = minval(of_middles) > least_middle*radius
     end function fits
 

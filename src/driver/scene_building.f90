@@ -15,6 +15,7 @@ module dotyk_driver_scene_building
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_double_bodies, only: refuse_doubles
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
@@ -46,6 +47,8 @@ contains
     integer :: i
     needs_factors = .false.
     associate (problem => scene%problem)
+      call refuse_doubles(case, error)
+      if (allocated(error)) return
       call set_stage('reading meshes')
       call read_bodies(case, may_split, problem, surfaces, remarks, in_parts, are_dealt, error)
       if (.not. allocated(problem%body)) return

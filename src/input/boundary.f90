@@ -181,7 +181,7 @@ contains
       call report(problems, group, 'centre', 'axisymmetric bodies rotate about their axis: remove centre')
   end subroutine read_rotation
 
-  !> Report bodies without a density that a load needs; those with point masses may have none.
+  !> Report bodies without a density that a load needs; those with point masses may have none at all.
   subroutine check_densities(load, body, material, problems)
     !> Loads of bodies (n_loads).
     type(load_input_t), intent(in) :: load(:)
@@ -194,17 +194,28 @@ contains
     integer :: i, k
     do i = 1, size(load)
       if (.not. any(load(i)%kind == [load_angular_velocity, load_acceleration]) .or. load(i)%body == 0) cycle
-      if (any(load%of_mass .and. load%body == load(i)%body)) cycle
       if (body(load(i)%body)%is_surface) cycle
+      if (any(load%of_mass .and. load%body == load(i)%body) .and. &
+          .not. any([(has_density(body(load(i)%body)%material(k)), k=1, size(body(load(i)%body)%material))])) cycle
       do k = 1, size(body(load(i)%body)%material)
         associate (m => body(load(i)%body)%material(k))
           if (m == 0) cycle
-          if (.not. (material(m)%density > 0 .or. len(material(m)%density_formula) > 0)) &
+          if (.not. has_density(m)) &
             call problems%add(load(i)%line, '&load: the material '//shown(material(m)%name)//' of body '// &
                               shown(body(load(i)%body)%name)//' has no density')
         end associate
       end do
     end do
+
+  contains
+
+    !> Whether a material has a density.
+    pure logical function has_density(m)
+      !> The material; 0 for none.
+      integer, intent(in) :: m
+      has_density = .false.
+      if (m > 0) has_density = material(m)%density > 0 .or. len(material(m)%density_formula) > 0
+    end function has_density
   end subroutine check_densities
 
   !> Read force, moment and point of a total load.

@@ -85,6 +85,8 @@ contains
       if (case%load(i)%body == 0) cycle
       ! Where wildcards name it, as in gravity on all bodies, it has no share.
       if (case%load(i)%any_body .or. .not. case%body(case%load(i)%body)%is_surface) cycle
+      if (case%load(i)%kind /= load_force_density .and. any(case%load%of_mass .and. &
+                                                            case%load%body == case%load(i)%body)) cycle
       if (any(case%load(i)%kind == [load_force_density, load_acceleration, load_angular_velocity])) &
         call problems%add(case%load(i)%line, '&load: body '//shown(bodies%name(case%load(i)%body)%s)//' has '// &
                           'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// &

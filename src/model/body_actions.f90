@@ -1,10 +1,12 @@
 !> What acts on a body, from the input: supports with their values, loads, temperature and initial stress, in each load
 !> case.
 module dotyk_model_body_actions
-  use dotyk_base_error, only: add_context, error_t, problem_list_t
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_foundation, only: surface_area
   use dotyk_elasticity_load_cases, only: clear_actions, keep_case, take_case
   use dotyk_elasticity_support, only: support_t
   use dotyk_input_case, only: applies_in, case_t, load_input_t
@@ -131,7 +133,14 @@ contains
       !> Allocated where the load cannot be used.
       type(error_t), allocatable, intent(out) :: failed
       type(surface_t) :: surface
-      if (acts_on_surface(given)) call take_surface(given%surface, surface, failed)
+      if (acts_on_surface(given)) then
+        call take_surface(given%surface, surface, failed)
+        if (.not. allocated(failed) .and. body%analysis == analysis_axisymmetric) then
+          if (.not. surface_area(body%mesh%x, body%analysis, surface) > 0) &
+            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the axis and has '// &
+                           'no area', exit_bad_input)
+        end if
+      end if
       ! In contact or tied, a small resultant may be what is asked for; alone, the scene would have no equilibrium.
       if (.not. allocated(failed)) &
         call add_load(given, surface, merge(alone, in_contact, size(case%contact) + size(case%tie) == 0), body, failed)

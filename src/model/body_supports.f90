@@ -3,6 +3,7 @@ module dotyk_model_body_supports
   use dotyk_base_directions, only: directions_t
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
@@ -93,6 +94,11 @@ contains
         call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
         gathered(n)%fix = given%fix
         call add_context(failed, 'body '//quoted(body%name)//': ')
+        if (given%is_spring .and. body%analysis == analysis_axisymmetric .and. .not. allocated(failed)) then
+          if (.not. surface_area(body%mesh%x, body%analysis, gathered(n)%surface) > 0) &
+            call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the '// &
+                           'axis and has no area', exit_bad_input)
+        end if
         if (allocated(failed)) call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
       end associate
     end do

@@ -86,6 +86,34 @@ class RigidBodies(dotyk_case.Case):
         self.check_column("hex20", "&rigid_body body='plate', fix='x y rz' /", 0.01, 0,
                           ["&load body='plate', acceleration=0,0,%r /" % (-1.5 / weight)])
 
+    def test_far_from_the_point(self):
+        """Motions are held about a point far away, too: the origin, if a scene is in the coordinates of a whole plant."""
+        self.write("one.geo", block_geo("hex8", 1))
+        found = []
+        for x in 0, 3000, 1e6:
+            self.write("far.nml", "&scene mesh='one.geo' /\n&material name='m', young=1, poisson=0 /\n"
+                       "&body name='low', volume='block', material='m', at=%r,0,0 /\n"
+                       "&body name='plate', volume='block', material='m', at=%r,0,1 /\n"
+                       "&support body='low', surface='bottom', fix='xyz' /\n"
+                       "&rigid_body body='plate', fix='xyz rx ry rz', value=0,0,-1e-3 /\n"
+                       "&contact name='c', surface_a='low:top', surface_b='plate:bottom', theta=0 /\n" % (x, x))
+            self.dotyk("far.nml")
+            found.append(self.results("far.vtkhdf")["dotyk/contact/c"].attrs["force"][2])
+        np.testing.assert_allclose(found, -1e-3, rtol=1e-8)
+
+    def test_several_by_wildcards(self):
+        """A temperature and supports of all bodies leave out those that are rigid."""
+        self.write("one.geo", block_geo("hex8", 1))
+        lines = ["&scene mesh='one.geo' /", "&material name='m', young=1, poisson=0, expansion=1e-3 /",
+                 "&body name='low', volume='block', material='m' /", "&body name='plate', volume='block', material='m', at=0,0,1 /",
+                 "&rigid_body body='plate', fix='xyz rx ry rz' /", "&support body='*', surface='bottom', fix='z' /",
+                 "&temperature body='*', value=1 /", "&contact name='c', surface_a='low:top', surface_b='plate:bottom', theta=0 /"]
+        self.write("all.nml", "\n".join(lines) + "\n")
+        self.dotyk("all.nml")
+        self.assertAlmostEqual(self.results("all.vtkhdf")["dotyk/contact/c"].attrs["force"][2], -1e-3, delta=1e-9)
+        self.write("all.nml", "\n".join(lines).replace("body='*', value", "body='plat*', value") + "\n")
+        self.assertIn("is rigid: it does not expand", self.dotyk("all.nml", code=2))
+
     def test_axisymmetric(self):
         """A plate about the axis, moved and loaded."""
         self.write("column.geo", block_geo("quad8", 2, (0.0, 0.0), (1.0, HEIGHT)))
