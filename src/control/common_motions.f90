@@ -31,20 +31,33 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Their modes, with the neutral ones first; other bases on return (n_bodies).
     type(candidate_t), intent(inout) :: candidate(:)
-    integer :: a, b
+    integer, allocatable :: couple(:, :), of_body(:)
+    integer :: b, i, k
+    ! Rows of a pair follow each other.
+    couple = qp%coarse%body(:, pack([(i, i=1, qp%n_rows)], [(differs(i), i=1, qp%n_rows)]))
     do b = 2, size(candidate)
       if (.not. is_single(b)) cycle
-      do a = 1, b - 1
-        if (.not. is_single(a) .or. candidate(a)%n /= candidate(b)%n) cycle
-        if (problem%modes(a)%n /= problem%modes(b)%n) cycle
-        if (.not. any(qp%coarse%body(1, :) == a .and. qp%coarse%body(2, :) == b .or. &
-                      qp%coarse%body(1, :) == b .and. qp%coarse%body(2, :) == a)) cycle
-        call take_motions(a, b)
-        exit
+      of_body = pack([(k, k=1, size(couple, 2))], maxval(couple, 1) == b .and. minval(couple, 1) > 0)
+      do k = 1, size(of_body)
+        associate (a => minval(couple(:, of_body(k))))
+          if (a == b) cycle
+          if (.not. is_single(a) .or. candidate(a)%n /= candidate(b)%n) cycle
+          if (problem%modes(a)%n /= problem%modes(b)%n) cycle
+          call take_motions(a, b)
+          exit
+        end associate
       end do
     end do
 
   contains
+
+    !> Whether a row has other bodies than the one before it.
+    pure logical function differs(i)
+      !> The row.
+      integer, intent(in) :: i
+      differs = i == 1
+      if (.not. differs) differs = any(qp%coarse%body(:, i) /= qp%coarse%body(:, i - 1))
+    end function differs
 
     !> Whether a body has neutral modes and others, all of one connected component.
     logical function is_single(b)

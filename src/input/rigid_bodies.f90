@@ -56,7 +56,6 @@ contains
     type(problems_t), intent(inout) :: problems
     !> The case with all other groups; gets the rigid bodies.
     type(case_t), intent(inout) :: case
-    character(*), parameter :: no_ties = 'ties of rigid bodies are not built; hold the surface of the other body'
     type(rigid_input_t), allocatable :: rigid(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     integer :: i
@@ -111,8 +110,10 @@ contains
       call refuse(case%temperature(i)%line, case%temperature(i)%body, '&temperature', 'it does not expand')
     end do
     do i = 1, size(case%tie)
-      call refuse(case%tie(i)%line, case%tie(i)%body_a, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt)), no_ties)
-      call refuse(case%tie(i)%line, case%tie(i)%body_b, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt)), no_ties)
+      if (min(case%tie(i)%body_a, case%tie(i)%body_b) == 0) cycle
+      if (any(case%rigid%body == case%tie(i)%body_a) .and. any(case%rigid%body == case%tie(i)%body_b)) &
+        call problems%add(case%tie(i)%line, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt))//': both bodies are '// &
+                          'rigid: make them one body, or give both the same motions')
     end do
     do i = 1, size(case%initial_stress)
       call refuse(case%initial_stress(i)%line, case%initial_stress(i)%body, '&initial_stress', 'it has no stress')

@@ -229,8 +229,6 @@ class RigidBodies(dotyk_case.Case):
                                 "case.nml:7: &support: body 'a' is rigid"),
                                ([rigid + "fix='xyz' /", "&spring body='a', surface='bottom', fix='z', modulus=1 /"],
                                 "case.nml:7: &spring: body 'a' is rigid"),
-                               ([rigid + "fix='xyz' /", "&tie name='t', surface_a='a:top', surface_b='b:bottom' /"],
-                                "case.nml:7: &tie: body 'a' is rigid"),
                                (["&rigid_body body='*', fix='xyz rx ry rz' /",
                                  "&contact name='c', surface_a='a:top', surface_b='b:bottom' /"], "both bodies are rigid")):
             with self.subTest(message):

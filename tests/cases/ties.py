@@ -296,6 +296,41 @@ class Ties(Case):
             self.assertAlmostEqual(summary["energy"] / energy, 1, delta=1e-12)
             self.assertEqual(self.results("edge.vtkhdf")["dotyk/contact/k/pressure"][:].max(), 0)
 
+    def test_rigid_coupling(self):
+        """A face tied to a rigid surface moves as that does: tension and bending of a bar by force and moment, or by the
+        motions that they cause."""
+        self.write("bar.geo", blocks.block_geo("hex20", (2, 2, 3), (0, 0, 0), (1, 1, 4)))
+        at = ", at=1,2,3, axis=1,2,3, angle=33"
+        a, angle = np.array([1, 2, 3]) / np.sqrt(14), np.radians(33)
+        cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+        rotate = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+        end = rotate @ [0.5, 0.5, 4] + [1, 2, 3]
+        lines = ["&scene mesh='bar.geo' /", "&material name='steel', young=1e5, poisson=0 /",
+                 "&body name='bar', volume='block', material='steel'%s /" % at,
+                 "&body name='cap', surface='top', facing=0.5,0.5,2%s /" % at, "&support body='bar', surface='bottom', fix='xyz' /",
+                 "&tie name='coupling', surface_a='bar:top', surface_b='cap:top' /"]
+        text = "%.15g,%.15g,%.15g"
+        # The linear traction of bending is not in the space of the multipliers on quadratic facets.
+        for bending, tolerance in (0, 1e-9), (20, 2e-3):
+            force, moment, theta = rotate @ [0, 0, 100], rotate @ [bending, 0, 0], bending / (1e5 / 12) * 4
+            shift, turn = rotate @ [0, -theta * 4 / 2, 100 * 4 / 1e5], rotate @ [theta, 0, 0]
+            for more in ("&rigid_body body='cap' /\n&load body='cap', surface='top', force=%s, moment=%s, point=%s /"
+                         % (text % tuple(force), text % tuple(moment), text % tuple(end)),
+                         "&rigid_body body='cap', fix='xyz rx ry rz', point=%s, value=%s, rotation=%s /"
+                         % (text % tuple(end), text % tuple(shift), text % tuple(turn))):
+                self.write("case.nml", "\n".join([*lines, more]) + "\n")
+                self.dotyk("case.nml")
+                file = self.results("case.vtkhdf")
+                self.assertAlmostEqual(file["dotyk/bodies/strain_energy"][0] / (0.2 + bending * theta / 2), 1, delta=tolerance)
+                np.testing.assert_allclose(file["dotyk/ties/force"][0], force, atol=100 * tolerance)
+                np.testing.assert_allclose(file["dotyk/ties/moment"][0] - np.cross(end, force), moment, atol=100 * tolerance)
+                points, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+                top = np.abs((points - [1, 2, 3]) @ rotate[:, 2] - 4) < 1e-9
+                exact = shift + np.cross(turn, points[top] - end)
+                np.testing.assert_allclose(u[top], exact, atol=tolerance * np.abs(exact).max())
+        self.write("case.nml", "\n".join([*lines[:4], "&rigid_body body='*' /", *lines[5:]]) + "\n")
+        self.assertIn("case.nml:6: &tie: both bodies are rigid", self.dotyk("case.nml", code=2))
+
     def test_faces_that_are_tied(self):
         """Faces are tied once, whatever their surfaces are called."""
         for name, z in ("low", 0), ("up", 1):
