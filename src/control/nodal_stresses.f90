@@ -6,9 +6,11 @@ module dotyk_control_nodal_stresses
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_mesh_error, only: most_bodies, to_representative
-  use dotyk_elasticity_material_part, only: mesh_of_material, nodes_of_material
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material, nodes_of_material
   use dotyk_elasticity_nodal_stress, only: nodal_stresses
   use dotyk_elasticity_stiffness_tensor, only: rotate_strain, rotate_stress
+  use dotyk_elasticity_stress_of_means, only: take_stress_of_means
   implicit none
   private
 
@@ -117,7 +119,34 @@ contains
           if (allocated(body%initial%stress)) of_body(:, k) = of_body(:, k) + body%initial%stress(:, k)
         end do
         stress(alike(i))%value(:, :) = of_body([1, 2, 3, 6, 4, 5], :)
+        call take_means(body, solution(alike(i)), stress(alike(i))%value)
       end associate
     end do
   end subroutine recover_some
+
+  !> Take the fit of mean stresses where that is the better one.
+  subroutine take_means(body, solution, stress)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Its displacements, and stresses where they are known.
+    type(body_solution_t), intent(in) :: solution
+    !> Stresses at the nodes (6, n_nodes) [pressure].
+    real(dp), intent(inout) :: stress(:, :)
+    logical :: is_set(size(stress, 2))
+    integer :: m
+    if (.not. allocated(solution%stress)) return
+    if (size(body%material) == 1) then
+      is_set = .true.
+      call take_stress_of_means(body%mesh, body%analysis, body%material(1), solution%displacement, solution%stress, &
+                                is_set, stress)
+      return
+    end if
+    is_set = .false.
+    do m = 1, size(body%material)
+      call take_stress_of_means(mesh_of_material(body%mesh, m), body%analysis, body%material(m), &
+                                solution%displacement, solution%stress(:, elements_of_material(body%mesh, m)), &
+                                nodes_of_material(body%mesh, m) .and. .not. is_set, stress)
+      is_set = is_set .or. nodes_of_material(body%mesh, m)
+    end do
+  end subroutine take_means
 end module dotyk_control_nodal_stresses

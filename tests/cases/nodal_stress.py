@@ -63,6 +63,25 @@ class NodalStress(Case):
                 self.assertBetween(1.7, of_cells[0] / of_cells[1], 2.3)
                 self.assertLess(worst[1], 0.5 * of_cells[1])
 
+    def test_nearly_incompressible(self):
+        """A rotating cylinder between walls, s_r ~ 1 - r^2: of second order in quadratic elements whose dilatation is constant."""
+        for kind in "quad8", "tri6":
+            errors = []
+            for n in 6, 12:
+                self.write("disc.geo", blocks.block_geo(kind, (n, 2), (0, 0), (1, 1.2 / n)))
+                self.write("disc.nml", "&scene analysis='axisymmetric', mesh='disc.geo' /\n"
+                           "&material name='rubber', young=200, poisson=0.4999, density=1 /\n"
+                           "&body name='disc', volume='block', material='rubber' /\n"
+                           "&support body='disc', surface='bottom', fix='y' /\n&support body='disc', surface='top', fix='y' /\n"
+                           "&load body='disc', angular_velocity=1 /\n")
+                self.dotyk("disc.nml")
+                file = self.results("disc.vtkhdf")["VTKHDF"]
+                radius, k = file["Points"][:, 0], 1 / (8 * (1 - 0.4999))
+                radial = k * (3 - 2 * 0.4999) * (1 - radius**2)
+                errors.append(np.abs(file["PointData/nodal_stress"][:, 0] - radial).max() / radial.max())
+            self.assertLess(errors[1], 0.015, kind)
+            self.assertGreater(errors[0] / errors[1], 2.5, kind)
+
     def test_rotated_copies(self):
         """Congruent bodies, the second rotated, of an orthotropic material that expands differently along its axes, hot and with an
         initial stress of global axes: at the nodes the uniform stress of the cells."""
