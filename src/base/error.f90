@@ -74,7 +74,7 @@ contains
     if (allocated(error)) error%message = context//error%message
   end subroutine add_context
 
-  !> Add a problem to the list. One that is there already counts, but is told once: two halves of one body have the same.
+  !> Add a problem to the list. One that is there already counts, but is told once: two halves of a body have the same.
   subroutine problem_list_add(self, message, code)
     class(problem_list_t), intent(inout) :: self
     !> Message for the user.

@@ -1,9 +1,9 @@
 !> Motions that two floating bodies in contact have in common.
 !>
-!> Each body has its neutral modes held by itself, and moves by the others. A press fit that nothing supports floats as a
-!> whole: its bodies keep their common motions exactly where what they keep are the same motions of space. The neutral
-!> modes of each are those of its own mesh, to which the others are orthogonal in its own nodes, and differ by as much as
-!> the meshes do. A rotation that one body almost has would be resisted a little: a stiffness of rounding.
+!> Each body has its neutral modes held by itself, and moves by the others. A press fit that nothing supports floats as
+!> a whole: its bodies keep their common motions exactly where what they keep are the same motions of space. The neutral
+!> modes of each are those of its own mesh, to which the others are orthogonal in its own nodes, and differ by as much
+!> as the meshes do. A rotation that one body almost has would be resisted a little: a stiffness of rounding.
 module dotyk_control_common_motions
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

@@ -165,7 +165,8 @@ contains
       if (any(n /= 3)) &
         call problems%add(group%line, '&material: an orthotropic material needs 3 values each of young, poisson '// &
                           'and shear, got '//to_text(n(1))//', '//to_text(n(2))//' and '//to_text(n(3))// &
-                          trim(merge('; decimals have a point, 0.3 not 0,3', repeat(' ', 36), n(3) == 0 .and. any(n == 2))))
+                          trim(merge('; decimals have a point, 0.3 not 0,3', repeat(' ', 36), &
+                                     n(3) == 0 .and. any(n == 2))))
     end if
     call read_numbers(group, 'shear', material%shear)
     call read_axes(group, problems, material)

@@ -157,7 +157,8 @@ contains
       call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
     else if (name == 'tie') then
       call report(problems, group, 'surface_b', 'a tie without an angle needs two different bodies, got '// &
-                  shown(bodies%name(tie%body_a)%s)//' twice; for cyclic symmetry add axis=0,0,1, angle=360/n, in degrees')
+                  shown(bodies%name(tie%body_a)%s)//' twice; for cyclic symmetry add axis=0,0,1, angle=360/n, in '// &
+                  'degrees')
     else
       call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
                   shown(bodies%name(tie%body_a)%s)//' twice')

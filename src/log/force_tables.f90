@@ -69,8 +69,8 @@ contains
       line = line//'contact area '//to_text(solution%area, 5)//', peak pressure at '// &
              vector_text(solution%peak_position)//', '
       if (solution%peak_covered < well_covered) &
-        line = line//'where the master covers '//to_text(100*solution%peak_covered, 2)//' % of the vertex (no measure '// &
-               'of the pressure beside it), '
+        line = line//'where the master covers '//to_text(100*solution%peak_covered, 2)//' % of the vertex (no '// &
+               'measure of the pressure beside it), '
     end if
     line = line//'least gap '//to_text(solution%least_gap, 4)//' at '//vector_text(solution%gap_position)
   end function details

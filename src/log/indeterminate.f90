@@ -120,9 +120,9 @@ contains
       n = n + 1
       name(n)%s = problem%body(b)%name
     end do
-    call log%line('  large sliding    '//names_in_short(name)//': by several elements, or farther than anything else '// &
-                  'moves, along a motion that contact resists by no more than its normals are uncertain; hold it by '// &
-                  'a support or a weak &spring')
+    call log%line('  large sliding    '//names_in_short(name)//': by several elements, or farther than anything '// &
+                  'else moves, along a motion that contact resists by no more than its normals are uncertain; hold '// &
+                  'it by a support or a weak &spring')
   end subroutine note_neutral
 
   !> Bodies with the same text, held alike: classes by their first members.

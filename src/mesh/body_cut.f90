@@ -19,8 +19,8 @@ module dotyk_mesh_body_cut
 
   !> Elements whose centre is on the plane are behind it, whatever the rounding of bodies in place.
   real(dp), parameter :: rounding = 1.0e-9_dp
-  !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut through
-  !> a prism has all of it, one across the edge between two faces less [].
+  !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut
+  !> through a prism has all of it, one across the edge between two faces less [].
   real(dp), parameter :: least_fraction = 0.7_dp
   !> Greatest number of corners of a face.
   integer, parameter :: max_corners = 4
@@ -93,8 +93,8 @@ contains
     end do
     fraction = fraction_of_section(whole, is_ahead, point, normal)
     if (fraction < least_fraction) &
-      call set_error(error, 'along faces of elements the plane takes '//to_text(100*max(0.0_dp, fraction), 2)//' % of '// &
-                     'its section with it: elements there are too large for a cut so near an end or a shoulder; '// &
+      call set_error(error, 'along faces of elements the plane takes '//to_text(100*max(0.0_dp, fraction), 2)//' % '// &
+                     'of its section with it: elements there are too large for a cut so near an end or a shoulder; '// &
                      'name a point farther inside the shank, or make a finer mesh', exit_bad_input)
   end subroutine cut_along_plane
 

@@ -137,8 +137,8 @@ contains
         call take_surface(given%surface, surface, failed)
         if (.not. allocated(failed) .and. body%analysis == analysis_axisymmetric) then
           if (.not. surface_area(body%mesh%x, body%analysis, surface) > 0) &
-            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the axis and has '// &
-                           'no area', exit_bad_input)
+            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the axis and '// &
+                           'has no area', exit_bad_input)
         end if
       end if
       ! In contact or tied, a small resultant may be what is asked for; alone, the scene would have no equilibrium.

@@ -86,9 +86,10 @@ contains
         is_root(root_of(parent, section%node(1, f))) = .true.
       end do
       n = count(is_root)
-      if (n > 1) call set_error(error, 'the plane cuts it in '//to_text(n)//' places, which would share the force: a '// &
-                                'bolt is cut once, across its shank; give the body by a volume of its own, or another '// &
-                                'point or normal', exit_bad_input)
+      if (n > 1) &
+        call set_error(error, 'the plane cuts it in '//to_text(n)//' places, which would share the force: a bolt '// &
+                       'is cut once, across its shank; give the body by a volume of its own, or another point or '// &
+                       'normal', exit_bad_input)
     end subroutine refuse_two_sections
   end subroutine cut_volume
 

@@ -95,8 +95,9 @@ contains
           call problems%add(case%file//':'//to_text(given%line)//': &tie '//quoted(given%name)//': '// &
                             to_text(100*(1 - tie(k)%tied), 2)//' % of '//quoted(given%surface_a)//' of body '// &
                             quoted(body(given%body_a)%name)//' meets the other half of the cut body, to which it '// &
-                            'would not be tied: the cut leaves other lines on both sides of the sector; let &bolt cut '// &
-                            'along a surface of the mesh, or along faces that are alike on both sides', exit_bad_input)
+                            'would not be tied: the cut leaves other lines on both sides of the sector; let '// &
+                            '&bolt cut along a surface of the mesh, or along faces that are alike on both '// &
+                            'sides', exit_bad_input)
       end associate
     end do
     call problems%raise(error)

@@ -385,8 +385,8 @@ contains
     work = dot_product(self%slide%force, alpha(size(self%mode) + 1:))
   end function group_shortening_work
 
-  !> C^, the compliance of the contact rows with closed ties. Rows of vertices that ties hold on both sides do not yield:
-  !> what is left of their compliance is rounding.
+  !> C^, the compliance of the contact rows with closed ties. Rows of vertices that ties hold on both sides do not
+  !> yield: what is left of their compliance is rounding.
   subroutine group_condense(self, compliance, is_held)
     class(tied_group_t), intent(in) :: self
     !> Symmetric; 0 in rows and columns that are held (n_contact, n_contact) [length/force].
