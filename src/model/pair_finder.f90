@@ -11,11 +11,11 @@ module dotyk_model_pair_finder
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_cut, only: cut_surface
   use dotyk_mesh_boundary_part, only: boundary_part
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
+  use dotyk_model_cut_facets, only: cut_facets_t
   use dotyk_model_distant_bodies, only: list_distant_bodies
   use dotyk_model_double_pairs, only: merge_double_pairs
   use dotyk_model_exclusions, only: are_tied, exclusion_of, exclusion_texts
@@ -24,12 +24,6 @@ module dotyk_model_pair_finder
   implicit none
   private
   public :: form_pairs
-
-  !> Facets of the boundary of a body at the cut of a bolt.
-  type :: facet_mask_t
-    !> Whether each facet is there; not allocated where the body is whole (n_facets).
-    logical, allocatable :: facet(:)
-  end type facet_mask_t
 
 contains
 
@@ -51,7 +45,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(body_faces_t) :: faces(size(body))
     type(facet_graph_t) :: graph(size(body))
-    type(facet_mask_t) :: inside(size(body))
+    type(cut_facets_t) :: inside
     type(near_faces_t), allocatable :: near(:)
     type(group_report_t) :: group
     type(pair_list_t) :: list
@@ -72,12 +66,10 @@ contains
       if (surfaces(b)%boundary%n_facets > 0) call faces(b)%init(body(b)%mesh%x, surfaces(b)%boundary)
     end do
     !$omp end parallel do
+    call inside%init(case, surfaces)
     do b = 1, size(body)
-      if (.not. case%body(b)%cut%is_cut()) cycle
-      call surfaces(b)%facets(surfaces(b)%find(cut_surface), inside(b)%facet)
-      if (case%body(b)%cut%half == 2) cycle
       ! The search distance is that of the whole, about.
-      faces(b:b + 1)%diameter = sum(faces(b:b + 1)%diameter)
+      if (case%body(b)%cut%half == 1) faces(b:b + 1)%diameter = sum(faces(b:b + 1)%diameter)
     end do
     searched = -1
     allocate (report%group(count(case%contact%searched)))
@@ -116,7 +108,7 @@ contains
     if (size(body) > 1) then
       if (abs(searched) > 0) then
         call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
-        call leave_out_cuts()
+        call inside%leave_out(near)
       end if
       call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)
     else
@@ -133,20 +125,9 @@ contains
       real(dp), intent(in) :: radius
       if (abs(searched - radius) <= 0) return
       call find_near_faces(faces, radius, near)
-      call leave_out_cuts()
+      call inside%leave_out(near)
       searched = radius
     end subroutine search
-
-    !> Faces at the cut of a bolt are inside its body: they touch nothing but the other half.
-    subroutine leave_out_cuts()
-      integer :: i
-      do i = 1, size(near)
-        if (allocated(inside(near(i)%body_a)%facet)) &
-          near(i)%opposite = near(i)%opposite .and. .not. inside(near(i)%body_a)%facet(near(i)%facet_a)
-        if (allocated(inside(near(i)%body_b)%facet)) &
-          near(i)%opposite = near(i)%opposite .and. .not. inside(near(i)%body_b)%facet(near(i)%facet_b)
-      end do
-    end subroutine leave_out_cuts
 
     !> Facets of a body around those opposite another one, without those at the cut of a bolt.
     subroutine find_patch(b, facet, patch)
@@ -158,7 +139,7 @@ contains
       integer, allocatable, intent(out) :: patch(:)
       if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
       call grow_patch(surfaces(b)%boundary, graph(b), faces(b), facet, patch)
-      if (allocated(inside(b)%facet)) patch = pack(patch, .not. inside(b)%facet(patch))
+      patch = pack(patch, .not. inside%has(b, patch))
     end subroutine find_patch
 
     !> Bodies of the pairs so far (2, n_pairs).

@@ -5,10 +5,11 @@ module dotyk_scheme_condensed_qp
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_scheme_compliance, only: compliance_t
-  use dotyk_scheme_condensation, only: find_groups, slide_t, tied_group_t
+  use dotyk_scheme_condensation, only: slide_t, tied_group_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_restriction, only: aggregate_compliance, aggregate_qp
+  use dotyk_scheme_tied_bodies, only: find_groups
   implicit none
   private
 
