@@ -10,7 +10,7 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_machine, exit_not_written
   use dotyk_base_files, only: is_cad_file, is_med_file, is_stl_file, own_mark, remove_leftovers, write_new
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, status_not_confined, stop_if_interrupted
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: to_text
@@ -91,6 +91,11 @@ contains
       call set_error(error, geo_file//': --no-shell forbids programs: '//sources%command//' starts one')
       return
     end if
+    if (.not. (is_cad_file(geo_file) .or. is_med_file(geo_file) .or. ends_with_newline(geo_file))) then
+      call set_error(error, geo_file//': its last line has no end of line, and gmsh would lose the last statement in '// &
+                     'silence: end the file with a newline')
+      return
+    end if
     script = ''
     if (is_cad_file(geo_file)) script = cad_script(meshing%size, meshing%order, is_stl_file(geo_file))
     call name_mesh(geo_file, dimension, sources, script, base, error)
@@ -109,6 +114,23 @@ contains
     inquire (file=msh_file, exist=found)
     if (.not. found) call run_gmsh(geo_file, dimension, script, base, meshing%no_shell, msh_file, error)
   end subroutine find_mesh
+
+  !> Whether the last byte of a file ends a line.
+  logical function ends_with_newline(path) result(ends)
+    !> The file.
+    character(*), intent(in) :: path
+    character(1) :: last
+    integer(int64) :: n
+    integer :: unit, status
+    ends = .true.
+    inquire (file=path, size=n)
+    if (n <= 0) return
+    open (newunit=unit, file=path, access='stream', form='unformatted', action='read', iostat=status)
+    if (status /= 0) return
+    read (unit, pos=n, iostat=status) last
+    close (unit)
+    if (status == 0) ends = last == new_line('a') .or. last == achar(13)
+  end function ends_with_newline
 
   !> Path, without extension, of the mesh for the present content of a geometry.
   subroutine name_mesh(geo_file, dimension, sources, script, base, error)
