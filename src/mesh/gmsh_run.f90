@@ -91,9 +91,9 @@ contains
       call set_error(error, geo_file//': --no-shell forbids programs: '//sources%command//' starts one')
       return
     end if
-    if (.not. (is_cad_file(geo_file) .or. is_med_file(geo_file) .or. ends_with_newline(geo_file))) then
-      call set_error(error, geo_file//': its last line has no end of line, and gmsh would lose the last statement in '// &
-                     'silence: end the file with a newline')
+    if (.not. (is_cad_file(geo_file) .or. is_med_file(geo_file)) .and. loses_statements(geo_file)) then
+      call set_error(error, geo_file//': its last line has no end of line and several statements, of which gmsh '// &
+                     'would read the first: end the file with a newline')
       return
     end if
     script = ''
@@ -115,22 +115,26 @@ contains
     if (.not. found) call run_gmsh(geo_file, dimension, script, base, meshing%no_shell, msh_file, error)
   end subroutine find_mesh
 
-  !> Whether the last byte of a file ends a line.
-  logical function ends_with_newline(path) result(ends)
+  !> Whether gmsh loses the end of a geometry: of several statements on a last line that has no end it reads the first.
+  logical function loses_statements(path) result(loses)
     !> The file.
     character(*), intent(in) :: path
-    character(1) :: last
+    character(4096) :: tail
     integer(int64) :: n
-    integer :: unit, status
-    ends = .true.
+    integer :: unit, status, first, i
+    loses = .false.
     inquire (file=path, size=n)
     if (n <= 0) return
     open (newunit=unit, file=path, access='stream', form='unformatted', action='read', iostat=status)
     if (status /= 0) return
-    read (unit, pos=n, iostat=status) last
-    close (unit)
-    if (status == 0) ends = last == new_line('a') .or. last == achar(13)
-  end function ends_with_newline
+    associate (m => int(min(n, int(len(tail), int64))))
+      read (unit, pos=n - m + 1, iostat=status) tail(:m)
+      close (unit)
+      if (status /= 0) return
+      first = index(tail(:m), new_line('a'), back=.true.) + 1
+      loses = count([(tail(i:i) == ';', i=first, m)]) > 1
+    end associate
+  end function loses_statements
 
   !> Path, without extension, of the mesh for the present content of a geometry.
   subroutine name_mesh(geo_file, dimension, sources, script, base, error)
