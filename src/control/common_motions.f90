@@ -7,6 +7,7 @@
 module dotyk_control_common_motions
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_neutral_candidates, only: candidate_t
   use dotyk_linalg_dense, only: complete_basis, orthonormal_range, right_singular_vectors
@@ -22,8 +23,8 @@ module dotyk_control_common_motions
 
 contains
 
-  !> Let bodies that touch have the same motions beside their neutral modes, those of the first one, where their own
-  !> are nearly these.
+  !> Let bodies that touch have the same motions beside their neutral modes: from body to body along the contacts, those
+  !> with the fewest modes first, where the neutral modes remain nearly their own.
   subroutine keep_common_motions(problem, qp, candidate)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
@@ -31,21 +32,30 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Their modes, with the neutral ones first; other bases on return (n_bodies).
     type(candidate_t), intent(inout) :: candidate(:)
-    integer, allocatable :: couple(:, :), of_body(:)
-    integer :: b, i, k
+    integer, allocatable :: couple(:, :), partner(:)
+    logical :: is_done(size(candidate))
+    integer :: order(size(candidate)), queue(size(candidate)), first, last, i, k
     ! Rows of a pair follow each other.
     couple = qp%coarse%body(:, pack([(i, i=1, qp%n_rows)], [(differs(i), i=1, qp%n_rows)]))
-    do b = 2, size(candidate)
-      if (.not. is_single(b)) cycle
-      of_body = pack([(k, k=1, size(couple, 2))], maxval(couple, 1) == b .and. minval(couple, 1) > 0)
-      do k = 1, size(of_body)
-        associate (a => minval(couple(:, of_body(k))))
-          if (a == b) cycle
-          if (.not. is_single(a) .or. candidate(a)%n /= candidate(b)%n) cycle
-          if (problem%modes(a)%n /= problem%modes(b)%n) cycle
-          call take_motions(a, b)
-          exit
-        end associate
+    couple = couple(:, pack([(k, k=1, size(couple, 2))], minval(couple, 1) > 0))
+    call sort_order(problem%modes%n, order)
+    is_done = [(.not. is_single(i), i=1, size(candidate))]
+    do i = 1, size(order)
+      if (is_done(order(i))) cycle
+      is_done(order(i)) = .true.
+      queue(1) = order(i)
+      last = 1
+      first = 1
+      do while (first <= last)
+        partner = [pack(couple(2, :), couple(1, :) == queue(first)), pack(couple(1, :), couple(2, :) == queue(first))]
+        do k = 1, size(partner)
+          if (is_done(partner(k))) cycle
+          is_done(partner(k)) = .true.
+          call take_motions(queue(first), partner(k))
+          last = last + 1
+          queue(last) = partner(k)
+        end do
+        first = first + 1
       end do
     end do
 
@@ -73,17 +83,22 @@ contains
       !> The bodies.
       integer, intent(in) :: from, to
       type(error_t), allocatable :: error
-      real(dp), allocatable :: amplitude(:, :), basis(:, :), cosine(:), turn(:, :)
+      real(dp), allocatable :: amplitude(:, :), rest(:, :), basis(:, :), cosine(:), turn(:, :)
       logical :: are_free
       integer :: n, n_modes, rank
       n = candidate(to)%n
       n_modes = problem%modes(to)%n
-      call problem%modes(to)%rigid%amplitudes(problem%modes(from)%rigid%motions(candidate(from)%basis(:, n + 1:)), &
-                                              amplitude, are_free)
-      if (.not. are_free) return
-      allocate (basis(n_modes, n_modes), source=0.0_dp)
-      call orthonormal_range(amplitude, dependent, basis, rank)
+      associate (of_other => candidate(from)%basis(:, candidate(from)%n + 1:))
+        if (size(of_other, 2) > n_modes - n) return
+        call problem%modes(to)%rigid%amplitudes(problem%modes(from)%rigid%motions(of_other), amplitude, are_free)
+        if (.not. are_free) return
+        ! Motions of its own beside those of the other one.
+        allocate (rest(n_modes, n_modes - n), basis(n_modes, n_modes), source=0.0_dp)
+        call orthonormal_range(reshape([amplitude, candidate(to)%basis(:, n + 1:)], &
+                                       [n_modes, size(of_other, 2) + n_modes - n]), dependent, rest, rank)
+      end associate
       if (rank /= n_modes - n) return
+      basis(:, :rank) = rest
       call complete_basis(basis, rank)
       basis = cshift(basis, rank, 2)
       allocate (cosine(n), turn(n, n))

@@ -17,6 +17,9 @@ module dotyk_input_rigid_bodies
   private
   public :: add_rigid_keys, read_rigid_bodies
 
+  !> Linear rotations by more than this move points by more than their distance from the axis [radian].
+  real(dp), parameter :: largest_rotation = 1
+
   !> Names of the motions in `fix`.
   character(2), parameter :: names(6) = ['x ', 'y ', 'z ', 'rx', 'ry', 'rz']
 
@@ -203,6 +206,9 @@ contains
       call report(problems, group, 'rotation', 'rotation needs 3 values'//trim(merge(' or that about z', &
                   '                ', dimension == 2))//', got '//to_text(count_of(group, 'rotation')))
     end if
+    if (any(abs(rigid%motion(4:6)) > largest_rotation)) &
+      call report(problems, group, 'rotation', 'rotation is small, in radians: '// &
+                  to_text(maxval(abs(rigid%motion(4:6))))//' is no small rotation, if it is not in degrees')
     do k = 1, 6
       if (rigid%held(k) .or. .not. abs(rigid%motion(k)) > 0) cycle
       key = trim(merge('value   ', 'rotation', k <= 3))

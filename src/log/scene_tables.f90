@@ -1,5 +1,6 @@
 !> The head of the log: title, tables of bodies and contact pairs, factorization and memory.
 module dotyk_log_scene_tables
+  use dotyk_base_files, only: is_cad_file
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text
@@ -28,6 +29,9 @@ module dotyk_log_scene_tables
   integer, parameter :: most_shown = 20
   !> Letters of the names of materials in the table of bodies.
   integer, parameter :: width_of_material = 14
+
+  !> Greatest Young's modulus in units that go with mm: of diamond, in kPa [pressure].
+  real(dp), parameter :: greatest_modulus = 2.0e9_dp
 
 contains
 
@@ -58,6 +62,17 @@ contains
                   counted(size(case%body), 'body', 'bodies')//', '// &
                   pairs//', '// &
                   ranks//counted(threads, 'thread'))
+    do k = 1, size(case%body)
+      if (size(case%body(k)%material) == 0 .or. .not. is_cad_file(case%body(k)%mesh)) cycle
+      i = maxloc([(maxval(case%material(case%body(k)%material(n))%young), n=1, size(case%body(k)%material))], 1)
+      associate (material => case%material(case%body(k)%material(i)))
+        if (.not. maxval(material%young) > greatest_modulus) cycle
+        call log%line('  warning: lengths of '//quoted(case%body(k)%mesh)//' are in mm, and young='// &
+                      to_text(maxval(material%young), 3)//' of '//quoted(material%name)//' looks like Pa: with N '// &
+                      'and mm stresses are in MPa')
+      end associate
+      exit
+    end do
   end subroutine show_title
 
   !> Bodies, treatment of locking, and contact pairs.

@@ -22,6 +22,8 @@ module dotyk_mesh_body_cut
   !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut
   !> through a prism has all of it, one across the edge between two faces less [].
   real(dp), parameter :: least_fraction = 0.7_dp
+  !> Sections below this fraction of that by the plane are none [].
+  real(dp), parameter :: nothing = 1.0e-3_dp
   !> Greatest number of corners of a face.
   integer, parameter :: max_corners = 4
 
@@ -43,10 +45,11 @@ contains
     type(corner_table_t) :: none
     integer, allocatable :: parent(:), n_of(:), beside(:, :)
     logical, allocatable :: is_crossed(:), moves(:)
-    real(dp) :: distance(max_element_nodes), fraction
+    real(dp) :: distance(max_element_nodes), fraction, extent
     integer :: b, e, i, n, round
     n = whole%n_elements()
     allocate (is_ahead(n), is_crossed(n), moves(n))
+    extent = 0
     i = 0
     do b = 1, size(whole%block)
       associate (node => whole%block(b)%node)
@@ -56,6 +59,7 @@ contains
             distance(:m) = matmul(normal, whole%x(:, node(:, e)) - spread(point, 2, m))
             is_ahead(i) = sum(distance(:m)) > rounding*sum(abs(distance(:m)))
             is_crossed(i) = minval(distance(:m)) <= 0 .and. maxval(distance(:m)) >= 0
+            if (is_crossed(i)) extent = extent + maxval(distance(:m)) - minval(distance(:m))
           end associate
         end do
       end associate
@@ -91,7 +95,7 @@ contains
         return
       end if
     end do
-    fraction = fraction_of_section(whole, is_ahead, point, normal)
+    fraction = fraction_of_section(whole, is_ahead, point, normal, extent/max(1, count(is_crossed)))
     if (fraction < least_fraction) &
       call set_error(error, 'along faces of elements the plane takes '//to_text(100*max(0.0_dp, fraction), 2)//' % '// &
                      'of its section with it: elements there are too large for a cut so near an end or a shoulder; '// &
@@ -99,11 +103,12 @@ contains
   end subroutine cut_along_plane
 
   !> Area of a cut along faces of elements, seen along the normal of the plane, as a fraction of the section of the body
-  !> by the plane [].
+  !> by the plane, or by one half an element beside it where that is smaller: at a shoulder the cut is that of the
+  !> shank [].
   !>
   !> What closes a part of the boundary has its area vector with the other sign: the boundary of the elements behind
   !> the cut, and the boundary behind the plane, facets clipped.
-  real(dp) function fraction_of_section(whole, is_ahead, point, normal) result(fraction)
+  real(dp) function fraction_of_section(whole, is_ahead, point, normal, extent) result(fraction)
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: whole
     !> Whether each element is in the second half (n_elements).
@@ -112,10 +117,12 @@ contains
     real(dp), intent(in) :: point(:)
     !> Its normal (dimension) [].
     real(dp), intent(in) :: normal(:)
+    !> Mean extent along the normal of the elements that the plane crosses [length].
+    real(dp), intent(in) :: extent
     type(surface_t) :: boundary
     type(element_kind_t) :: kind
-    real(dp) :: x(size(point), max_corners), behind(size(point), 2*max_corners), cut, section
-    integer :: before(size(whole%block)), f, i, k
+    real(dp) :: x(size(point), max_corners), behind(size(point), 2*max_corners), cut, section(-1:1)
+    integer :: before(size(whole%block)), f, i, k, side
     i = 0
     do k = 1, size(whole%block)
       before(k) = i
@@ -130,18 +137,23 @@ contains
         x(:, :m) = whole%x(:, boundary%node(:m, f))
         if (.not. is_ahead(before(boundary%block(f)) + boundary%element(f))) &
           cut = cut - dot_product(area_vector(x(:, :m)), normal)
-        call clip(x(:, :m), behind, k)
-        section = section - dot_product(area_vector(behind(:, :k)), normal)
+        do side = -1, 1
+          call clip(x(:, :m), point + side*extent/2*normal, behind, k)
+          section(side) = section(side) - dot_product(area_vector(behind(:, :k)), normal)
+        end do
       end associate
     end do
-    fraction = cut/section
+    ! Beyond an end there is none.
+    fraction = cut/minval(section, mask=section > nothing*section(0))
 
   contains
 
-    !> The part of a facet behind the plane.
-    subroutine clip(corner, part, n)
+    !> The part of a facet behind a plane with the normal.
+    subroutine clip(corner, through, part, n)
       !> Corners (dimension, 2 to 4) [length].
       real(dp), intent(in) :: corner(:, :)
+      !> A point of the plane (dimension) [length].
+      real(dp), intent(in) :: through(:)
       !> Corners of the part (dimension, >= n) [length].
       real(dp), intent(out) :: part(:, :)
       !> Number of these.
@@ -149,7 +161,7 @@ contains
       real(dp) :: ahead(size(corner, 2))
       integer :: c, next
       do c = 1, size(ahead)
-        ahead(c) = dot_product(normal, corner(:, c) - point)
+        ahead(c) = dot_product(normal, corner(:, c) - through)
       end do
       n = 0
       do c = 1, size(ahead)

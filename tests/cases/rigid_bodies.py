@@ -224,6 +224,7 @@ class RigidBodies(dotyk_case.Case):
         for lines, message in (([rigid + "fix='xw' /"], "case.nml:6: &rigid_body: fix: unknown motion 'w'"),
                                ([rigid + "fix='x', value=0,0,1 /"], "value has 1 for z, but fix does not name it"),
                                ([rigid + "fix='z', rotation=0,0,1 /"], "rotation has 1 for rz, but fix does not name it"),
+                               ([rigid + "fix='xyz rz', rotation=0,0,57 /"], "57 is no small rotation, if it is not in degrees"),
                                ([rigid + "fix='xyz' /", rigid + "fix='xyz' /"], "is rigid already"),
                                ([rigid + "fix='xyz' /", "&support body='a', surface='bottom', fix='z' /"],
                                 "case.nml:7: &support: body 'a' is rigid"),
