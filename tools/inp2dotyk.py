@@ -27,9 +27,12 @@ from inp2dotyk.scene import Scene
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("deck", type=pathlib.Path)
-    parser.add_argument("-o", "--output", type=pathlib.Path, help="namelist; default: the deck with the ending .nml")
+    parser.add_argument("-o", "--output", type=pathlib.Path, help="namelist; default: the deck with the ending .nml, which must not exist")
     arguments = parser.parse_args()
     path = arguments.output or arguments.deck.with_suffix(".nml")
+    if not arguments.output and path.exists():
+        print("inp2dotyk: %s exists: name the file to write by -o, or remove it" % path, file=sys.stderr)
+        return 2
     try:
         scene = Scene(Deck(arguments.deck), path, path.with_name(path.stem + "_sets.inp"))
         scene.write(arguments.deck)

@@ -102,6 +102,8 @@ module dotyk_control_contact_solution
   real(dp), parameter :: most_penalty = 0.3_dp
   !> At most by this factor.
   real(dp), parameter :: least_factor = 1.0e-3_dp
+  !> Penalty term relative to the strain energy from which on a theta that was not given becomes smaller [].
+  real(dp), parameter :: most_yielding = 0.01_dp
   !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly
   !> different errors.
   real(dp), parameter :: safety = 0.7_dp
@@ -252,7 +254,7 @@ contains
     type(contact_solution_t), intent(inout) :: solution
     !> The one that was to be reached, and the next one [].
     real(dp), intent(inout) :: tolerance
-    real(dp) :: factor, target, mesh_error
+    real(dp) :: factor, target, mesh_error, yielding
     integer :: k
     more = .false.
     associate (state => solution%state, budget => solution%budget)
@@ -264,6 +266,10 @@ contains
         mesh_error = max(budget%discretization, merge(no_error, no_mesh_error, is_exact))
         if (budget%penalty > most_penalty*mesh_error) &
           factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
+        ! Rigid motions under given forces have no energy: only the work of the penalty shows that they are too large.
+        yielding = 0
+        if (is_exact) yielding = yielding_of(goal, problem, qp, solution)
+        if (yielding > most_yielding) factor = min(factor, max(least_factor, 0.5_dp*most_yielding/yielding))
         ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
         if (any(goal%theta_given .and. .not. problem%pair%is_layer) .and. any(solution%theta_factor < 1)) factor = 1
       end if
@@ -282,8 +288,15 @@ contains
         if (more) then
           state%lambda_max = 0
           if (allocated(state%constants)) deallocate (state%constants)
-          call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty error, '// &
-                            to_text(100*budget%penalty, 2)//' %, would exceed its share of the discretization error')
+          if (yielding > most_yielding) then
+            call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty term is '// &
+                              to_text(100*yielding, 2)// &
+                              ' % of the strain energy: bodies would yield by as much too far')
+          else
+            call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty error, '// &
+                              to_text(100*budget%penalty, 2)// &
+                              ' %, would exceed its share of the discretization error')
+          end if
           return
         end if
       end if
@@ -299,4 +312,32 @@ contains
       end if
     end associate
   end function asks_for_more
+
+  !> The penalty term of the pairs whose theta is the program's choice, relative to the strain energy: under forces
+  !> alone the work of the loads, and so the displacement of what they act on, is too large by as much [].
+  pure real(dp) function yielding_of(goal, problem, qp, solution) result(yielding)
+    !> Which theta were given.
+    type(solution_goal_t), intent(in) :: goal
+    !> Pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Weights of the rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> The solution.
+    type(contact_solution_t), intent(in) :: solution
+    type(energies_t) :: energies
+    real(dp) :: penalty
+    integer :: k
+    yielding = 0
+    energies = solution%energies()
+    if (.not. energies%strain > 0) return
+    penalty = 0
+    do k = 1, size(problem%pair)
+      if (goal%theta_given(k)) cycle
+      associate (first => qp%pair_first_row(k), behind => qp%pair_first_row(k + 1) - 1)
+        penalty = penalty + sum(qp%weight(first:behind)*max(0.0_dp, solution%state%y(first:behind))**2/ &
+                                (2*solution%theta(first:behind)), mask=solution%theta(first:behind) > 0)
+      end associate
+    end do
+    yielding = penalty/energies%strain
+  end function yielding_of
 end module dotyk_control_contact_solution

@@ -37,6 +37,9 @@ contains
     allocate (support%value_formula(0))
     if (is_given(group, 'value') .and. is_given(group, 'value_formula')) &
       call report(problems, group, 'value', 'value and value_formula are both given: only one can be meant')
+    if (is_given(group, 'case') .and. .not. (is_given(group, 'value') .or. is_given(group, 'value_formula'))) &
+      call report(problems, group, 'case', 'case is that of value, which is missing: what is held is the same in '// &
+                  'all load cases (for value = 0 in this one and another value elsewhere, give value)')
     if (.not. is_usable(group, 'fix')) return
     call support%fix%parse(text_of(group, 'fix'), dimension, message)
     if (len(message) > 0) then

@@ -142,11 +142,17 @@ contains
     real(dp) :: work
     ! What rounding leaves where no load does work.
     real(dp), parameter :: no_work = 1.0e-12_dp
+    ! Penalty term relative to the strain energy that is told [].
+    real(dp), parameter :: much_penalty = 0.02_dp
     work = energies%load_work
     if (abs(work) < no_work*energies%strain) work = 0
     call log%line('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
     call log%line('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
+    if (energies%penalty > much_penalty*energies%strain .and. energies%strain > 0) &
+      call log%line('  warning          the penalty term is '//to_text(100*energies%penalty/energies%strain, 2)// &
+                    ' % of the strain energy: bodies under forces yield, and contact forces of given displacements '// &
+                    'or gaps fall short, by about as much; give theta = 0, or a smaller one')
   end subroutine show_energies
 
   !> The contributions to the error, as far as they were asked for.

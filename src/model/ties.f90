@@ -291,13 +291,30 @@ contains
     tie%is_bolt = given%is_bolt
     if (given%is_bolt) call tighten(given, tie, error)
     if (allocated(error)) return
-    if (given%is_bolt .and. .not. axisymmetric) tie%oblique = angle_to_shank(body_a%mesh, tie%surface_a, tie%normal)
+    if (given%is_bolt .and. .not. axisymmetric) &
+      tie%oblique = angle_of_halves(angle_to_shank(body_a%mesh, tie%surface_a, tie%normal), &
+                                    angle_to_shank(body_b%mesh, tie%surface_b, tie%normal))
     associate (pair => of_component(1))
       lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
     end associate
     tie%tied = 1 - lost
     call move_alloc(of_component, tie%component)
   end subroutine find_tie
+
+  !> Angle between normal and shank, from those that the halves of a bolt show [degrees].
+  !>
+  !> A half that is a head there has the cut in its underside, whose normals are those of a shank across; or it is no
+  !> shank at all, and its angle 0.
+  pure real(dp) function angle_of_halves(a, b) result(angle)
+    !> Angles of the halves, 0 where they are no shank [degrees].
+    real(dp), intent(in) :: a, b
+    ! Beyond it one half alone says nothing [degrees].
+    real(dp), parameter :: across = 60
+    angle = min(a, b)
+    if (angle > 0) return
+    angle = max(a, b)
+    if (angle > across) angle = 0
+  end function angle_of_halves
 
   !> Angle of the mean position of a surface around an axis [degrees].
   real(dp) function azimuth_of(axis, centre, mesh, surface) result(azimuth)

@@ -91,7 +91,8 @@ contains
     call self%factor%factorize(contact_stiffness_of_modes(self, qp), failed)
     if (failed > 0) &
       call set_error(error, 'the compliance matrix of the active constraints is not positive definite '// &
-                     '(constraints are linearly dependent to rounding); give theta a value above 0', &
+                     '(constraints are linearly dependent to rounding): a spring that holds a body may be too '// &
+                     'weak beside its elements, a stiffer one or a support helps; else give a greater theta', &
                      exit_not_solvable)
     if (.not. allocated(error)) call find_null_modes(self, qp)
   end subroutine direct_system_init

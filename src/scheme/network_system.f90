@@ -112,7 +112,8 @@ contains
     end if
     if (is_singular .or. failed > 0) then
       call set_error(error, 'the compliance matrix of the active constraints is not positive definite '// &
-                     '(constraints are linearly dependent to rounding); give theta a value above 0', &
+                     '(constraints are linearly dependent to rounding): a spring that holds a body may be too '// &
+                     'weak beside its elements, a stiffer one or a support helps; else give a greater theta', &
                      exit_not_solvable)
       return
     end if

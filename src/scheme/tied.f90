@@ -21,7 +21,7 @@ module dotyk_scheme_tied
     class(scheme_t), allocatable :: of_groups
     !> What joins bodies and rows.
     type(ties_t) :: ties
-contains
+  contains
     procedure :: solve => tied_solve
     procedure :: needs_held_bodies => tied_needs_held_bodies
     procedure :: allows_zero_theta => tied_allows_zero_theta

@@ -44,6 +44,36 @@ class ErrorBudget(dotyk_case.Case):
             ratio = file["dotyk/summary"].attrs["error_discretization"] / truth
             self.assertBetween(low, ratio, high, (name, order))
 
+    def test_soft_layer(self):
+        """A gasket between blocks: what the penalty lets the upper block sink has no energy. Uniaxial strain is exact."""
+        height, young, pressure = (1.0, 0.05, 1.0), (2000.0, 1.0, 2000.0), 1e-3
+        geo, text, z = 'SetFactory("OpenCASCADE");\n', "&scene analysis='plane_strain', mesh='stack.geo' /\n", 0.0
+        for k, h in enumerate(height):
+            geo += ("Rectangle(%d) = {0, %r, 0, 1, %r}; Recombine Surface{%d}; Physical Surface(\"b%d\") = {%d};\n"
+                    % (k+1, z, h, k+1, k+1, k+1))
+            for side, name in enumerate(("low", "right", "up", "left")):
+                geo += 'Physical Curve("%s%d") = {%d};\n' % (name, k+1, 4*k + side + 1)
+            geo += "Transfinite Curve{%d, %d} = %d; Transfinite Curve{%d, %d} = %d; Transfinite Surface{%d};\n" % (
+                4*k + 1, 4*k + 3, 6 + k, 4*k + 2, 4*k + 4, 2 if h < 0.5 else 5, k+1)
+            text += ("&material name='m%d', young=%r, poisson=0.3 /\n&body name='b%d', volume='b%d', material='m%d' /\n"
+                     "&support body='b%d', surface='left%d', fix='x' /\n&support body='b%d', surface='right%d', fix='x' /\n"
+                     % (k+1, young[k], k+1, k+1, k+1, k+1, k+1, k+1, k+1))
+            z += h
+        text += ("&support body='b1', surface='low1', fix='xy' /\n&load body='b3', surface='up3', pressure=%r /\n"
+                 "&contact auto=.true. /\n" % pressure)
+        self.write("stack.geo", geo)
+        oedometer = 0.7/(1.3*0.4)
+        exact = -pressure*sum(h/(e*oedometer) for h, e in zip(height, young))
+        for solver, most in (("", 0.01), ("&solver theta=0 /\n", 1e-6)):
+            self.write("stack.nml", text + solver)
+            printed = self.dotyk("stack.nml")
+            file = self.results("stack.vtkhdf")
+            top = file["VTKHDF/Points"][:, 1] > 2.0499
+            self.assertLess(abs(file["VTKHDF/PointData/displacement"][:][top, 1].mean()/exact - 1), most)
+            self.assertNotIn("the penalty term is", "".join(re.findall("warning.*", printed)))
+        self.write("stack.nml", text + "&solver theta=0.01 /\n")
+        self.assertRegex(self.dotyk("stack.nml"), r"warning +the penalty term is \d+ % of the strain energy")
+
     def test_discretization_field(self):
         """Squares of the elements add up to those of the bodies, and these to the whole; it is largest where the mesh
         is too coarse."""

@@ -24,7 +24,7 @@ class Inp2Dotyk(dotyk_case.Case):
     def convert(self, text, code=0):
         """The namelist of a deck, and what the tool says."""
         self.write("deck.inp", text)
-        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp"], cwd=self.folder, text=True, capture_output=True)
+        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp", "-o", "deck.nml"], cwd=self.folder, text=True, capture_output=True)
         self.assertEqual(done.returncode, code, done.stderr)
         return (self.folder / "deck.nml").read_text() if code < 2 else "", done.stderr
 
@@ -35,6 +35,15 @@ class Inp2Dotyk(dotyk_case.Case):
         file = self.results("deck.vtkhdf")
         tags = file["VTKHDF/PointData/node_tag"][:]
         return -file["VTKHDF/PointData/displacement"][:][(tags >= 15) & (tags <= 18), 2].mean()
+
+    def test_overwriting(self):
+        """A scene beside the deck, perhaps made by hand, is kept."""
+        self.write("deck.inp", TWO % ("", "HARD", "*CLOAD\nhead, 3, -1.\n"))
+        self.write("deck.nml", "by hand")
+        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp"], cwd=self.folder, text=True, capture_output=True)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("deck.nml exists", done.stderr)
+        self.assertEqual((self.folder / "deck.nml").read_text(), "by hand")
 
     def test_column(self):
         """Gap, penalty 1/K, and one force as nodal forces, pressure and pressure of a surface."""

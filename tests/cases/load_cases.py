@@ -257,6 +257,7 @@ class LoadCases(dotyk_case.Case):
                 (["&case name='a' /", "&case name='b' /", "&temperature body='upper', value=1, case='a' /",
                   "&temperature body='*', value=1 /"], "a second &temperature of body 'upper' in one load case"),
                 (["&case name='a' /", "&output interval=1 /"], "interval"),
+                (["&case name='a' /", "&support body='upper', surface='top', fix='x', case='a' /"], "what is held is the same in all"),
                 (["&case name='a' /", "&case name='b' /",
                   "&support body='upper', surface='top', fix='x', value=1,0,0, case='b' /"], "contradictory supports")):
             with self.subTest(text=text):
