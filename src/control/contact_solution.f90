@@ -90,6 +90,7 @@ module dotyk_control_contact_solution
   contains
     procedure :: begin => solution_begin
     procedure :: energies => solution_energies
+    procedure, private :: penalty_of_rows => solution_penalty_of_rows
   end type contact_solution_t
 
   !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask
@@ -141,7 +142,7 @@ contains
     associate (state => self%state, qp => self%qp)
       allocate (alpha, source=state%alpha/qp%coarse%scale)
       energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
-      energies%penalty = sum(qp%weight*max(0.0_dp, state%y)**2/(2*self%theta), mask=self%theta > 0)
+      energies%penalty = sum(self%penalty_of_rows())
       energies%load_work = qp%load_work(state%m, alpha)
       if (allocated(state%terms)) then
         energies%strain = state%terms(1)
@@ -149,6 +150,14 @@ contains
       end if
     end associate
   end function solution_energies
+
+  !> The penalty term (18) of each constraint (n_rows) [energy].
+  pure function solution_penalty_of_rows(self) result(penalty)
+    class(contact_solution_t), intent(in) :: self
+    real(dp) :: penalty(size(self%theta))
+    penalty = 0
+    where (self%theta > 0) penalty = self%qp%weight*max(0.0_dp, self%state%y)**2/(2*self%theta)
+  end function solution_penalty_of_rows
 
   !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes
   !> smaller.
@@ -268,7 +277,7 @@ contains
           factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
         ! Rigid motions under given forces have no energy: only the work of the penalty shows that they are too large.
         yielding = 0
-        if (is_exact) yielding = yielding_of(goal, problem, qp, solution)
+        if (is_exact) yielding = yielding_of(goal, qp, solution)
         if (yielding > most_yielding) factor = min(factor, max(least_factor, 0.5_dp*most_yielding/yielding))
         ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
         if (any(goal%theta_given .and. .not. problem%pair%is_layer) .and. any(solution%theta_factor < 1)) factor = 1
@@ -315,29 +324,23 @@ contains
 
   !> The penalty term of the pairs whose theta is the program's choice, relative to the strain energy: under forces
   !> alone the work of the loads, and so the displacement of what they act on, is too large by as much [].
-  pure real(dp) function yielding_of(goal, problem, qp, solution) result(yielding)
+  pure real(dp) function yielding_of(goal, qp, solution) result(yielding)
     !> Which theta were given.
     type(solution_goal_t), intent(in) :: goal
-    !> Pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Weights of the rows.
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> The solution.
     type(contact_solution_t), intent(in) :: solution
     type(energies_t) :: energies
-    real(dp) :: penalty
+    real(dp) :: penalty(size(solution%theta))
     integer :: k
     yielding = 0
     energies = solution%energies()
     if (.not. energies%strain > 0) return
-    penalty = 0
-    do k = 1, size(problem%pair)
-      if (goal%theta_given(k)) cycle
-      associate (first => qp%pair_first_row(k), behind => qp%pair_first_row(k + 1) - 1)
-        penalty = penalty + sum(qp%weight(first:behind)*max(0.0_dp, solution%state%y(first:behind))**2/ &
-                                (2*solution%theta(first:behind)), mask=solution%theta(first:behind) > 0)
-      end associate
+    penalty = solution%penalty_of_rows()
+    do k = 1, size(goal%theta_given)
+      if (.not. goal%theta_given(k)) &
+        yielding = yielding + sum(penalty(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))/energies%strain
     end do
-    yielding = penalty/energies%strain
   end function yielding_of
 end module dotyk_control_contact_solution

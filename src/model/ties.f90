@@ -138,7 +138,6 @@ contains
     case%tie = pack(case%tie, is_kept)
     call move_alloc(kept, tie)
     call move_alloc(left, failed)
-
   end subroutine drop_distant_halves
 
   !> Drop the ties of halves of cut bodies that do not have the surface: it is on the other half.
@@ -208,24 +207,28 @@ contains
     type(surface_t), intent(in) :: surface_a
     !> Its master surface.
     type(surface_t), intent(in) :: surface_b
-    logical, allocatable :: tied_a(:), tied_b(:)
-    integer :: p
     is_tied = .false.
     associate (rows => tie%component(1))
-      if (pair%body_a == rows%body_a .and. pair%body_b == rows%body_b) then
-        call find_common_facets(surface_a, tie%surface_a, tied_a)
-        call find_common_facets(surface_b, tie%surface_b, tied_b)
-      else if (pair%body_a == rows%body_b .and. pair%body_b == rows%body_a) then
-        call find_common_facets(surface_a, tie%surface_b, tied_a)
-        call find_common_facets(surface_b, tie%surface_a, tied_b)
-      else
-        return
-      end if
-    end associate
-    do p = 1, pair%n_points
-      is_tied = tied_a(pair%facet_a(p)) .and. tied_b(pair%facet_b(p))
+      if (pair%body_a == rows%body_a .and. pair%body_b == rows%body_b) is_tied = joins(tie%surface_a, tie%surface_b)
       if (is_tied) return
-    end do
+      ! Of one body, either side may be either surface.
+      if (pair%body_a == rows%body_b .and. pair%body_b == rows%body_a) is_tied = joins(tie%surface_b, tie%surface_a)
+    end associate
+
+  contains
+
+    !> Whether points of the pair join facets of two surfaces.
+    logical function joins(one, other)
+      !> Surface of the slave body.
+      type(surface_t), intent(in) :: one
+      !> Surface of the master body.
+      type(surface_t), intent(in) :: other
+      logical, allocatable :: tied_a(:), tied_b(:)
+      integer :: p
+      call find_common_facets(surface_a, one, tied_a)
+      call find_common_facets(surface_b, other, tied_b)
+      joins = any([(tied_a(pair%facet_a(p)) .and. tied_b(pair%facet_b(p)), p=1, pair%n_points)])
+    end function joins
   end function is_tied_contact
 
   !> Discretize one tie.

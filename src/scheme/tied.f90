@@ -151,7 +151,7 @@ contains
                     [size(group%s, 1), 1])
         call group%solve(b, c, forces, amplitudes, residual=open, energy=energy)
         left = left + energy
-        noise = noise + energy*(rounding_of_motion*maxval(abs(b))/max(tiny(open), open))**2
+        if (open > 0) noise = noise + energy*(rounding_of_motion*maxval(abs(b))/open)**2
         lambda(group%tie) = forces(:, 1)
         alpha(group%mode) = alpha(group%mode) + amplitudes(:size(group%mode), 1)
         associate (beta => state%alpha(condensed%qp%coarse%first(g):condensed%qp%coarse%first(g + 1) - 1))

@@ -226,7 +226,7 @@ class Results:
     forces = property(lambda self: self.record('bodies'), doc='Sums of forces on each body, and strain energies; Record.')
 
     def _n_missing(self):
-        """Number of load cases of the scene that an interrupted run left out."""
+        """Number of load cases of the scene that an interrupted run did not compute."""
         return int(self.file['dotyk/cases'].attrs.get('n_missing', 0)) if self.cases else 0
 
     @property
