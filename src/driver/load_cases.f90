@@ -55,6 +55,7 @@ contains
     real(dp), allocatable :: pressure(:)
     real(dp) :: before
     integer :: k, n, n_written
+    logical :: is_kept
     case = input
     n_written = 0
     n = case%n_cases()
@@ -84,7 +85,9 @@ contains
       if (solution%state%was_interrupted()) exit
     end do
     if (needs_factors) return
-    if (allocated(error) .and. n_written > 0 .and. interrupted()) then
+    is_kept = .false.
+    if (allocated(error) .and. n_written > 0) is_kept = interrupted()
+    if (is_kept) then
       ! The cases that are solved are not lost.
       deallocate (error)
       code = exit_not_converged

@@ -274,6 +274,10 @@ class Ties(Case):
                     for words in ":4: ", "'sides'", "angle=%d" % angle, "'b'", "'a'", "360/n":
                         self.assertIn(words, log)
                     self.assertFalse((self.folder / (name + ".vtkhdf")).exists())
+        # Tied once more, the sides exchanged.
+        lines.append("&tie name='again', surface_a='ring:b*', surface_b='ring:a*', angle=30 /")
+        log = self.solve("twice", ["\n".join(lines) % -30], code=2)
+        self.assertIn("'again' ties faces that 'sides' (line 4) ties to each other already", log)
 
     def test_contact_between_tied_edges(self):
         """Contact rows of vertices that ties hold on both sides carry nothing, however the scene is turned."""
