@@ -6,6 +6,8 @@ module dotyk_control_body_solution
   use dotyk_ranks_exchange, only: item_t, share
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -24,7 +26,7 @@ module dotyk_control_body_solution
     real(dp) :: strain_energy = 0
   end type body_solution_t
 
-  public :: recover_bodies, share_solution
+  public :: add_modes, forces_on_body, recover_bodies, share_solution
 
 contains
 
@@ -111,27 +113,55 @@ contains
     logical, intent(in) :: want_stress
     !> Displacements, and stresses where wanted.
     type(body_solution_t), intent(inout) :: solution
-    real(dp), allocatable :: force(:, :), x(:)
-    integer :: k
+    real(dp), allocatable :: x(:)
     associate (body => problem%body(b), isolated => problem%isolated(b))
       if (allocated(isolated%displacement)) then
         solution%displacement = isolated%displacement
       else
-        allocate (solution%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        allocate (solution%displacement(body%dimension, body%mesh%n_nodes()))
         allocate (x(body%constraint%n_equations))
-        call qp%body_force(b, m, force)
-        solution%displacement(:, qp%block(b)%contact_node) = force
-        call body%constraint%reduce(solution%displacement, x)
-        x = x + body%rhs
+        call forces_on_body(body, qp, b, m, x)
         call compliance%solve(b, x)
         call body%constraint%expand(x, solution%displacement, .true.)
       end if
-      do k = 1, size(alpha)
-        solution%displacement = solution%displacement + alpha(k)*problem%modes(b)%shape(:, :, k)
-      end do
+      call add_modes(problem%modes(b), alpha, solution%displacement)
       if (.not. want_stress) return
       allocate (solution%stress(6, body%mesh%n_elements()))
       call element_stress(body, solution%displacement, solution%stress, solution%strain_energy)
     end associate
   end subroutine recover_body
+
+  !> Loads and contact forces over the equations of a body.
+  subroutine forces_on_body(body, qp, b, m, x)
+    !> The body; its right-hand side is that of the loads.
+    type(body_t), intent(in) :: body
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its number.
+    integer, intent(in) :: b
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> (n_equations) [force]
+    real(dp), intent(out) :: x(:)
+    real(dp), allocatable :: force(:, :), of_nodes(:, :)
+    allocate (of_nodes(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    call qp%body_force(b, m, force)
+    of_nodes(:, qp%block(b)%contact_node) = force
+    call body%constraint%reduce(of_nodes, x)
+    x = x + body%rhs
+  end subroutine forces_on_body
+
+  !> Add motions along rigid body modes.
+  pure subroutine add_modes(modes, alpha, displacement)
+    !> The modes.
+    type(body_modes_t), intent(in) :: modes
+    !> Their amplitudes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Displacements, added to (dimension, n_nodes) [length].
+    real(dp), intent(inout) :: displacement(:, :)
+    integer :: k
+    do k = 1, size(alpha)
+      displacement = displacement + alpha(k)*modes%shape(:, :, k)
+    end do
+  end subroutine add_modes
 end module dotyk_control_body_solution

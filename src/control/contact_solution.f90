@@ -12,6 +12,7 @@ module dotyk_control_contact_solution
   use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: displacements_t, find_displacements
@@ -27,7 +28,7 @@ module dotyk_control_contact_solution
     ended_solves, ended_stalled, ended_time
   implicit none
   private
-  public :: solve_contact
+  public :: first_tolerance, solve_contact
 
   !> What is asked of a solution.
   type, public :: solution_goal_t
@@ -87,8 +88,11 @@ module dotyk_control_contact_solution
     type(penetration_check_t) :: penetration
     !> What estimates keep between rounds and load cases.
     type(kept_estimates_t) :: kept
+    !> The load case where it was solved ahead, until its displacements and estimates are taken.
+    type(case_ahead_t), allocatable :: ahead
   contains
     procedure :: begin => solution_begin
+    procedure :: take_ahead => solution_take_ahead
     procedure :: energies => solution_energies
     procedure, private :: penalty_of_rows => solution_penalty_of_rows
   end type contact_solution_t
@@ -127,6 +131,24 @@ contains
     call move_alloc(of_class, self%kept%of_class)
     self%theta = theta
   end subroutine solution_begin
+
+  !> Begin with the state of a load case that was solved ahead.
+  subroutine solution_take_ahead(self, ahead)
+    class(contact_solution_t), intent(inout) :: self
+    !> The load case; not allocated on return.
+    type(case_ahead_t), allocatable, intent(inout) :: ahead
+    call move_alloc(ahead, self%ahead)
+    self%state = self%ahead%state
+  end subroutine solution_take_ahead
+
+  !> Tolerance of the first round [].
+  pure real(dp) function first_tolerance(goal, tolerance)
+    !> What is asked of the solution.
+    type(solution_goal_t), intent(in) :: goal
+    !> That of the user [].
+    real(dp), intent(in) :: tolerance
+    first_tolerance = merge(rough, tolerance, goal%by_budget)
+  end function first_tolerance
 
   !> Forget a solution.
   subroutine forget(solution)
@@ -212,24 +234,28 @@ contains
       solution%qp = qp
       allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
       call collect_conditioning(problem%classes, problem%report, solution%conditioning)
-      if (goal%by_budget) now%settings%tolerance = rough
+      now%settings%tolerance = first_tolerance(goal, now%settings%tolerance)
       solution%round = 1
     end if
     do
-      call monitor%begin_phase(phase_iterate)
-      call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
-      if (allocated(error)) return
-      if (.not. allocated(solution%state%m)) return
+      if (.not. allocated(solution%ahead)) then
+        call monitor%begin_phase(phase_iterate)
+        call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
+        if (allocated(error)) return
+        if (.not. allocated(solution%state%m)) return
+      end if
       call find_displacements(problem, solution%qp, compliance, solution%theta, now, monitor, &
                               goal%needs_displacements(), goal%stress, solution%conditioning, &
-                              solution%displacements, solution%state, error)
+                              solution%displacements, solution%ahead, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
                            now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
-                           solution%displacements%body, solution%kept, solution%state, solution%budget, error)
+                           solution%displacements%body, solution%kept, solution%ahead, solution%state, &
+                           solution%budget, error)
       if (allocated(error)) return
+      if (allocated(solution%ahead)) deallocate (solution%ahead)
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if

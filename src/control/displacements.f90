@@ -3,6 +3,7 @@ module dotyk_control_displacements
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_body_solution, only: body_solution_t, recover_bodies
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_correction, only: correct_contact
@@ -40,7 +41,7 @@ contains
 
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
   subroutine find_displacements(problem, qp, compliance, theta, run, monitor, are_needed, want_stress, conditioning, &
-                                displacements, state, error)
+                                displacements, ahead, state, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected where bodies are ill-conditioned.
@@ -61,6 +62,8 @@ contains
     type(conditioning_t), intent(inout) :: conditioning(:)
     !> Those of the state on return; counts recoveries.
     type(displacements_t), intent(inout) :: displacements
+    !> Has the displacements of the state where it is allocated; not allocated on return where they were corrected.
+    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution
     !> after a correction.
     type(solver_state_t), intent(inout) :: state
@@ -82,6 +85,7 @@ contains
           call flag_rounded(distance, norm, tolerance, conditioning)
       end if
       if (any(conditioning%needs_refinement())) then
+        if (allocated(ahead)) deallocate (ahead)
         call monitor%begin_phase(phase_iterate)
         call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, &
                              displacements%n_recoveries, state, rounding, error)
@@ -109,7 +113,11 @@ contains
       logical, intent(in) :: refined
       logical :: is_found(size(distance))
       integer :: b
-      call recover_bodies(problem, qp, compliance, state%m, state%alpha, want_stress, displacements%body)
+      if (allocated(ahead)) then
+        call move_alloc(ahead%body, displacements%body)
+      else
+        call recover_bodies(problem, qp, compliance, state%m, state%alpha, want_stress, displacements%body)
+      end if
       displacements%n_recoveries = displacements%n_recoveries + 1
       if (refined) then
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)

@@ -13,6 +13,7 @@ module dotyk_control_error_budget
   use dotyk_contact_complementarity, only: complementarity_error
   use dotyk_contact_doubtful_force, only: doubtful_force_t, find_doubtful_force
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
@@ -73,7 +74,7 @@ contains
 
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
-                             solution, kept, state, budget, error)
+                             solution, kept, ahead, state, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> The quadratic programme.
@@ -94,6 +95,8 @@ contains
     type(body_solution_t), intent(in) :: solution(:)
     !> What the estimates keep.
     type(kept_estimates_t), intent(inout) :: kept
+    !> Has the errors of the mesh of these displacements where it is allocated; not allocated on return.
+    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> The end of its history gets the errors.
     type(solver_state_t), intent(inout) :: state
     !> Parts that were not asked for, or are not known, are NaN.
@@ -106,7 +109,7 @@ contains
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, kept, budget, error)
+      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, kept, ahead, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -152,7 +155,7 @@ contains
   end subroutine forget_mesh_error
 
   !> The error of the mesh.
-  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, kept, budget, error)
+  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, kept, ahead, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> With displacements (n_bodies).
@@ -165,6 +168,8 @@ contains
     real(dp), intent(in) :: theta(:)
     !> What the estimates keep.
     type(kept_estimates_t), intent(inout) :: kept
+    !> As in `estimate_errors`.
+    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> Gets discretization, contact and norm.
     type(error_budget_t), intent(inout) :: budget
     !> As in `estimate_errors`.
@@ -173,7 +178,12 @@ contains
     integer :: b, i, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element, budget%doubtful)
     allocate (budget%of_body(size(problem%body)), budget%doubtful(size(problem%pair)))
-    call estimate_mesh_errors(problem, first_row, m, solution, kept, budget%of_element, norm_square, error)
+    if (allocated(ahead)) then
+      call ahead%give_estimates(problem, kept, budget%of_element, norm_square)
+      deallocate (ahead)
+    else
+      call estimate_mesh_errors(problem, first_row, m, solution, kept, budget%of_element, norm_square, error)
+    end if
     if (allocated(error)) return
     work = 0
     do k = 1, size(problem%pair)

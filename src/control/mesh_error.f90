@@ -5,9 +5,11 @@ module dotyk_control_mesh_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_residual_actions, only: collect_actions
+  use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
@@ -22,13 +24,10 @@ module dotyk_control_mesh_error
     real(dp), allocatable :: value(:)
   end type element_field_t
 
-  public :: estimate_mesh_errors, to_representative
+  public :: collect_thermal, estimate_mesh_errors, hold_against_residuals, to_representative
 
-  !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and
-  !> the memory is small beside a factor.
-  integer, parameter, public :: most_bodies = 16
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
-  real(dp), parameter :: least_share = 0.01_dp
+  real(dp), parameter, public :: least_share = 0.01_dp
   !> Fraction of the memory that is left which tractions of faces take at most [].
   real(dp), parameter :: most_of_memory = 0.125_dp
 
@@ -52,31 +51,27 @@ contains
     real(dp), intent(out) :: norm_square
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: alike(:)
+    type(congruent_group_t), allocatable :: group(:)
     real(dp) :: of_body(size(problem%body)), of_elements(size(problem%body)), least
-    integer :: c, i, n, part
+    integer :: g, i, n, part
     allocate (of_element(size(problem%body)))
     call kept%init(size(problem%body))
+    call congruent_groups(problem, group)
+    of_body = 0
     least = 0
     n = 0
     ! The residuals after all recovered strains: elements without a share in the error need none.
     do part = 1, 2
-      do i = 1, size(problem%body)
-        if (.not. problem%classes%is_representative(i)) cycle
-        alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
-        do c = 1, size(alike), most_bodies
-          ! Bodies of other ranks keep their places, so that the digits of the others do not depend on them.
-          associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
-            if (.not. any(problem%ranks%is_own(some))) cycle
-            if (part == 1) then
-              call kept%of_class(i)%init(problem%body(i))
-              call estimate_some(problem, some, solution, kept%of_class(i), of_element, of_body, error)
-            else
-              call check_some(problem, some, first_row, m, solution, least, kept%of_class(i), of_element, error)
-            end if
-          end associate
-          if (allocated(error)) return
-        end do
+      do g = 1, size(group)
+        associate (some => group(g)%body, first => group(g)%representative)
+          if (part == 1) then
+            call kept%of_class(first)%init(problem%body(first))
+            call estimate_some(problem, some, solution, kept%of_class(first), of_element, of_body, error)
+          else
+            call check_some(problem, some, first_row, m, solution, least, kept%of_class(first), of_element, error)
+          end if
+        end associate
+        if (allocated(error)) return
       end do
       if (part == 2) exit
       of_elements = 0
@@ -112,8 +107,6 @@ contains
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(residual_data_t) :: data
-    type(allowance_t) :: face_room
-    type(memory_t) :: memory
     real(dp), allocatable :: u(:, :, :), square(:, :)
     integer :: i
     allocate (square(size(alike), problem%body(problem%classes%first(alike(1)))%mesh%n_elements()), source=0.0_dp)
@@ -121,19 +114,39 @@ contains
       if (problem%ranks%is_own(alike(i))) square(i, :) = of_element(alike(i))%value
     end do
     if (all(square <= least)) return
-    associate (first => problem%body(problem%classes%first(alike(1))))
-      call collect_actions(problem, alike, first_row, m, solution, data)
-      call to_representative(problem, alike, solution, u)
-      memory = memory_now()
-      if (memory%is_known) face_room%left = int(most_of_memory*memory%left/n_local_ranks(), int64)
-      call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, kept%factor, &
-                              kept%room, face_room, square, error)
-    end associate
+    call collect_actions(problem, alike, first_row, m, solution, data)
+    call to_representative(problem, alike, solution, u)
+    call hold_against_residuals(problem%body(problem%classes%first(alike(1))), data, u, &
+                                spread(least, 1, size(alike)), kept, square, error)
     if (allocated(error)) return
     do i = 1, size(alike)
       if (problem%ranks%is_own(alike(i))) of_element(alike(i))%value = square(i, :)
     end do
   end subroutine check_some
+
+  !> Hold the errors of bodies of one mesh against the residuals of their elements.
+  subroutine hold_against_residuals(first, data, u, least, kept, square, error)
+    !> The representative.
+    type(body_t), intent(in) :: first
+    !> What acts on the bodies.
+    type(residual_data_t), intent(in) :: data
+    !> Their displacements in its axes (n, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Elements of each with smaller squared errors are left alone (n) [energy].
+    real(dp), intent(in) :: least(:)
+    !> What does not depend on the loads.
+    type(kept_class_t), intent(inout) :: kept
+    !> Squared errors of the elements (n, n_elements) [energy].
+    real(dp), intent(inout) :: square(:, :)
+    !> Allocated where a formula of a material cannot be evaluated.
+    type(error_t), allocatable, intent(out) :: error
+    type(allowance_t) :: face_room
+    type(memory_t) :: memory
+    memory = memory_now()
+    if (memory%is_known) face_room%left = int(most_of_memory*memory%left/n_local_ranks(), int64)
+    call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, kept%factor, kept%room, &
+                            face_room, square, error)
+  end subroutine hold_against_residuals
 
   !> Displacements of congruent bodies in the axes of their representative; 0 for those of other ranks.
   subroutine to_representative(problem, alike, solution, u)
@@ -162,6 +175,29 @@ contains
     end do
   end subroutine to_representative
 
+  !> Thermal dilatations of congruent bodies at their nodes.
+  subroutine collect_thermal(problem, alike, thermal)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indices of the bodies (n).
+    integer, intent(in) :: alike(:)
+    !> Those in each material; not allocated where no own body has a temperature (n, n_nodes, n_materials) [].
+    real(dp), allocatable, intent(out) :: thermal(:, :, :)
+    real(dp), allocatable :: of_material(:)
+    integer :: i, m
+    do i = 1, size(alike)
+      associate (body => problem%body(alike(i)))
+        if (.not. (problem%ranks%is_own(alike(i)) .and. allocated(body%initial%temperature))) cycle
+        if (.not. allocated(thermal)) &
+          allocate (thermal(size(alike), body%mesh%n_nodes(), size(body%material)), source=0.0_dp)
+        do m = 1, size(body%material)
+          call thermal_dilatation(body%mesh, body%analysis, body%material(m), body%initial, of_material)
+          thermal(i, :, m) = of_material
+        end do
+      end associate
+    end do
+  end subroutine collect_thermal
+
   !> Some congruent bodies.
   subroutine estimate_some(problem, alike, solution, kept, of_element, norm_square, error)
     !> Bodies, classes and ranks.
@@ -178,21 +214,11 @@ contains
     real(dp), intent(inout) :: norm_square(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :), of_material(:)
+    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :)
     real(dp) :: of_body(size(alike))
-    integer :: i, m
+    integer :: i
     call to_representative(problem, alike, solution, u)
-    do i = 1, size(alike)
-      associate (body => problem%body(alike(i)))
-        if (.not. (problem%ranks%is_own(alike(i)) .and. allocated(body%initial%temperature))) cycle
-        if (.not. allocated(thermal)) &
-          allocate (thermal(size(u, 1), size(u, 3), size(body%material)), source=0.0_dp)
-        do m = 1, size(body%material)
-          call thermal_dilatation(body%mesh, body%analysis, body%material(m), body%initial, of_material)
-          thermal(i, :, m) = of_material
-        end do
-      end associate
-    end do
+    call collect_thermal(problem, alike, thermal)
     associate (first => problem%body(problem%classes%first(alike(1))))
       allocate (square(size(alike), first%mesh%n_elements()))
       call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, kept%recovery, square, &

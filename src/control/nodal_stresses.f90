@@ -3,9 +3,10 @@ module dotyk_control_nodal_stresses
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
-  use dotyk_control_mesh_error, only: most_bodies, to_representative
+  use dotyk_control_mesh_error, only: to_representative
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material, nodes_of_material
   use dotyk_elasticity_nodal_stress, only: nodal_stresses
@@ -36,22 +37,17 @@ contains
     type(nodal_stress_t), allocatable, intent(out) :: stress(:)
     !> Allocated where a formula of a material cannot be parsed.
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: alike(:)
-    integer :: c, i
+    type(congruent_group_t), allocatable :: group(:)
+    integer :: g
     allocate (stress(size(problem%body)))
     call kept%init(size(problem%body))
-    do i = 1, size(problem%body)
-      if (.not. problem%classes%is_representative(i)) cycle
-      alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
-      do c = 1, size(alike), most_bodies
-        ! Bodies of other ranks keep their places, so that the digits of the others do not depend on them.
-        associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
-          if (.not. any(problem%ranks%is_own(some))) cycle
-          call kept%of_class(i)%init(problem%body(i))
-          call recover_some(problem, some, solution, kept%of_class(i), stress, error)
-        end associate
-        if (allocated(error)) return
-      end do
+    call congruent_groups(problem, group)
+    do g = 1, size(group)
+      associate (first => group(g)%representative)
+        call kept%of_class(first)%init(problem%body(first))
+        call recover_some(problem, group(g)%body, solution, kept%of_class(first), stress, error)
+      end associate
+      if (allocated(error)) return
     end do
   end subroutine recover_nodal_stresses
 

@@ -27,7 +27,7 @@ module dotyk_control_residual_actions
   !> stress, are rounding.
   real(dp), parameter :: negligible = 1.0e-12_dp
 
-  public :: collect_actions
+  public :: collect_actions, join_actions
 
 contains
 
@@ -105,6 +105,45 @@ contains
       end do
     end do
   end subroutine collect_actions
+
+  !> The actions on bodies of one mesh, in one list.
+  subroutine join_actions(part, data)
+    !> Parts of the list, with the same faces.
+    type(residual_data_t), intent(in) :: part(:)
+    !> All bodies, part after part.
+    type(residual_data_t), intent(out) :: data
+    integer :: first, i, last, n
+    n = sum([(size(part(i)%applied), i=1, size(part))])
+    associate (some => part(1))
+      data%faces = some%faces
+      allocate (data%density(size(some%density, 1), n, size(some%density, 3)), data%applied(n))
+      allocate (data%first(size(some%first, 1), n))
+      allocate (data%held(size(some%held, 1), size(some%held, 2), size(some%held, 3), n))
+      allocate (data%order(maxval([(size(part(i)%order, 1), i=1, size(part))]), n), source=0)
+    end associate
+    do i = 1, size(part)
+      if (allocated(data%thermal) .or. .not. allocated(part(i)%thermal)) cycle
+      associate (thermal => part(i)%thermal)
+        allocate (data%thermal(n, size(thermal, 2), size(thermal, 3), size(thermal, 4)), source=0.0_dp)
+        allocate (data%initial(n, size(thermal, 2), size(thermal, 3)), source=0.0_dp)
+        allocate (data%temperature(n, size(thermal, 3)), source=0.0_dp)
+      end associate
+    end do
+    last = 0
+    do i = 1, size(part)
+      first = last + 1
+      last = last + size(part(i)%applied)
+      data%density(:, first:last, :) = part(i)%density
+      data%applied(first:last) = part(i)%applied
+      data%first(:, first:last) = part(i)%first
+      data%order(:size(part(i)%order, 1), first:last) = part(i)%order
+      data%held(:, :, :, first:last) = part(i)%held
+      if (.not. allocated(part(i)%thermal)) cycle
+      data%thermal(first:last, :, :, :) = part(i)%thermal
+      data%initial(first:last, :, :) = part(i)%initial
+      data%temperature(first:last, :) = part(i)%temperature
+    end do
+  end subroutine join_actions
 
   !> Pressures beside which others of the body are no rounding.
   pure function significant(pressure, largest) result(p)

@@ -7,6 +7,7 @@ module dotyk_driver_load_case
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: quoted
   use dotyk_control_body_operators, only: find_modes
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_driver_scene, only: scene_t
@@ -21,12 +22,12 @@ module dotyk_driver_load_case
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   implicit none
   private
-  public :: begin_case, solve_free
+  public :: begin_case, next_case, solve_free
 
 contains
 
   !> Begin a load case: the first one acts on the scene as it is built. Nothing is done in a scene without load cases.
-  subroutine begin_case(input, k, case, scene, monitor, error)
+  subroutine begin_case(input, k, case, scene, monitor, error, ahead)
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: input
     !> The load case.
@@ -39,16 +40,18 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> As in `next_case`.
     type(error_t), allocatable, intent(out) :: error
+    !> The load case where it was solved ahead.
+    type(case_ahead_t), intent(inout), optional :: ahead
     logical, allocatable :: is_changed(:)
     if (.not. case%has_cases()) return
-    if (k > 1) call next_case(input, k, scene, monitor, error)
+    if (k > 1) call next_case(input, k, scene, monitor, error, ahead)
     if (allocated(error)) return
     call contacts_of_case(input, k, case%contact, is_changed)
     call show_case(monitor%log, case, k, scene%problem, is_changed)
   end subroutine begin_case
 
   !> Let another load case act on a scene that is factorized.
-  subroutine next_case(case, k, scene, monitor, error)
+  subroutine next_case(case, k, scene, monitor, error, ahead)
     !> The case.
     type(case_t), intent(in) :: case
     !> The load case.
@@ -59,7 +62,10 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
+    !> The load case where it is solved ahead: gets the solution without contact, or has it already.
+    type(case_ahead_t), intent(inout), optional :: ahead
     integer :: c, i
+    logical :: is_solved
     associate (problem => scene%problem)
       call set_stage('assembling')
       problem%modes = scene%modes
@@ -77,8 +83,11 @@ contains
     end associate
     call scene%compliance%forget_displacements()
     scene%compliance%n_sweeps = 0
-    call solve_free(scene, error)
-    if (.not. allocated(error)) call stop_if_interrupted(error)
+    call solve_free(scene, error, ahead)
+    is_solved = .false.
+    if (present(ahead)) is_solved = allocated(ahead%body)
+    ! A case that is solved is told.
+    if (.not. (is_solved .or. allocated(error))) call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
   end subroutine next_case
 
@@ -136,22 +145,37 @@ contains
   end subroutine load_all
 
   !> Solve without contact: the QP of the loads that act on the bodies.
-  subroutine solve_free(scene, error)
+  subroutine solve_free(scene, error, ahead)
     !> With factors, rows of the QP and compliance.
     type(scene_t), intent(inout) :: scene
     !> Allocated where a mode at the contact rows is not finite, or the modes of a body cannot be decomposed.
     type(error_t), allocatable, intent(out) :: error
+    !> As in `next_case`.
+    type(case_ahead_t), intent(inout), optional :: ahead
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
     integer :: b
+    logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, compliance => scene%compliance)
       call find_modes(problem%body, problem%classes, problem%ranks, qp%block, problem%report, problem%modes, modes, &
                       error)
       if (allocated(error)) return
       call set_stage('solving without contact')
-      call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
-                                 problem%classes%first, compliance%side_by_side, problem%n_blas, free, problem%isolated)
+      is_known = .false.
+      if (present(ahead)) is_known = allocated(ahead%isolated)
+      if (is_known) then
+        free = ahead%free
+        problem%isolated = ahead%isolated
+      else
+        call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
+                                   problem%classes%first, compliance%side_by_side, problem%n_blas, free, &
+                                   problem%isolated)
+      end if
+      if (present(ahead) .and. .not. is_known) then
+        ahead%free = free
+        ahead%isolated = problem%isolated
+      end if
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes)
       call qp%set_loads(scene%operator%gap, free%initial_penetration, free%load_displacement, free%energy, &

@@ -4,6 +4,7 @@ module dotyk_driver_load_cases
   use dotyk_base_error, only: error_t, exit_not_converged
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -14,6 +15,7 @@ module dotyk_driver_load_cases
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_solution, only: solve_scene
+  use dotyk_driver_solving_ahead, only: cases_ahead_t
   use dotyk_driver_warm_start, only: initial_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case_table
@@ -50,6 +52,8 @@ contains
     type(case_t) :: case
     type(contact_solution_t) :: solution
     type(results_file_t) :: file
+    type(cases_ahead_t) :: solved
+    type(case_ahead_t), allocatable :: ahead
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
     real(dp), allocatable :: pressure(:)
@@ -63,11 +67,15 @@ contains
     needs_factors = .false.
     before = 0
     do k = 1, n
-      call begin_case(input, k, case, scene, monitor, error)
+      if (k > solved%last .and. len(restart) == 0) call solved%solve(input, k, run, scene, monitor, solution)
+      call solved%take(k, ahead)
+      call begin_case(input, k, case, scene, monitor, error, ahead)
       if (allocated(error)) exit
-      call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
+      call tell_ahead(ahead, scene, monitor, before)
+      if (.not. allocated(ahead)) &
+        call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
       if (allocated(error)) exit
-      call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
+      call solve_scene(case, run, scene, pressure, threads, monitor, solution, ahead, needs_factors, error)
       if (allocated(error) .or. needs_factors) exit
       if (k == n) call scene%compliance%destroy()
       if (allocated(solution%state%m)) call keep_shortenings(solution%state%m, solution%state%y, scene%problem)
@@ -104,4 +112,23 @@ contains
     call monitor%show_timing()
     call monitor%log%line('  results          '//case%scene%output)
   end subroutine solve_cases
+
+  !> Tell what the scheme had to tell of a load case that was solved ahead, and how long it took.
+  subroutine tell_ahead(ahead, scene, monitor, before)
+    !> The load case; not allocated where it was not solved ahead.
+    type(case_ahead_t), allocatable, intent(in) :: ahead
+    !> Gets the right-hand sides that it took.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Time of all iterations when this case began [s].
+    real(dp), intent(inout) :: before
+    integer :: i
+    if (.not. allocated(ahead)) return
+    do i = 1, size(ahead%note)
+      call monitor%note(ahead%note(i)%s)
+    end do
+    scene%compliance%n_sweeps = ahead%n_sweeps
+    before = monitor%timing%iterate%wall - ahead%seconds
+  end subroutine tell_ahead
 end module dotyk_driver_load_cases

@@ -5,6 +5,7 @@ module dotyk_driver_solution
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_base_options, only: response_auto
+  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_split_costs, only: factors_fit, iterations_worth_factors
@@ -30,7 +31,7 @@ contains
 
   !> Factorize unless that is done, and solve. A scene of bodies that are split over ranks is to be built anew where it
   !> needs their factors.
-  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
+  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, ahead, needs_factors, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Scheme and its settings.
@@ -45,6 +46,8 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> The solution.
     type(contact_solution_t), intent(inout) :: solution
+    !> The load case where it was solved ahead; not allocated on return.
+    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: no solution yet.
     logical, intent(out) :: needs_factors
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
@@ -81,6 +84,7 @@ contains
       if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
         call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       call scene%neutral%start(scene%qp, solution%state)
+      if (allocated(ahead)) call solution%take_ahead(ahead)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       do
         if ((may_return .or. may_rebuild) .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then

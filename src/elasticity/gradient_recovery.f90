@@ -52,7 +52,17 @@ module dotyk_elasticity_gradient_recovery
     real(dp), allocatable :: u(:, :, :)
   contains
     procedure :: init => gradient_recovery_init
+    procedure :: take => gradient_recovery_take
+    procedure :: give => gradient_recovery_give
   end type gradient_recovery_t
+
+  !> Displacements of some bodies, and the strains recovered from them.
+  type, public :: recovered_strains_t
+    !> As in `gradient_recovery_t` (n_bodies, dim, n_nodes) [length].
+    real(dp), allocatable :: u(:, :, :)
+    !> Likewise (n_bodies, n_strains, n_lower, n_vertices) [].
+    real(dp), allocatable :: strain(:, :, :, :)
+  end type recovered_strains_t
 
   public :: vertex_functions
 
@@ -117,6 +127,27 @@ contains
     deallocate (mark, coefficient)
     !$omp end parallel
   end subroutine gradient_recovery_init
+
+  !> Copy what was recovered for some of the bodies.
+  pure subroutine gradient_recovery_give(self, first, last, recovered)
+    class(gradient_recovery_t), intent(in) :: self
+    !> The bodies.
+    integer, intent(in) :: first, last
+    !> Their displacements and strains.
+    type(recovered_strains_t), intent(out) :: recovered
+    recovered%u = self%u(first:last, :, :)
+    recovered%strain = self%strain(first:last, :, :, :)
+  end subroutine gradient_recovery_give
+
+  !> Take what was recovered for some bodies in place of what is there.
+  pure subroutine gradient_recovery_take(self, recovered)
+    class(gradient_recovery_t), intent(inout) :: self
+    !> Their displacements and strains; nothing on return.
+    type(recovered_strains_t), intent(inout) :: recovered
+    call move_alloc(recovered%u, self%u)
+    call move_alloc(recovered%strain, self%strain)
+    self%n_bodies = size(self%u, 1)
+  end subroutine gradient_recovery_take
 
   !> Find the vertices, and choose the monomials.
   subroutine find_vertices(self, mesh)

@@ -49,8 +49,8 @@ contains
     type(residual_data_t), intent(in) :: data
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements with smaller squared errors are left alone [energy].
-    real(dp), intent(in) :: least
+    !> Elements of each body with smaller squared errors are left alone (n_bodies) [energy].
+    real(dp), intent(in) :: least(:)
     !> Factors of elements: those that were kept are used, and others are kept where there is room (n_elements).
     type(bubble_factor_t), intent(inout) :: factor(:)
     !> Memory for factors.
@@ -68,6 +68,7 @@ contains
     type(face_tractions_t) :: tractions
     type(error_t), allocatable :: failure
     real(dp), allocatable :: energy(:, :)
+    logical, allocatable :: is_needed(:)
     real(dp) :: matrix(6, 6), lambda, bulk
     integer :: b, c, e, k, m
     allocate (table(size(mesh%block)), bubbles(size(mesh%block)))
@@ -96,15 +97,19 @@ contains
       return
     end if
     call clusters%init(mesh, data%faces)
-    call tractions%find(mesh, data%faces, point_material, table, u, any(square > least, dim=1), face_room)
+    allocate (is_needed(size(square, 2)), source=.false.)
+    do b = 1, size(square, 1)
+      is_needed = is_needed .or. square(b, :) > least(b)
+    end do
+    call tractions%find(mesh, data%faces, point_material, table, u, is_needed, face_room)
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (all(point_material%field%constant)) &
     !$omp& private(failure, energy, b, e, k) &
-    !$omp& shared(mesh, data, point_material, table, bubbles, tractions, clusters, u, least, factor, room, square, &
-    !$omp& error)
+    !$omp& shared(mesh, data, point_material, table, bubbles, tractions, clusters, u, is_needed, least, factor, room, &
+    !$omp& square, error)
     do c = 1, clusters%n
       associate (own => clusters%element(clusters%first(c):clusters%first(c + 1) - 1))
-        if (all(square(:, own) <= least)) cycle
+        if (.not. any(is_needed(own))) cycle
         if (allocated(energy)) deallocate (energy)
         allocate (energy(size(square, 1), size(own)))
         if (size(own) > 1) then
@@ -124,7 +129,7 @@ contains
           energy(:, k) = constant(mesh%block(data%faces%block(e))%kind)**2*energy(:, k)
           do b = 1, size(energy, 1)
             ! Whatever the other bodies are.
-            if (square(b, e) > least) call hold(energy(b, k), square(b, e))
+            if (square(b, e) > least(b)) call hold(energy(b, k), square(b, e))
           end do
         end do
       end associate

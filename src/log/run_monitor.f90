@@ -4,6 +4,7 @@ module dotyk_log_run_monitor
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
   use dotyk_base_progress, only: start_progress
+  use dotyk_base_text, only: text_t
   use dotyk_log_progress, only: progress_line
   use dotyk_log_timing, only: timing_t, stopwatch_t
   use dotyk_log_timing_lines, only: show_timing
@@ -23,10 +24,14 @@ module dotyk_log_run_monitor
     type(timing_t) :: timing
     !> The phase under way, one of `phase_*`; 0: none.
     integer, private :: phase = 0
+    !> Notes of a load case that is solved ahead, to be told with its results; not allocated where notes are told at once.
+    type(text_t), allocatable, private :: held(:)
   contains
     procedure :: begin => log_monitor_begin
     procedure :: step => log_monitor_step
     procedure :: note => log_monitor_note
+    procedure :: hold_notes => log_monitor_hold_notes
+    procedure :: take_notes => log_monitor_take_notes
     procedure :: finish => log_monitor_finish
     procedure :: begin_phase => log_monitor_begin_phase
     procedure :: end_phase => log_monitor_end_phase
@@ -59,6 +64,8 @@ contains
     real(dp), intent(in) :: tolerance
     !> Error measure that the criterion compares with it [].
     real(dp), intent(in) :: measure
+    ! Lines of progress belong below the heading of a load case.
+    if (allocated(self%held) .and. .not. self%log%terminal) return
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 
@@ -67,8 +74,26 @@ contains
     class(log_monitor_t), intent(inout) :: self
     !> Label and text.
     character(*), intent(in) :: text
-    call self%log%line('  '//text)
+    if (allocated(self%held)) then
+      self%held = [self%held, text_t(text)]
+    else
+      call self%log%line('  '//text)
+    end if
   end subroutine log_monitor_note
+
+  !> Hold the notes that follow.
+  subroutine log_monitor_hold_notes(self)
+    class(log_monitor_t), intent(inout) :: self
+    allocate (self%held(0))
+  end subroutine log_monitor_hold_notes
+
+  !> Take the notes that were held, and tell the next ones at once.
+  subroutine log_monitor_take_notes(self, notes)
+    class(log_monitor_t), intent(inout) :: self
+    !> One after the other.
+    type(text_t), allocatable, intent(out) :: notes(:)
+    call move_alloc(self%held, notes)
+  end subroutine log_monitor_take_notes
 
   !> End the live line.
   subroutine log_monitor_finish(self)

@@ -1,0 +1,174 @@
+!> Load cases that are solved ahead: the contact of several, then their displacements and error estimates together
+!> (`dotyk_control_case_ahead`). Each is told and written afterwards as if it had been solved alone.
+module dotyk_driver_solving_ahead
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_timer, only: wall_time
+  use dotyk_control_case_ahead, only: case_ahead_t
+  use dotyk_control_contact_solution, only: contact_solution_t, first_tolerance, solution_goal_t
+  use dotyk_control_estimates_ahead, only: estimate_ahead
+  use dotyk_control_recovery_ahead, only: move_ahead, recover_ahead
+  use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_driver_load_case, only: next_case
+  use dotyk_driver_run_settings, only: goal_of
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_driver_tied_scheme, only: tie_bodies
+  use dotyk_driver_warm_start, only: initial_pressures, start_from_pressures
+  use dotyk_input_case, only: case_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_scheme_monitor, only: phase_estimate, phase_iterate, phase_recover
+  use dotyk_scheme_solver_state, only: ended_converged, ended_stalled, solver_state_t
+  implicit none
+  private
+
+  !> Cases that are solved ahead.
+  type, public :: cases_ahead_t
+    !> The first and the last one; none where the last is before the first.
+    integer :: first = 1, last = 0
+    !> first .. last.
+    type(case_ahead_t), allocatable :: case(:)
+  contains
+    procedure :: solve => ahead_solve
+    procedure :: take => ahead_take
+  end type cases_ahead_t
+
+  !> Cases together at most: of more, the entries of factors and the meshes are read hardly less often.
+  integer, parameter :: most_cases = 8
+  !> Memory of a case, its part in the passes of the estimates included [bytes/node].
+  real(dp), parameter :: bytes_of_node = 500
+  !> Fraction of the memory of the factors that cases take together at most, and what they may take in any case [bytes].
+  real(dp), parameter :: of_factors = 0.25_dp, always = 64.0e6_dp
+
+contains
+
+  !> Solve the cases from one on ahead, as many as may be together.
+  subroutine ahead_solve(self, input, k, run, scene, monitor, solution)
+    class(cases_ahead_t), intent(inout) :: self
+    !> The case, with one contact for each pair.
+    type(case_t), intent(in) :: input
+    !> The load case that is next.
+    integer, intent(in) :: k
+    !> Scheme and its settings.
+    type(scheme_run_t), intent(in) :: run
+    !> Factorized; the load case is to begin anew on return.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Solution of the case before; what its estimates keep grows.
+    type(contact_solution_t), intent(inout) :: solution
+    type(case_ahead_t), allocatable :: some(:)
+    type(solution_goal_t) :: goal
+    type(error_t), allocatable :: error
+    integer :: j, n
+    self%first = k
+    self%last = k - 1
+    n = n_together(input, k, scene)
+    if (n < 2) return
+    goal = goal_of(input)
+    allocate (some(n))
+    do j = 1, n
+      if (j == 1) then
+        call solve_one(input, k, goal, run, scene, monitor, solution%state, some(1))
+      else
+        call solve_one(input, k + j - 1, goal, run, scene, monitor, some(j - 1)%state, some(j))
+      end if
+      if (.not. allocated(some(j)%body)) exit
+    end do
+    ! The one after them is solved alone, and tells what is wrong with it.
+    n = j - 1
+    if (n < 2) return
+    self%case = some(:n)
+    deallocate (some)
+    call monitor%begin_phase(phase_recover)
+    call recover_ahead(scene%problem, scene%qp, scene%compliance, goal%stress, self%case, error)
+    if (.not. allocated(error) .and. goal%needs_mesh_error()) then
+      call monitor%begin_phase(phase_estimate)
+      call estimate_ahead(scene%problem, scene%qp%pair_first_row, solution%kept, self%case, error)
+    end if
+    call monitor%end_phase()
+    if (.not. allocated(error)) self%last = k + n - 1
+  end subroutine ahead_solve
+
+  !> Take a load case out of those that are solved; not allocated where it is none of them.
+  subroutine ahead_take(self, k, ahead)
+    class(cases_ahead_t), intent(inout) :: self
+    !> The load case.
+    integer, intent(in) :: k
+    !> The same.
+    type(case_ahead_t), allocatable, intent(out) :: ahead
+    type(case_ahead_t) :: nothing
+    if (k < self%first .or. k > self%last) return
+    ahead = self%case(k - self%first + 1)
+    self%case(k - self%first + 1) = nothing
+  end subroutine ahead_take
+
+  !> How many cases from one on may be solved together.
+  integer function n_together(input, k, scene) result(n)
+    !> The case.
+    type(case_t), intent(in) :: input
+    !> The load case that is next.
+    integer, intent(in) :: k
+    !> Factorized, unless this is the first case.
+    type(scene_t), intent(in) :: scene
+    type(solution_goal_t) :: goal
+    real(dp) :: nodes, rest
+    integer :: b
+    n = 1
+    if (k == 1 .or. .not. scene%is_factorized) return
+    if (scene%has_multigrid() .or. scene%is_split()) return
+    goal = goal_of(input)
+    if (.not. goal%needs_displacements()) return
+    nodes = sum([(real(scene%problem%body(b)%mesh%n_nodes(), dp), b=1, size(scene%problem%body))])
+    rest = input%n_cases() - k + 1
+    n = int(min(rest, real(most_cases, dp), &
+                max(always, of_factors*sum(real(scene%size_of%bytes, dp)))/(bytes_of_node*nodes)))
+  end function n_together
+
+  !> The contact of one case; without displacements on return where it is to be solved alone.
+  subroutine solve_one(input, k, goal, run, scene, monitor, before, ahead)
+    !> The case.
+    type(case_t), intent(in) :: input
+    !> The load case.
+    integer, intent(in) :: k
+    !> What is asked of the solution.
+    type(solution_goal_t), intent(in) :: goal
+    !> Scheme and its settings.
+    type(scheme_run_t), intent(in) :: run
+    !> Factorized; the load case acts on it on return.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> State of the case before.
+    type(solver_state_t), intent(in) :: before
+    !> Gets state and displacements, the latter begun.
+    type(case_ahead_t), intent(out) :: ahead
+    type(scheme_run_t) :: now
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: pressure(:)
+    real(dp) :: began
+    began = wall_time()
+    ahead%number = k
+    call next_case(input, k, scene, monitor, error, ahead)
+    if (allocated(error)) return
+    if (scene%problem%n_ties() > 0) then
+      ! Bolts that are tightened leave their shortening to the next case.
+      if (any(scene%problem%tie%slides)) return
+    end if
+    call initial_pressures('', input, k, scene%problem, monitor%log, before, pressure, error)
+    if (allocated(error)) return
+    now = run
+    now%settings%tolerance = first_tolerance(goal, run%settings%tolerance)
+    if (scene%problem%n_ties() > 0) call tie_bodies(scene%problem, run%scheme, now%scheme)
+    call scene%neutral%start(scene%qp, ahead%state)
+    if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, ahead%state)
+    call monitor%hold_notes()
+    call monitor%begin_phase(phase_iterate)
+    call now%solve(scene%qp, scene%compliance, scene%theta, scene%problem%n_blas, monitor, ahead%state, error)
+    call monitor%end_phase()
+    call monitor%take_notes(ahead%note)
+    ahead%n_sweeps = scene%compliance%n_sweeps
+    ahead%seconds = wall_time() - began
+    if (allocated(error) .or. .not. allocated(ahead%state%m)) return
+    if (any(ahead%state%ended == [ended_converged, ended_stalled])) call move_ahead(scene%problem, ahead)
+  end subroutine solve_one
+end module dotyk_driver_solving_ahead
