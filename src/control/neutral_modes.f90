@@ -45,6 +45,7 @@ module dotyk_control_neutral_modes
     integer, private :: n_again = 0
   contains
     procedure :: find => neutral_find
+    procedure :: has_any => neutral_has_any
     procedure :: hold => neutral_hold
     procedure :: moved_far => neutral_moved_far
     procedure :: asks_again => neutral_asks_again
@@ -117,6 +118,12 @@ contains
     if (.not. allocated(self%motion)) return
     call self%hold(self%moved_far(self%motion), problem, qp)
   end subroutine neutral_find
+
+  !> Whether there are neutral modes, held or not: the contact may be solved again because of them.
+  pure logical function neutral_has_any(self) result(has_any)
+    class(neutral_modes_t), intent(in) :: self
+    has_any = any(self%candidate%n > 0)
+  end function neutral_has_any
 
   !> Bodies that move by several elements along neutral modes that are not held.
   function neutral_moved_far(self, alpha) result(moved)

@@ -115,7 +115,7 @@ contains
     integer :: b
     n = 1
     if (k == 1 .or. .not. scene%is_factorized) return
-    if (scene%has_multigrid() .or. scene%is_split()) return
+    if (scene%has_multigrid() .or. scene%is_split() .or. scene%neutral%has_any()) return
     goal = goal_of(input)
     if (.not. goal%needs_displacements()) return
     nodes = sum([(real(scene%problem%body(b)%mesh%n_nodes(), dp), b=1, size(scene%problem%body))])
@@ -154,6 +154,7 @@ contains
       ! Bolts that are tightened leave their shortening to the next case.
       if (any(scene%problem%tie%slides)) return
     end if
+    if (scene%neutral%has_any()) return
     call initial_pressures('', input, k, scene%problem, monitor%log, before, pressure, error)
     if (allocated(error)) return
     now = run
