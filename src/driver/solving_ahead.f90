@@ -33,7 +33,7 @@ module dotyk_driver_solving_ahead
   end type cases_ahead_t
 
   !> Cases together at most: of more, the entries of factors and the meshes are read hardly less often.
-  integer, parameter :: most_cases = 8
+  integer, parameter :: most_cases = 10
   !> Memory of a case, its part in the passes of the estimates included [bytes/node].
   real(dp), parameter :: bytes_of_node = 500
   !> Fraction of the memory of the factors that cases take together at most, and what they may take in any case [bytes].
