@@ -2,8 +2,8 @@
 !>
 !> Load cases are solved several together: once the contact of each is solved, their displacements
 !> (`dotyk_control_recovery_ahead`) take one solve of each body with as many right-hand sides, and their error estimates
-!> (`dotyk_control_estimates_ahead`) one pass over each mesh. Entries of factors, and what depends on the mesh alone, are
-!> read once for all of them.
+!> (`dotyk_control_estimates_ahead`) one pass over each mesh. Entries of factors, and what depends on the mesh alone,
+!> are read once for all of them.
 module dotyk_control_case_ahead
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t

@@ -24,7 +24,8 @@ module dotyk_log_run_monitor
     type(timing_t) :: timing
     !> The phase under way, one of `phase_*`; 0: none.
     integer, private :: phase = 0
-    !> Notes of a load case that is solved ahead, to be told with its results; not allocated where notes are told at once.
+    !> Notes of a load case that is solved ahead, to be told with its results; not allocated where notes are told at
+    !> once.
     type(text_t), allocatable, private :: held(:)
   contains
     procedure :: begin => log_monitor_begin
