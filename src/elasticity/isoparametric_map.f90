@@ -209,21 +209,21 @@ contains
     real(dp), dimension(points_in_row) :: s1, s2, s3
     integer :: a, i, q
     do q = 0, n_points - points_in_row, points_in_row
-      if (n_functions == 3) then
+      ! Three sums at a time: one alone waits for each of its additions.
+      do i = 1, n_functions - 2, 3
         s1 = 0
         s2 = 0
         s3 = 0
         do a = 1, n
-          s1 = s1 + f(1, a)*shape(q + 1:q + points_in_row, a)
-          s2 = s2 + f(2, a)*shape(q + 1:q + points_in_row, a)
-          s3 = s3 + f(3, a)*shape(q + 1:q + points_in_row, a)
+          s1 = s1 + f(i, a)*shape(q + 1:q + points_in_row, a)
+          s2 = s2 + f(i + 1, a)*shape(q + 1:q + points_in_row, a)
+          s3 = s3 + f(i + 2, a)*shape(q + 1:q + points_in_row, a)
         end do
-        values(q + 1:q + points_in_row, 1) = s1
-        values(q + 1:q + points_in_row, 2) = s2
-        values(q + 1:q + points_in_row, 3) = s3
-        cycle
-      end if
-      do i = 1, n_functions
+        values(q + 1:q + points_in_row, i) = s1
+        values(q + 1:q + points_in_row, i + 1) = s2
+        values(q + 1:q + points_in_row, i + 2) = s3
+      end do
+      do i = n_functions - mod(n_functions, 3) + 1, n_functions
         s1 = 0
         do a = 1, n
           s1 = s1 + f(i, a)*shape(q + 1:q + points_in_row, a)
