@@ -9,7 +9,7 @@ module dotyk_contact_integration_points
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: whole_facet_rules, project_points
+  public :: whole_facet_rules, project_points, surface_area
 
   !> Degree of rules on whole facets for dual mortar rows. The edges of the master surface cut the slave facets, which
   !> the rule has to resolve: with this degree the errors of columns of non-matching blocks are a third to a tenth of
@@ -134,4 +134,28 @@ contains
     end do
     !$omp end parallel do
   end subroutine project_points
+
+  !> Area of a surface [length^2; length in two dimensions, with 2 pi r in axisymmetry length^2].
+  real(dp) function surface_area(mesh, surface, rule, axisymmetric) result(area)
+    !> Body of the surface.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> Rules on whole facets, by element kind (n_element_kinds).
+    type(quadrature_rule_t), intent(in) :: rule(:)
+    !> Whether areas include the circumference 2 pi r.
+    logical, intent(in) :: axisymmetric
+    real(dp) :: x(mesh%dimension), normal(mesh%dimension), jacobian
+    integer :: f, i
+    area = 0
+    do f = 1, surface%n_facets
+      associate (kind => surface%kind(f), r => rule(surface%kind(f)))
+        do i = 1, size(r%weight)
+          call facet_geometry(kind, mesh%dimension, mesh%x(:, surface%node(1:kind_nodes(kind), f)), r%xi(:, i), x, &
+                              normal, jacobian)
+          area = area + r%weight(i)*jacobian*merge(2*pi*x(1), 1.0_dp, axisymmetric)
+        end do
+      end associate
+    end do
+  end function surface_area
 end module dotyk_contact_integration_points

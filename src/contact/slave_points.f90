@@ -6,7 +6,7 @@ module dotyk_contact_slave_points
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
-  use dotyk_contact_integration_points, only: project_points, whole_facet_rules
+  use dotyk_contact_integration_points, only: project_points, surface_area, whole_facet_rules
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_projection, only: master_surface_t, projection_found, projection_not_facing, projection_outside, &
@@ -27,6 +27,8 @@ module dotyk_contact_slave_points
   real(dp), parameter :: shallow = 1.0e-3_dp
   !> Work for a facet far from the master surface, relative to that for a candidate [].
   real(dp), parameter :: distant_cost = 0.02_dp
+  !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
+  real(dp), parameter :: nothing_left = 1.0e-6_dp
   !> Numbers that ranks exchange of a point.
   integer, parameter :: point_length = 14
 
@@ -108,7 +110,8 @@ contains
     if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
     if (settings%division%is_divided) &
       call collect_points(settings%division, first, last, offset, x, xi, weight, projection)
-    call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
+    call keep_projected(mesh_a%dimension, surface_area(mesh_a, surface_a, kind_rule, settings%axisymmetric), offset, &
+                        x, xi, weight, projection, pair)
   end subroutine project_slave_points
 
   !> Drop the projections that lie deep in a body where the way there leaves it: they are on the wrong side.
@@ -191,9 +194,11 @@ contains
   end subroutine collect_points
 
   !> Keep the integration points that have a projection and count the others.
-  pure subroutine keep_projected(d, offset, x, xi, weight, projection, pair)
+  pure subroutine keep_projected(d, whole, offset, x, xi, weight, projection, pair)
     !> Dimension of space.
     integer, intent(in) :: d
+    !> Area of the slave surface [length^2; length in two dimensions].
+    real(dp), intent(in) :: whole
     !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     integer, intent(in) :: offset(:)
     !> Positions of all points (3, n) [length].
@@ -206,7 +211,7 @@ contains
     type(projection_t), intent(in) :: projection(:)
     !> Pair; its points are set.
     type(contact_pair_t), intent(inout) :: pair
-    real(dp) :: area
+    real(dp) :: area, left_out
     integer :: f, i, k, n
     n = count(projection%status == projection_found)
     pair%dimension = d
@@ -215,9 +220,12 @@ contains
     pair%n_not_facing = count(projection%status == projection_not_facing)
     pair%n_outside = count(projection%status == projection_outside)
     pair%n_too_far = count(projection%status == projection_too_far)
-    area = max(sum(weight), tiny(1.0_dp))
+    area = max(sum(weight), whole, tiny(1.0_dp))
+    ! Rules on mortar segments have points on the covered part of a facet only.
+    left_out = max(0.0_dp, area - sum(weight))/area
+    if (left_out < nothing_left) left_out = 0
     pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
-    pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area
+    pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area + left_out
     pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
     allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
               pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))

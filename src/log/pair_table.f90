@@ -76,7 +76,7 @@ contains
     if (body(pair%body_a)%constraint%rigid%is_set) &
       call log%line('    warning: the slave side is a rigid body: where its mesh is finer than that of '// &
                     quoted(body(pair%body_b)%name)//', pressures are not unique; make it surface_b')
-    if (pair%n_unprojected > 0) &
+    if (pair%n_unprojected > 0 .or. lost > 0) &
       call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
                     'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
                     percent(pair%lost_too_far)//' beyond search_radius')

@@ -150,6 +150,21 @@ class Bolts(Case):
         text = self.solve("inside", [*lines, "&bolt name='b', body='bar', surface='top', shortening=1e-3 /"], code=2)[0]
         self.assertIn("the surface 'top' leaves 1 of the body, not two halves", text)
 
+    def test_sides_of_a_sector(self):
+        """A cut that leaves other lines on both sides of a sector is refused: what meets the other half is not tied."""
+        self.write("ring.geo", "Point(1) = {1, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {1/Sqrt(2), 1/Sqrt(2), 0};\n"
+                   "Point(4) = {Sqrt(2), Sqrt(2), 0}; Point(5) = {0, 0, 0}; Line(1) = {1, 2}; Line(2) = {3, 4};\n"
+                   "Circle(3) = {1, 5, 3}; Circle(4) = {2, 5, 4}; Curve Loop(1) = {1, 4, -2, -3}; Plane Surface(1) = {1};\n"
+                   "Transfinite Curve{1} = 5; Transfinite Curve{2} = 8; Transfinite Curve{3, 4} = 6;\n"
+                   'Physical Surface("ring") = {1}; Physical Curve("a") = {1}; Physical Curve("b") = {2};\n')
+        log = self.solve("ring", ["&scene mesh='ring.geo', analysis='plane_stress' /", MATERIAL % 0.3,
+                                  "&body name='ring', volume='ring', material='steel' /",
+                                  "&tie name='sides', surface_a='ring:b', surface_b='ring:a', angle=45 /",
+                                  "&bolt name='t', body='ring', point=%s, normal=%s, shortening=0 /" % (
+                                      numbers(1.5 * np.array([np.cos(np.pi / 8), np.sin(np.pi / 8)])),
+                                      numbers([np.cos(np.pi / 8), np.sin(np.pi / 8)]))], code=2)[0]
+        self.assertRegex(log, r"ring.nml:4: &tie 'sides': .* % of 'b' of body 'ring \(.\)' meets the other half")
+
     def test_refusals(self):
         """What cannot be cut, and what would act twice."""
         lines = self.bar("hex20")

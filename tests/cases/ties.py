@@ -55,6 +55,23 @@ class Ties(Case):
                 x, u = file["VTKHDF/Points"][:, :d], file["VTKHDF/PointData/displacement"][:, :d]
                 self.assertLess(np.abs(u - x @ a.T).max(), 1e-12 * np.abs(u).max())
 
+    def test_area_tied(self):
+        """Parts of slave facets beside the master surface are not tied, in the plane, around an axis and in space."""
+        for kind, analysis, area in (("quad4", "plane_strain", 1.3 / 2), ("quad8", "axisymmetric", 1.3**2 / 4),
+                                     ("hex8", "3d", 1.3 / 2)):
+            with self.subTest(analysis=analysis):
+                d = blocks.dimension(kind)
+                self.write("low.geo", blocks.block_geo(kind, (2, 1, 1)[:d], (0, -1, 0)[:d] if d == 2 else (0, 0, -1), (1.3, 1, 1)[:d]))
+                self.write("up.geo", blocks.block_geo(kind, (2, 1, 1)[:d], (0, 0, 0)[:d], (2, 1, 1)[:d]))
+                log, _, file = self.solve("part", [
+                    "&scene analysis='%s' /" % analysis, MATERIAL,
+                    *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b) for b in ("low", "up")),
+                    "&support body='low', surface='bottom', fix='%s' /" % ("y" if analysis == "axisymmetric" else "xyz"[:d]),
+                    "&load body='up', surface='top', pressure=-1 /",
+                    "&tie name='joint', surface_a='up:bottom', surface_b='low:top' /"])
+                self.assertAlmostEqual(file["dotyk/ties/area_tied"][0], area, delta=1e-9)
+                self.assertIn("the rest of the slave area projects beside the master surface", log)
+
     def test_tension(self):
         """A bar of two tied blocks, turned, which slides on a plane: stress and energy are exact, and the two bodies float
         together."""
