@@ -1,6 +1,5 @@
 !> Contact pressures as users look at them: projected, with resultants, and as a field of the nodes.
 module dotyk_control_pressures
-  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
@@ -45,7 +44,7 @@ module dotyk_control_pressures
     !> Position of its row (3) [length].
     real(dp) :: gap_position(3) = 0
   contains
-    procedure :: forget_rounding => pair_solution_forget_rounding
+    procedure :: is_rounding => pair_solution_is_rounding
   end type pair_solution_t
 
   !> Contact forces below this fraction of all forces on the bodies are rounding [].
@@ -61,28 +60,19 @@ module dotyk_control_pressures
 
 contains
 
-  !> No contact where the contact forces are rounding beside the others: without a place, and without an area.
-  subroutine pair_solution_forget_rounding(self, pair, force)
-    class(pair_solution_t), intent(inout) :: self
+  !> Whether there are contact forces that are rounding beside the others: they are no contact, which has no place.
+  pure logical function pair_solution_is_rounding(self, pair, force) result(is_rounding)
+    class(pair_solution_t), intent(in) :: self
     !> The pair.
     type(contact_pair_t), intent(in) :: pair
     !> Sum of the sizes of all nodal forces on its bodies [force].
     real(dp), intent(in) :: force
-    if (sum(pair%row_weight*abs(self%pressure)) > rounding*force) return
-    self%pressure = 0
-    self%projected = 0
-    self%force = 0
-    self%radial_force = 0
-    self%moment = 0
-    self%centre = ieee_value(force, ieee_quiet_nan)
-    self%n_active = 0
-    self%area = 0
-    self%peak = 0
-    self%peak_covered = 1
-  end subroutine pair_solution_forget_rounding
+    is_rounding = (self%n_active > 0 .or. any(abs(self%pressure) > 0)) .and. &
+      sum(pair%row_weight*abs(self%pressure)) <= rounding*force
+  end function pair_solution_is_rounding
 
   !> Pressures of all pairs.
-  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields)
+  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields, forgotten)
     !> Bodies, pairs and their surfaces.
     type(contact_problem_t), intent(in) :: problem
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
@@ -99,6 +89,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Tractions, gaps and contact status at the nodes (n_bodies).
     type(contact_fields_t), allocatable, intent(out), optional :: fields(:)
+    !> Pairs whose pressures are rounding: they have none, and no active row; all have theirs if absent (n_pairs).
+    logical, intent(in), optional :: forgotten(:)
     type(pressure_projection_t) :: projection
     type(pair_resultant_t) :: resultant
     type(nodal_pressures_t) :: at_nodes(size(problem%body))
@@ -120,13 +112,19 @@ contains
       last = first_row(k + 1) - 1
       solution(k)%pressure = m(first:last)
       solution(k)%gap = -y(first:last)
+      active = merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0
+      if (present(forgotten)) then
+        if (forgotten(k)) then
+          solution(k)%pressure = 0
+          active = .false.
+        end if
+      end if
       resultant = pair_resultant(problem%pair(k), problem%body(problem%pair(k)%body_a)%analysis == &
                                  analysis_axisymmetric, solution(k)%pressure)
       solution(k)%force = resultant%force
       solution(k)%radial_force = resultant%radial
       solution(k)%moment = resultant%moment
       solution(k)%centre = resultant%centre
-      active = merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0
       solution(k)%n_active = count(active)
       solution(k)%area = sum(problem%pair(k)%row_weight, mask=active)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
@@ -165,7 +163,7 @@ contains
     solution%peak = solution%projected(i)
     solution%peak_position(:pair%dimension) = pair%row_position(:, i)
     ! Contacts at points and edges have no area.
-    if (i <= pair%n_mortar_rows) solution%peak_covered = pair%row_covered(i)
+    if (i <= pair%n_mortar_rows .and. solution%peak > 0) solution%peak_covered = pair%row_covered(i)
     i = minloc(solution%gap, 1)
     solution%least_gap = solution%gap(i)
     solution%gap_position(:pair%dimension) = pair%row_position(:, i)

@@ -49,6 +49,7 @@ contains
     type(balance_t) :: balance
     type(nodal_stress_t), allocatable :: nodal_stress(:)
     integer :: b
+    logical, allocatable :: forgotten(:)
     logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
@@ -63,12 +64,17 @@ contains
                           case%output%reaction, balance, error)
       if (allocated(error)) return
       if (allocated(balance%body)) then
+        allocate (forgotten(size(problem%pair)))
         do b = 1, size(problem%pair)
           associate (pair => problem%pair(b))
-            call pair_solution(b)%forget_rounding(pair, max(balance%body(pair%body_a)%force_scale, &
-                                                            balance%body(pair%body_b)%force_scale))
+            forgotten(b) = pair_solution(b)%is_rounding(pair, max(balance%body(pair%body_a)%force_scale, &
+                                                                  balance%body(pair%body_b)%force_scale))
           end associate
         end do
+        if (any(forgotten)) &
+          call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
+                                 contact_pressure, error, contact, forgotten)
+        if (allocated(error)) return
       end if
       if (solution%state%ended /= ended_time) then
         call show_pair_results(monitor%log, problem%pair, pair_solution)

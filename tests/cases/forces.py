@@ -61,6 +61,26 @@ class Forces(dotyk_case.Case):
             np.testing.assert_allclose(parts[1].sum(axis=0) / size, 0, atol=tolerance)
         self.assertAlmostEqual(bodies["strain_energy"].sum() / own["summary"].attrs["strain_energy"], 1, delta=1e-8)
 
+    def test_contact_forces_that_are_rounding(self):
+        """Faces that lie on each other without a force are no contact: no row is active, and no node has a pressure, be
+        the sides of a body loaded."""
+        for name, n, z in (("low", 3, 0), ("up", 2, 1)):
+            self.write(name + ".geo", block_geo("hex8", n, (0, 0, z)))
+        self.write("rest.nml", "\n".join([
+            "&scene /", "&material name='m', young=1e5, poisson=0 /",
+            *("&body name='%s', mesh='%s.geo', volume='block', material='m' /" % (b, b) for b in ("low", "up")),
+            "&support body='low', surface='bottom', fix='z' /", "&support body='up', surface='top', fix='xyz' /",
+            "&load body='low', surface='sides x', pressure=-123 /", "&load body='low', surface='sides y', pressure=57 /",
+            "&contact name='k', surface_a='up:bottom', surface_b='low:top', theta=0 /", ""]))
+        self.dotyk("rest.nml")
+        file = self.results("rest.vtkhdf")
+        pair, nodes = file["dotyk/contact/k"], file["VTKHDF/PointData"]
+        self.assertEqual(pair.attrs["active"], 0)
+        self.assertUnknown(pair.attrs["centre_of_pressure"])
+        self.assertEqual(max(np.abs(field[()]).max() for field in (
+            pair["pressure"], pair["pressure_projected"], nodes["contact_pressure"], nodes["contact_traction"])), 0)
+        self.assertEqual(set(nodes["contact_status"][()]), {0, 1})
+
     def test_column(self):
         """Uniform pressure: force, moment, centre, area; reactions of floor and walls; nodal fields."""
         for name, z in (("lower", 0.0), ("upper", 1.0)):
