@@ -54,7 +54,7 @@ module dotyk_mesh_surface
 contains
 
   !> Facets of a body that a name stands for.
-  subroutine extract_surface(mesh, body_mesh, surface_name, surface, error)
+  subroutine extract_surface(mesh, body_mesh, surface_name, surface, error, has_facets)
     !> Mesh from which the body was extracted.
     type(mesh_t), intent(in) :: mesh
     !> Mesh of the body.
@@ -65,6 +65,8 @@ contains
     type(surface_t), intent(out) :: surface
     !> Set for an unknown name, a group without facets on the body, and facets inside the body.
     type(error_t), allocatable, intent(out) :: error
+    !> Whether facets of elements of the body have the name, be they inside it.
+    logical, intent(out), optional :: has_facets
     logical :: wanted(size(mesh%group))
     type(corner_table_t) :: table
     type(text_t), allocatable :: names(:)
@@ -73,6 +75,7 @@ contains
     character(:), allocatable :: message
     wanted = groups_like(mesh, trim(surface_name), body_mesh%dimension - 1)
     message = ''
+    if (present(has_facets)) has_facets = .false.
     if (any(wanted)) then
       call node_numbers(mesh, body_mesh, number)
       call gather_facets(mesh, body_mesh%dimension, number, wanted, table, tag, entity)
@@ -82,6 +85,7 @@ contains
       else
         call find_parents(body_mesh, table, surface, parents)
       end if
+      if (present(has_facets)) has_facets = any(parents > 0)
       call choose_facets(mesh, surface_name, body_mesh%dimension, tag, entity, parents, surface, error)
       if (surface%n_facets > 0 .or. allocated(error)) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'

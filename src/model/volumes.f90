@@ -153,8 +153,8 @@ contains
       type(error_t), allocatable :: failed
       logical :: is_there(size(self%name))
       do i = 1, size(is_there)
-        call extract_surface(mesh, self%mesh, self%name(i)%s, surface, failed)
-        is_there(i) = .not. allocated(failed)
+        ! Names of facets inside the half stay: what acts on them is refused.
+        call extract_surface(mesh, self%mesh, self%name(i)%s, surface, failed, is_there(i))
       end do
       self%name = pack(self%name, is_there)
     end subroutine drop_edges

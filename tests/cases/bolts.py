@@ -178,6 +178,11 @@ class Bolts(Case):
         log = self.solve("bad", [*inner, "&load body='bar', surface='middle', pressure=1 /",
                                  "&bolt name='b', body='bar', surface='middle', force=1 /"], code=2)[0]
         self.assertIn("'middle' lies inside the body", log)
+        # Inside one of the halves.
+        log = self.solve("bad", [*inner, "&load body='bar', surface='middle', pressure=1 /",
+                                 "&bolt name='b', body='bar', point=%s, normal=%s, force=1 /"
+                                 % (numbers(in_place([0.4, 0.5, 2]) + [1, 2, 3]), numbers(in_place([0, 0, 1])))], code=2)[0]
+        self.assertIn("bad.nml:6: body 'bar (1)': mesh 'inner.geo': 'middle' lies inside the body", log)
         log = self.solve("bad", [*self.bar("tet10"), "&bolt name='b', body='bar', point=%s, normal=%s, force=1 /"
                                  % (numbers(in_place([0.5, 0.5, 0.5]) + [1, 2, 3]), numbers(in_place([0, 0, 1])))], code=2)[0]
         self.assertIn("along faces of elements the plane takes 25 % of its section", log)
