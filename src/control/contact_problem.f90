@@ -52,8 +52,11 @@ module dotyk_control_contact_problem
     !> Where a tie rotates its master side: the point x of that lies on `turn*x + offset` of the slave side (3)
     !> [length].
     real(dp) :: offset(3) = 0
-    !> Angle of the rotation, and of its slave side around the axis; 0 without a rotation [degrees].
-    real(dp) :: angle = 0, azimuth = 0
+    !> Angle of the rotation; 0 without one [degrees].
+    real(dp) :: angle = 0
+    !> Of a rotation: radius, height and angle around the axis of the nodes of the slave side (3, n) [length, length,
+    !> degrees].
+    real(dp), allocatable :: around_axis(:, :)
     !> Whether it is a bolt, and whether one of given tension, which slides along the normal of its cut.
     logical :: is_bolt = .false., slides = .false.
     !> Normal of a flat slave surface, out of its body (3) [].

@@ -98,22 +98,40 @@ contains
     type(tied_surfaces_t), intent(in) :: other
     p = 0
     if (.not. (abs(tie%angle) > 0 .and. abs(other%angle) > 0)) return
-    if (turn_between(tie, other) <= most_turned*abs(tie%angle)) return
     associate (a => tie%component(1)%body_a, b => other%component(1)%body_a)
       do p = size(pair), 1, -1
-        if (pair(p)%body_a == a .and. pair(p)%body_b == b .or. pair(p)%body_a == b .and. pair(p)%body_b == a) return
+        if (pair(p)%body_a == a .and. pair(p)%body_b == b .or. pair(p)%body_a == b .and. pair(p)%body_b == a) exit
       end do
     end associate
+    if (p == 0) return
+    if (turn_between(tie, other) <= most_turned*abs(tie%angle)) p = 0
   end function contact_of_other_sectors
 
-  !> Angle between the cuts of two sectors, of the nearest copies [degrees].
+  !> Angle between the cuts of two sectors, of the nearest copies, where they come nearest to each other in radius and
+  !> height: curved cuts have other angles elsewhere [degrees].
   pure real(dp) function turn_between(tie, other) result(turn)
     !> A tie with a rotation.
     type(tied_surfaces_t), intent(in) :: tie
     !> Another one.
     type(tied_surfaces_t), intent(in) :: other
-    turn = modulo(tie%azimuth - other%azimuth, abs(tie%angle))
-    turn = min(turn, abs(tie%angle) - turn)
+    real(dp) :: apart, near
+    integer :: i, j
+    near = huge(near)
+    do i = 1, size(tie%around_axis, 2)
+      do j = 1, size(other%around_axis, 2)
+        near = min(near, norm2(tie%around_axis(:2, i) - other%around_axis(:2, j)))
+      end do
+    end do
+    ! Where nodes do not fit, the cut goes on for a facet.
+    near = near + max(tie%facet_size, other%facet_size)
+    turn = abs(tie%angle)
+    do i = 1, size(tie%around_axis, 2)
+      do j = 1, size(other%around_axis, 2)
+        if (norm2(tie%around_axis(:2, i) - other%around_axis(:2, j)) > near) cycle
+        apart = modulo(tie%around_axis(3, i) - other%around_axis(3, j), abs(tie%angle))
+        turn = min(turn, apart, abs(tie%angle) - apart)
+      end do
+    end do
   end function turn_between
 
   !> A side of a tie.

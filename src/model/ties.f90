@@ -14,9 +14,8 @@ module dotyk_model_ties
   use dotyk_input_load_case, only: applies_in
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_common_facets, only: find_common_facets
-  use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: frame_of_normal
-  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_shank_direction, only: angle_to_shank
   implicit none
@@ -272,7 +271,7 @@ contains
       else if (abs(given%angle) > 0) then
         turn = rotation_matrix(given%axis, given%angle)
         tie%angle = given%angle
-        tie%azimuth = azimuth_of(given%axis, given%centre, body_a%mesh, tie%surface_a)
+        tie%around_axis = cylindrical(given%axis, given%centre, body_a%mesh, tie%surface_a)
         tie%offset(:d) = given%centre(:d) - matmul(turn(:d, :d), given%centre(:d))
         turned = body_b%mesh
         turned%x = spread(given%centre(:d), 2, size(turned%x, 2)) + &
@@ -319,8 +318,9 @@ contains
     if (angle > across) angle = 0
   end function angle_of_halves
 
-  !> Angle of the mean position of a surface around an axis [degrees].
-  real(dp) function azimuth_of(axis, centre, mesh, surface) result(azimuth)
+  !> Radius, height and angle of the nodes of a surface around an axis, which points to the same side for either sign
+  !> of its direction (3, n_nodes of the surface) [length, length, degrees].
+  function cylindrical(axis, centre, mesh, surface)
     !> Direction of the axis (3) [].
     real(dp), intent(in) :: axis(3)
     !> A point of it (3) [length].
@@ -329,22 +329,20 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     !> The surface.
     type(surface_t), intent(in) :: surface
+    real(dp), allocatable :: cylindrical(:, :)
     real(dp) :: frame(3, 3), arm(3)
-    type(element_kind_t) :: kind
-    integer :: f, n
-    n = 0
-    arm = 0
-    do f = 1, surface%n_facets
-      kind = element_kind(surface%kind(f))
-      associate (corner => surface%node(:kind%n_corners, f))
-        arm(:mesh%dimension) = arm(:mesh%dimension) + sum(mesh%x(:, corner), 2)
-        n = n + size(corner)
-      end associate
+    integer, allocatable :: node(:)
+    integer :: i
+    call surface_nodes(surface, node)
+    allocate (cylindrical(3, size(node)))
+    call frame_of_normal(3, sign(1.0_dp, axis(maxloc(abs(axis), 1)))*axis/norm2(axis), frame)
+    do i = 1, size(node)
+      arm = -centre
+      arm(:mesh%dimension) = arm(:mesh%dimension) + mesh%x(:, node(i))
+      arm = matmul(arm, frame)
+      cylindrical(:, i) = [norm2(arm(:2)), arm(3), atan2(arm(2), arm(1))*180/acos(-1.0_dp)]
     end do
-    arm = arm/n - centre
-    call frame_of_normal(3, axis/norm2(axis), frame)
-    azimuth = atan2(dot_product(frame(:, 2), arm), dot_product(frame(:, 1), arm))*180/acos(-1.0_dp)
-  end function azimuth_of
+  end function cylindrical
 
   !> Find the axis of a bolt, and how it is pulled together.
   subroutine tighten(given, bolt, error)

@@ -296,6 +296,36 @@ class Ties(Case):
         log = self.solve("twice", ["\n".join(lines) % -30], code=2)
         self.assertIn("'again' ties faces that 'sides' (line 4) ties to each other already", log)
 
+    def test_curved_cuts(self):
+        """Two rings that touch, cut along one spiral, are sectors that are cut alike; turned against each other they are
+        not, which is told."""
+        def ring(name, inside, outside, turned):
+            text = "Point(99) = {0, 0, 0};\n"
+            for side in 0, 1:
+                for i in range(4):
+                    r = inside + (outside - inside) * i / 3
+                    angle = np.radians(40 * (r - 1) + 60 * side + turned)
+                    text += "Point(%d) = {%.17g, %.17g, 0};\n" % (10 * side + i + 1, r * np.cos(angle), r * np.sin(angle))
+                text += "Spline(%d) = {%s};\n" % (side + 1, ", ".join(str(10 * side + i + 1) for i in range(4)))
+            text += ("Circle(3) = {1, 99, 11}; Circle(4) = {4, 99, 14}; Curve Loop(1) = {1, 4, -2, -3}; Plane Surface(1) = {1};\n"
+                     "Transfinite Curve{1, 2} = 4; Transfinite Curve{3, 4} = 10;\n"
+                     'Physical Surface("ring") = {1}; Physical Curve("a") = {1}; Physical Curve("b") = {2};\n'
+                     'Physical Curve("in") = {3}; Physical Curve("out") = {4};\n')
+            self.write(name + ".geo", text)
+        for turned in 0, 7:
+            ring("inner", 1, 1.5, 0)
+            ring("outer", 1.5, 2, turned)
+            lines = ["&scene analysis='plane_stress' /", MATERIAL]
+            for name, sides in ("inner", "surface_a='inner:b', surface_b='inner:a', angle=60"), (
+                    "outer", "surface_a='outer:a', surface_b='outer:b', axis=0,0,-1, angle=60"):
+                lines += ["&body name='%s', mesh='%s.geo', volume='ring', material='steel' /" % (name, name),
+                          "&tie name='%s', %s /" % (name, sides)]
+            lines += ["&contact name='fit', surface_a='inner:out', surface_b='outer:in' /"]
+            self.write("spiral.nml", "\n".join(lines) + "\n")
+            log = self.dotyk("spiral.nml", "--check")
+            self.assertEqual("joins sectors that are cut 7 degrees apart" in log, turned == 7)
+            self.assertEqual("degrees apart" in log, turned == 7)
+
     def test_contact_between_tied_edges(self):
         """Contact rows of vertices that ties hold on both sides carry nothing, however the scene is turned."""
         kind = "quad4"
