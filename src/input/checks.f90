@@ -144,6 +144,8 @@ contains
         if (table(k)%key == entry%key) hint = ' (it belongs to &'//table(k)%group//')'
       end do
     end if
+    if (group%name == 'contact' .and. (index(entry%key, 'friction') > 0 .or. entry%key == 'mu')) &
+      hint = ' (contact is without friction: there is no such coefficient)'
     if (len(hint) == 0) hint = ' (keys are '//join(keys, ', ')//')'
     call problems%add(entry%line, '&'//group%name//': unknown key '//shown(entry%key)//hint)
   end subroutine report_unknown_key
@@ -162,7 +164,7 @@ contains
     integer :: i
     if (entry%n_values < row%least .or. entry%n_values > row%most) then
       call problems%add(entry%line, '&'//group_name//': '//row%key//' needs '//needed_count(row)//', got '// &
-                        to_text(entry%n_values))
+                        to_text(entry%n_values)//comma_hint(entry, row))
       entry%usable = .false.
     end if
     allocate (entry%reals(entry%n_values), source=0.0_dp)
@@ -172,6 +174,7 @@ contains
       select case (row%kind)
       case (kind_real)
         message = real_message(entry%value(i), row, entry%reals(i))
+        if (len(message) == 0 .and. i > 1) message = comma_message(entry%value(i - 1)%text, entry%value(i)%text)
       case (kind_integer)
         message = integer_message(entry%value(i), row, entry%integers(i))
       case (kind_logical)
@@ -222,6 +225,44 @@ contains
     if (len(message) > 0 .or. .not. row%measured) return
     if (.not. has_usual_size(number)) message = ': '//shown(value%text)//' is too large or too small: '//size_rule
   end function real_message
+
+  !> Of two integers with a comma between them, what is wrong where the second one is the decimals of the first: it
+  !> begins with a zero as no number does; empty where nothing is.
+  function comma_message(before, text) result(message)
+    !> A value as written.
+    character(*), intent(in) :: before
+    !> The value after it.
+    character(*), intent(in) :: text
+    character(:), allocatable :: message
+    message = ''
+    if (.not. are_decimals(before, text) .or. len(text) < 2 .or. text(1:1) /= '0') return
+    message = ': '//shown(before//','//text)//' are two values: decimals have a point, write '//before//'.'//text
+  end function comma_message
+
+  !> A hint where two integers stand for one value, as in 2,5.
+  function comma_hint(entry, row) result(hint)
+    !> Key with values as written.
+    type(entry_t), intent(in) :: entry
+    !> Row of the key.
+    type(keyword_t), intent(in) :: row
+    character(:), allocatable :: hint
+    hint = ''
+    if (row%kind /= kind_real .or. row%least > 1 .or. entry%n_values /= 2) return
+    associate (first => entry%value(1)%text, second => entry%value(2)%text)
+      if (are_decimals(first, second)) hint = ' (decimals have a point: '//first//'.'//second//')'
+    end associate
+  end function comma_hint
+
+  !> Whether two values may be a number with a decimal comma: digits, and digits with an exponent at most.
+  pure logical function are_decimals(first, second)
+    !> The values as written.
+    character(*), intent(in) :: first, second
+    character(*), parameter :: digits = '0123456789'
+    are_decimals = .false.
+    if (len(first) == 0 .or. len(second) == 0) return
+    are_decimals = verify(first, '+-'//digits) == 0 .and. scan(first, digits) > 0 .and. &
+      scan(second(1:1), digits) > 0 .and. verify(second, digits//'eEdD+-') == 0
+  end function are_decimals
 
   !> Convert an integer; the message says what is wrong, and is empty where nothing is.
   function integer_message(value, row, number) result(message)

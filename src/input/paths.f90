@@ -1,7 +1,7 @@
 !> Input files and their paths: whole texts, paths relative to the namelist file, why a file cannot be read.
 module dotyk_input_paths
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_files, only: nature_of, why_no_file
+  use dotyk_base_files, only: is_cad_file, nature_of, why_no_file
   use dotyk_base_text, only: lower, quoted
   implicit none
   private
@@ -45,13 +45,30 @@ contains
     character(*), intent(in) :: text
     !> Allocated on return where the file is something else; unchanged otherwise.
     type(error_t), allocatable, intent(inout) :: error
-    character(:), allocatable :: nature, advice
+    character(:), allocatable :: nature, advice, kind, first
+    ! Bytes in which the first word is looked for.
+    integer, parameter :: most_before = 200
     nature = nature_of(text)
-    if (len(nature) == 0 .and. extension_of(file) == '.geo') nature = 'a geometry of gmsh'
+    advice = ": a scene names it by mesh='...' of &scene or &body"
+    first = text(:min(len(text), most_before))
+    kind = extension_of(file)
+    ! No namelist begins like this.
+    if (index(adjustl(first), '*') == 1) kind = '.inp'
+    if (index(adjustl(first), 'ISO-10303-21') == 1) kind = '.step'
+    if (is_cad_file(file) .and. nature == 'a binary file') nature = ''
+    if (kind == '.med' .and. nature == 'an HDF5 file') nature = ''
+    if (len(nature) == 0 .and. len(text) > 0) then
+      if (kind == '.geo') nature = 'a geometry of gmsh'
+      if (is_cad_file('a'//kind)) nature = 'a CAD file'
+      if (any(kind == ['.msh', '.vtu', '.med'])) nature = 'a mesh'
+      if (kind == '.inp') then
+        nature = 'a deck of Abaqus or CalculiX'
+        advice = ': tools/inp2dotyk.py makes a first scene from it; as a mesh, '//advice(3:)
+      end if
+    end if
     if (len(nature) == 0) return
-    advice = ''
     if (nature == 'UTF-16 text') advice = ': save it as UTF-8'
-    if (index(nature, 'gmsh') > 0) advice = ": one names it in &scene mesh='...'"
+    if (nature == 'an HDF5 file' .or. nature == 'a binary file') advice = ''
     call set_error(error, quoted(file)//' is '//nature//', no namelist file'//advice)
   end subroutine refuse_other_content
 

@@ -95,9 +95,35 @@ class Messages(dotyk_case.Case):
             self.write("case.nml", self.text.replace("lower.geo", name + ".msh"))
             self.assertEqual(self.refuse(2, of_mesh).count("\n"), 1)
             self.assertIn(of_input, self.dotyk(name + ".msh", code=2))
-        self.assertIn("is a mesh of gmsh, no namelist file: one names it in &scene mesh=",
+        self.assertIn("is a mesh of gmsh, no namelist file: a scene names it by mesh=",
                       self.dotyk("mesh.msh", code=2))
         self.assertIn("is a geometry of gmsh", self.dotyk("lower.geo", code=2))
+        for name, text, words in (("deck.inp", "**\n*NODE\n1, 0, 0\n", "inp2dotyk.py makes a first scene from it"),
+                                  ("deck", "*Heading\na\n", "inp2dotyk.py makes a first scene from it"),
+                                  ("part.step", "ISO-10303-21;\nHEADER;\n", "is a CAD file, no namelist file"),
+                                  ("part.STL", "solid a\n facet normal 0 0 1\n", "is a CAD file, no namelist file"),
+                                  ("part.vtu", "<VTKFile>\n", "is a mesh, no namelist file: a scene names it by mesh=")):
+            self.write(name, text)
+            message = self.dotyk(name, code=2)
+            self.assertIn(words, message)
+            self.assertEqual(message.count("\n"), 1)
+
+    def test_keys_of_friction(self):
+        for key in "friction", "mu", "friction_coefficient":
+            self.scene(("&contact name='joint'", "&contact %s=0.2, name='joint'" % key))
+            self.refuse(2, "case.nml:%d: &contact: unknown key '%s' (contact is without friction" % (
+                self.line_of("&contact"), key))
+
+    def test_decimal_commas(self):
+        """Decimals that a comma splits off are told where they cannot be values of their own."""
+        for values, text in (("0,0,01", "value: '0,01' are two values: decimals have a point, write 0.01"),
+                             ("-2,05,0", "value: '-2,05' are two values: decimals have a point, write -2.05")):
+            self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='xyz', value=" + values))
+            self.assertEqual(self.refuse(2, "case.nml:%d: &support: %s" % (self.line_of(values), text)).count("\n"), 1)
+        self.scene(("tolerance=1e-8", "tolerance=1,5e-8"))
+        self.refuse(2, "tolerance needs 1 value, got 2 (decimals have a point: 1.5e-8)")
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='xyz', value=0,0,-0.01"))
+        self.dotyk("case.nml", "--check")
 
     def test_results_take_the_place_of_results_only(self):
         self.scene()
