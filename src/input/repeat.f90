@@ -65,7 +65,7 @@ contains
       if (n(k) == 1 .or. index(body%volume, '*') > 0) cycle
       if (.not. (abs(modulo(angle(k), 360.0_dp)) > 0 .or. maxval(abs(shift(:, k))) > 0)) &
         call report(problems, group, 'repeat', 'the '//to_text(n(k))//' copies lie in one place: give '// &
-                    'an angle or a shift')
+                    'an angle or a shift'//volumes_hint(body))
     end do
     if (problems%count > before) then
       copies = [body]
@@ -95,6 +95,17 @@ contains
       end if
     end do
   end subroutine repeat_body
+
+  !> A hint where several volumes are named: they may be meant as one copy each.
+  pure function volumes_hint(body) result(hint)
+    !> The body.
+    type(body_input_t), intent(in) :: body
+    character(:), allocatable :: hint
+    hint = ''
+    if (size(body%volumes) > 1) &
+      hint = '; each copy has all '//to_text(size(body%volumes))//' volumes, as one body: for one body a volume '// &
+             'write one &body for each, or a * in place of numbers from 1, as in volume=''solid *'''
+  end function volumes_hint
 
   !> Report keys that mean nothing without `repeat`.
   subroutine refuse_without_repeat(group, problems)
