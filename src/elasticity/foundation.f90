@@ -29,6 +29,8 @@ module dotyk_elasticity_foundation
     type(directions_t), allocatable :: fix(:)
     !> Foundation modulus of each (n_springs) [pressure/length].
     real(dp), allocatable :: modulus(:)
+    !> Area of its surface; 0 where it is not given (n_springs) [length^2; length in plane analyses].
+    real(dp), allocatable :: area(:)
     !> Displacement of its far ends in the axes of `fix` (3, n_springs) [length].
     real(dp), allocatable :: value(:, :)
     !> Spring of each facet (n).
@@ -60,7 +62,7 @@ module dotyk_elasticity_foundation
 contains
 
   !> Add a spring.
-  subroutine foundation_add(self, surface, fix, modulus, value)
+  subroutine foundation_add(self, surface, fix, modulus, value, area)
     class(foundation_t), intent(inout) :: self
     !> The surface.
     type(surface_t), intent(in) :: surface
@@ -70,10 +72,12 @@ contains
     real(dp), intent(in) :: modulus
     !> Displacement of the far ends in the axes of `fix`, 0 along others (3) [length].
     real(dp), intent(in) :: value(3)
+    !> Area of the surface, for the log [length^2; length in plane analyses].
+    real(dp), intent(in), optional :: area
     type(text_t), allocatable :: place(:)
     integer :: i, n
     if (.not. allocated(self%modulus)) then
-      allocate (self%place(0), self%fix(0), self%modulus(0), self%value(3, 0), self%of(0), self%kind(0))
+      allocate (self%place(0), self%fix(0), self%modulus(0), self%area(0), self%value(3, 0), self%of(0), self%kind(0))
       allocate (self%node(max_facet_nodes, 0), self%block(0), self%element(0))
     end if
     n = size(self%modulus) + 1
@@ -85,6 +89,8 @@ contains
     call move_alloc(place, self%place)
     self%fix = [self%fix, fix]
     self%modulus = [self%modulus, modulus]
+    self%area = [self%area, 0.0_dp]
+    if (present(area)) self%area(n) = area
     self%value = reshape([self%value, value], [3, n])
     self%of = [self%of, (n, i=1, surface%n_facets)]
     self%kind = [self%kind, surface%kind(:surface%n_facets)]
@@ -329,6 +335,7 @@ contains
     if (self%n == 0) return
     call parcel%carry(self%place)
     call parcel%carry(self%modulus)
+    call parcel%carry(self%area)
     call parcel%carry(self%value)
     call parcel%carry(self%of)
     call parcel%carry(self%kind)

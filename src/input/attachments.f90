@@ -36,7 +36,8 @@ contains
     call list%add('stiffness', kind_real, unit='force/length', positive=.true., &
                   meaning='total stiffness of each direction in place of modulus, spread evenly over the area of '// &
                   'the surface; in the plane per unit thickness, in axisymmetric analyses on the full '// &
-                  'circumference. Of several bodies each gets it')
+                  'circumference. Of several bodies each gets it; with wildcards in surface it is that of all '// &
+                  'surfaces of a body together, as the log shows')
     call list%add('value', kind_real, least=2, most=3, unit='length', &
                   meaning='displacement of the far ends of the springs, as value of &support; at rest if absent')
   end subroutine add_spring_keys

@@ -301,6 +301,8 @@ module dotyk_input_case
     character(:), allocatable :: file, directory
     !> The whole text of the file.
     character(:), allocatable :: text
+    !> Lines for the log on what the file says (n_remarks).
+    type(text_t), allocatable :: remark(:)
     !> Whether geometries may start no program and write no file but their mesh (command line).
     logical :: no_shell = .false.
     !> `&scene`.

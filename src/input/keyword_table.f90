@@ -45,7 +45,7 @@ contains
     groups(5) = group('spring', any_number, 'springs on a body surface: an elastic support (Winkler foundation); '// &
                       'exactly one of modulus and stiffness', &
                       "&spring body='slab', surface='bottom', fix='n', modulus=50e6 /"//lf// &
-                      "&spring body='motor', surface='foot *', fix='xyz', stiffness=2e6 /")
+                      "&spring body='motor', surface='feet', fix='xyz', stiffness=2e6 /")
     groups(6) = group('rigid_body', any_number, 'makes a body rigid: six motions (three in the plane, one about '// &
                       'an axis), held, moved or free', &
                       "&rigid_body body='punch', fix='xyz rx ry rz', value=0,0,-1e-4 /"//lf// &
@@ -258,7 +258,8 @@ contains
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('support')
     call list%add('body', kind_text, required=.true., &
-                  meaning='name of the body; * and ? are wildcards: all bodies with such names that have the surface')
+                  meaning='name of the body; * and ? are wildcards: all bodies with such names that '// &
+                  'have the surface; those that are rigid have no support')
     call list%add('surface', kind_text, required=.true., &
                   meaning='physical group of the surface (in two dimensions a physical curve); with wildcards, the '// &
                   'union of all physical groups that the body has')

@@ -15,6 +15,7 @@ module dotyk_input_parse
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
+  use dotyk_input_remarks, only: add_remarks
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_ties, only: read_ties
   use dotyk_input_solver_checks, only: check_solver_keys
@@ -76,6 +77,7 @@ contains
     end do
     call convert(groups, known, misspelled, table, problems, case)
     call problems%raise(error)
+    if (.not. allocated(error)) call add_remarks(case)
   end subroutine parse_case
 
   !> Make plain data of checked groups.

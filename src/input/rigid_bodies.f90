@@ -11,6 +11,7 @@ module dotyk_input_rigid_bodies
   use dotyk_input_load_cases, only: cases_of
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
+  use dotyk_input_remarks, only: add_spared
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, pick_groups, reals_of, report, text_of
   use dotyk_input_wildcards, only: append_places, refer_to_bodies
   implicit none
@@ -61,6 +62,7 @@ contains
     type(case_t), intent(inout) :: case
     type(rigid_input_t), allocatable :: rigid(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
+    logical, allocatable :: spared(:)
     integer :: i
     call pick_groups(groups, 'rigid_body', picked)
     allocate (rigid(size(picked)), group_of(0), body_of(0))
@@ -98,12 +100,16 @@ contains
       call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &
                         'response=''multigrid'': remove that')
     ! Where wildcards name it among others, as in a temperature of all bodies, it has no share.
-    case%temperature = pack(case%temperature, .not. is_spared(case%temperature%line, case%temperature%body, &
-                                                              case%temperature%any_body))
-    case%initial_stress = pack(case%initial_stress, .not. is_spared(case%initial_stress%line, &
-                                                                    case%initial_stress%body, &
-                                                                    case%initial_stress%any_body))
-    case%support = pack(case%support, .not. is_spared(case%support%line, case%support%body, case%support%any_body))
+    spared = is_spared(case%temperature%line, case%temperature%body, case%temperature%any_body)
+    call add_spared(case, '&temperature', case%temperature%line, case%temperature%body, spared)
+    case%temperature = pack(case%temperature, .not. spared)
+    spared = is_spared(case%initial_stress%line, case%initial_stress%body, case%initial_stress%any_body)
+    call add_spared(case, '&initial_stress', case%initial_stress%line, case%initial_stress%body, spared)
+    case%initial_stress = pack(case%initial_stress, .not. spared)
+    spared = is_spared(case%support%line, case%support%body, case%support%any_body)
+    call add_spared(case, '&support', case%support%line, case%support%body, spared .and. .not. case%support%is_spring)
+    call add_spared(case, '&spring', case%support%line, case%support%body, spared .and. case%support%is_spring)
+    case%support = pack(case%support, .not. spared)
     do i = 1, size(case%support)
       call refuse(case%support(i)%line, case%support(i)%body, &
                   trim(merge('&spring ', '&support', case%support(i)%is_spring)), &

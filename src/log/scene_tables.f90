@@ -19,6 +19,7 @@ module dotyk_log_scene_tables
   use dotyk_log_load_tables, only: show_loads
   use dotyk_log_pair_table, only: show_pairs
   use dotyk_log_progress, only: duration
+  use dotyk_log_spring_table, only: show_springs
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_log_tie_tables, only: show_ties
   implicit none
@@ -62,6 +63,9 @@ contains
                   counted(size(case%body), 'body', 'bodies')//', '// &
                   pairs//', '// &
                   ranks//counted(threads, 'thread'))
+    do k = 1, size(case%remark)
+      call log%line('  '//case%remark(k)%s)
+    end do
     do k = 1, size(case%body)
       if (size(case%body(k)%material) == 0 .or. .not. is_cad_file(case%body(k)%mesh)) cycle
       i = maxloc([(maxval(case%material(case%body(k)%material(n))%young), n=1, size(case%body(k)%material))], 1)
@@ -93,6 +97,7 @@ contains
       return
     end if
     call show_locking(log, case, problem%body, problem%classes)
+    call show_springs(log, problem%body)
     if (.not. case%has_cases()) call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
     if (problem%n_ties() > 0) call show_ties(log, problem%body, problem%tie, problem%pair)

@@ -3,10 +3,8 @@
 module dotyk_model_body_actions
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_foundation, only: surface_area
   use dotyk_elasticity_load_cases, only: clear_actions, keep_case, take_case
   use dotyk_elasticity_support, only: support_t
   use dotyk_input_case, only: applies_in, case_t, load_input_t
@@ -108,6 +106,8 @@ contains
         if (case%load(i)%body /= b) cycle
         if (case%load(i)%any_body .and. acts_on_surface(case%load(i))) then
           if (.not. volume%has_surface(mesh, case%load(i)%surface)) cycle
+          ! Of the bodies that wildcards name, one on the axis has as little of a load as one without the surface.
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, case%load(i)%surface)) cycle
         end if
         load_used(i) = .true.
         if (.not. applies_in(case%load(i)%in_case, k)) cycle
@@ -135,8 +135,8 @@ contains
       type(surface_t) :: surface
       if (acts_on_surface(given)) then
         call take_surface(given%surface, surface, failed)
-        if (.not. allocated(failed) .and. body%analysis == analysis_axisymmetric) then
-          if (.not. surface_area(body%mesh%x, body%analysis, surface) > 0) &
+        if (.not. allocated(failed)) then
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) &
             call set_error(failed, 'body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the axis and '// &
                            'has no area', exit_bad_input)
         end if

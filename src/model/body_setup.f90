@@ -2,6 +2,7 @@
 module dotyk_model_body_setup
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t
@@ -72,8 +73,8 @@ contains
       call build_file(whole_mesh)
     end do
     if (problems%count == 0) then
-      call refuse_unused(case%file, case%support%line, support_used, support_names(case), problems)
-      call refuse_unused(case%file, case%load%line, load_used, load_names(case), problems)
+      call refuse_unused(case%file, case%scene%analysis, case%support%line, support_used, support_names(case), problems)
+      call refuse_unused(case%file, case%scene%analysis, case%load%line, load_used, load_names(case), problems)
       call refuse_on_both_halves(case, support_used, load_used, problems)
     end if
     call problems%raise(error)
@@ -107,9 +108,11 @@ contains
   end subroutine build_bodies
 
   !> Report groups whose wildcards name bodies of which none has the surface.
-  subroutine refuse_unused(file, line, used, group, problems)
+  subroutine refuse_unused(file, analysis, line, used, group, problems)
     !> The namelist file.
     character(*), intent(in) :: file
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
     !> Line of each support or load; those of one group follow each other (n).
     integer, intent(in) :: line(:)
     !> Whether the body has the surface (n).
@@ -128,7 +131,8 @@ contains
       end if
       if (.not. one_used) &
         call problems%add(file//':'//to_text(line(k))//': '//trim(group(k))//': none of the bodies '// &
-                          'has such a surface', exit_bad_input)
+                          'has such a surface'//trim(merge(' off the axis', '             ', &
+                          analysis == analysis_axisymmetric .and. group(k) /= '&support')), exit_bad_input)
       one_used = .false.
     end do
   end subroutine refuse_unused

@@ -3,7 +3,6 @@ module dotyk_model_body_supports
   use dotyk_base_directions, only: directions_t
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
@@ -81,6 +80,9 @@ contains
         if (given%body /= b) cycle
         if (given%any_body) then
           if (.not. volume%has_surface(mesh, given%surface)) cycle
+          if (given%is_spring) then
+            if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) cycle
+          end if
           used(i) = .true.
         end if
         g = alternative_to(case, groups(:n), i)
@@ -94,8 +96,8 @@ contains
         call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
         gathered(n)%fix = given%fix
         call add_context(failed, 'body '//quoted(body%name)//': ')
-        if (given%is_spring .and. body%analysis == analysis_axisymmetric .and. .not. allocated(failed)) then
-          if (.not. surface_area(body%mesh%x, body%analysis, gathered(n)%surface) > 0) &
+        if (given%is_spring .and. .not. allocated(failed)) then
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) &
             call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the '// &
                            'axis and has no area', exit_bad_input)
         end if
@@ -220,10 +222,11 @@ contains
     type(surface_t), intent(in) :: surface
     !> Gets it.
     type(body_t), intent(inout) :: body
-    real(dp) :: modulus
+    real(dp) :: modulus, area
+    area = surface_area(body%mesh%x, body%analysis, surface)
     modulus = given%modulus
-    if (given%stiffness > 0) modulus = given%stiffness/surface_area(body%mesh%x, body%analysis, surface)
-    call body%constraint%foundation%add(surface, given%fix, modulus, given%value)
+    if (given%stiffness > 0) modulus = given%stiffness/area
+    call body%constraint%foundation%add(surface, given%fix, modulus, given%value, area)
   end subroutine add_spring
 
   !> The group of supports that a support joins, as the load cases tell which of them holds; 0 for none.

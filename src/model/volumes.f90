@@ -2,9 +2,11 @@
 !> that this rank goes on with.
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: int64
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
+  use dotyk_elasticity_foundation, only: surface_area
   use dotyk_elasticity_shortest_extent, only: measure_part
   use dotyk_input_case, only: body_input_t, scene_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
@@ -48,6 +50,7 @@ module dotyk_model_volumes
     procedure :: take_part => volume_take_part
     procedure :: take_surface => volume_take_surface
     procedure :: has_surface => volume_has_surface
+    procedure :: lies_on_axis => volume_lies_on_axis
     procedure :: take_boundary => volume_take_boundary
   end type volume_t
 
@@ -159,6 +162,26 @@ contains
       self%name = pack(self%name, is_there)
     end subroutine drop_edges
   end function volume_has_surface
+
+  !> Whether a surface lies on the axis of an axisymmetric body, where it has no area; not where there is no such
+  !> surface.
+  logical function volume_lies_on_axis(self, mesh, x, analysis, name) result(lies)
+    class(volume_t), intent(inout) :: self
+    !> Mesh of the volume.
+    type(mesh_t), intent(in) :: mesh
+    !> Nodes of the body in place (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Physical group of the surface.
+    character(*), intent(in) :: name
+    type(surface_t) :: surface
+    type(error_t), allocatable :: failed
+    lies = .false.
+    if (analysis /= analysis_axisymmetric) return
+    call self%take_surface(mesh, name, surface, failed)
+    if (.not. allocated(failed)) lies = .not. surface_area(x, analysis, surface) > 0
+  end function volume_lies_on_axis
 
   !> Extract a surface of the volume, or copy it where it is extracted already.
   subroutine volume_take_surface(self, mesh, name, surface, error)

@@ -76,6 +76,23 @@ class Bolts(Case):
             self.assertGreater(len(values), 1)
             self.assertLess(np.ptp(values, axis=0).max(), 1e-9 * scale)
 
+    def test_before_it_is_tightened(self):
+        """In load cases before, the bolt is the whole body; a negative shortening is told."""
+        lines = [*self.bar("hex20")[:4], "&load body='bar', surface='sides x', pressure_formula='x+2*z' /",
+                 "&support body='bar', surface='top', fix='xyz' /"]
+        whole = self.solve("whole", lines)[1]["dotyk/summary"].attrs["energy"]
+        cut = "&bolt name='b', body='bar', point=%s, normal=%s, " % (numbers(in_place([0.4, 0.5, 1.3]) + [1, 2, 3]),
+                                                                    numbers(in_place([0, 0, 1])))
+        log, file = self.solve("cases", [*lines, cut + "force=7, case='tight' /", "&case name='before' /", "&case name='tight' /"])
+        before, tight = (file["dotyk/cases"][name] for name in ("before", "tight"))
+        self.assertAlmostEqual(before["summary"].attrs["energy"] / whole, 1, delta=1e-9)
+        self.assertAlmostEqual(before["ties/shortening"][0], 0, delta=1e-15)
+        self.assertAlmostEqual(tight["ties/tension"][0] / 7, 1, delta=1e-9)
+        self.assertNotIn("negative", log)
+        log, file = self.solve("pushed", [*lines, cut + "shortening=-1e-3 /"])
+        self.assertIn("warning: the shortening of &bolt 'b' (line 7) is negative: it pushes the halves apart", log)
+        self.assertLess(file["dotyk/ties/tension"][0], 0)
+
     def test_oblique(self):
         """A normal off the shank is told: between walls that slide the shank carries F/cos of the angle."""
         lines = self.bar("hex20")

@@ -274,6 +274,25 @@ class LoadCases(dotyk_case.Case):
         self.assertFalse((self.folder / "wrong.vtkhdf").exists())
         self.assertEqual(list(self.folder.glob("*.vtkhdf*")), [])
 
+    def test_remarks(self):
+        """Loads that act twice, and cases that no group names, are told; other loads and cases are not."""
+        lines = ["&case name='a' /", "&case name='b' /", "&support body='lower', surface='bottom', fix='xyz' /",
+                 "&load body='upper', surface='top', pressure=1, case='a' /", "&load body='*', surface='top', pressure=1 /"]
+        self.write("twice.nml", "\n".join([
+            "&scene /", "&material name='steel', young=200, poisson=0.3 /",
+            *("&body name='%s', mesh='%s.msh', volume='block', material='steel' /" % (b, b) for b in ("lower", "upper")),
+            "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", *lines]) + "\n")
+        log = self.dotyk("twice.nml", "--check")
+        self.assertIn("warning: the &load of line 10 is that of line 9 once more: it acts twice", log)
+        self.assertIn("case 'b' (line 7) has nothing of its own", log)
+        for old, new in (("body='*'", "body='lower'"), ("pressure=1 /", "pressure=2 /"), ("pressure=1 /", "pressure=1, case='b' /")):
+            self.write("once.nml", (self.folder / "twice.nml").read_text().replace(old, new))
+            log = self.dotyk("once.nml", "--check")
+            self.assertNotIn("acts twice", log)
+            self.assertEqual("nothing of its own" in log, "case" not in new)
+        self.write("all.nml", (self.folder / "twice.nml").read_text().replace(", case='a'", ", case='*'"))
+        self.assertNotIn("nothing of its own", self.dotyk("all.nml", "--check"))
+
     def test_worst_code(self):
         """The exit code is that of the worst case; all cases are written."""
         self.expected_code = 1

@@ -109,7 +109,9 @@ class RigidBodies(dotyk_case.Case):
                  "&rigid_body body='plate', fix='xyz rx ry rz' /", "&support body='*', surface='bottom', fix='z' /",
                  "&temperature body='*', value=1 /", "&contact name='c', surface_a='low:top', surface_b='plate:bottom', theta=0 /"]
         self.write("all.nml", "\n".join(lines) + "\n")
-        self.dotyk("all.nml")
+        log = self.dotyk("all.nml")
+        self.assertIn("  &support of line 6 leaves out 1 rigid body: 'plate'\n", log)
+        self.assertIn("  &temperature of line 7 leaves out 1 rigid body: 'plate'\n", log)
         self.assertAlmostEqual(self.results("all.vtkhdf")["dotyk/contact/c"].attrs["force"][2], -1e-3, delta=1e-9)
         self.write("all.nml", "\n".join(lines).replace("body='*', value", "body='plat*', value") + "\n")
         self.assertIn("is rigid: it does not expand", self.dotyk("all.nml", code=2))

@@ -177,6 +177,34 @@ class Springs(dotyk_case.Case):
         printed = self.run_scene([self.block("hex8"), "&spring body='bl*', surface='floor', fix='n', modulus=1 /"], code=2)
         self.assertIn("case.nml:4: &spring: none of the bodies has such a surface", printed)
 
+    def test_table(self):
+        """The log shows area, total stiffness and modulus: a stiffness is that of all surfaces of a wildcard together."""
+        printed = self.run_scene([self.block("hex8", size=(1, 2, 2)), "&spring body='block', surface='sides *', fix='xz', stiffness=24 /",
+                                  "&spring body='block', surface='bottom', fix='n', modulus=5 /", "&load body='block', surface='top', force=0,0,-3 /"])
+        self.assertIn("block:sides *        12, 24 in total along each of x, z, 2 per area", printed)
+        self.assertIn("block:bottom         2, 10 in total along n, 5 per area", printed)
+
+    def test_surfaces_on_the_axis(self):
+        """A body whose surface is on the axis is left out by wildcards, and refused by its name."""
+        geo = ("Point(1) = {%d, 0, 0}; l() = Extrude {1, 0, 0} { Point{1}; Layers{2}; };\n"
+               "f() = Extrude {0, 1, 0} { Curve{l(1)}; Layers{2}; Recombine; };\n"
+               'Physical Surface("block") = {f(1)}; Physical Curve("inside") = {Abs(f(3)), Abs(f(2))};\n'
+               'Physical Curve("bottom") = {l(1)};\n')
+        self.write("disc.geo", (geo % 0).replace("Abs(f(3)), Abs(f(2))", "Abs(f(3))"))
+        self.write("tube.geo", geo % 1)
+        disc, tube = ("&body name='%s', mesh='%s.geo', volume='block', material='steel', at=0,%d /" % (b, b, 2 * (b == "tube")) for b in ("disc", "tube"))
+        lines = ["&support body='*', surface='bottom', fix='y' /", "&load body='%s', surface='inside', pressure=1 /"]
+        spring = "&spring body='%s', surface='inside', fix='x', modulus=1 /"
+        for line in lines[1], spring:
+            with self.subTest(line=line):
+                printed = self.run_scene([disc, tube, lines[0], line % "*"], "axisymmetric")
+                self.assertIn("tube:inside", printed)
+                self.assertNotIn("disc:inside", printed)
+                printed = self.run_scene([disc, tube, lines[0], line % "disc"], "axisymmetric", code=2)
+                self.assertIn("'inside' lies on the axis and has no area", printed)
+                printed = self.run_scene([disc, lines[0], line % "d*"], "axisymmetric", code=2)
+                self.assertIn("case.nml:5: %s: none of the bodies has such a surface off the axis" % line.split()[0], printed)
+
     def test_weight(self):
         """A column under its own weight and that of a mass beside it: stresses of beam theory; forces of the rotation."""
         gravity, mass, arm = 10.0, 0.3, 0.25

@@ -1,0 +1,197 @@
+!> What a namelist file says that is allowed, but hardly meant, or has a meaning that is easily overlooked: lines for
+!> the log.
+module dotyk_input_remarks
+  use dotyk_base_text, only: counted, shown, text_t, to_text
+  use dotyk_input_case, only: applies_in, case_t, load_input_t
+  implicit none
+  private
+  public :: add_remarks, add_spared
+
+  !> Greatest number of groups of loads that are compared with each other: far above any that are written by hand.
+  integer, parameter :: most_compared = 2000
+  !> Greatest number of lines of one sort, and of names in a line.
+  integer, parameter :: most_lines = 10, most_names = 5
+
+contains
+
+  !> Add the lines that need the whole file.
+  subroutine add_remarks(case)
+    !> The case, complete; lines are added.
+    type(case_t), intent(inout) :: case
+    if (.not. allocated(case%remark)) allocate (case%remark(0))
+    call compare_loads(case)
+    call look_at_bolts(case)
+    call look_at_cases(case)
+  end subroutine add_remarks
+
+  !> Add a line.
+  subroutine add(case, text)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    !> The line.
+    character(*), intent(in) :: text
+    type(text_t), allocatable :: more(:)
+    integer :: i, n
+    n = 0
+    if (allocated(case%remark)) n = size(case%remark)
+    allocate (more(n + 1))
+    do i = 1, n
+      call move_alloc(case%remark(i)%s, more(i)%s)
+    end do
+    more(n + 1)%s = text
+    call move_alloc(more, case%remark)
+  end subroutine add
+
+  !> Warn of loads that act twice.
+  subroutine compare_loads(case)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    integer, allocatable :: first(:)
+    integer :: i, j, k, n
+    associate (load => case%load)
+      first = pack([(i, i=1, size(load))], [(is_first(i), i=1, size(load))])
+      if (size(first) > most_compared) return
+      first = [first, size(load) + 1]
+    end associate
+    n = 0
+    do j = 2, size(first) - 1
+      do i = 1, j - 1
+        associate (one => case%load(first(i)), other => case%load(first(j)))
+          if (.not. (is_same(one, other) .and. n < most_lines)) cycle
+          if (.not. any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, case%n_cases())])) cycle
+          if (.not. share_a_body(case%load(first(i):first(i + 1) - 1)%body, &
+                                 case%load(first(j):first(j + 1) - 1)%body)) cycle
+          n = n + 1
+          call add(case, 'warning: the &load of line '//to_text(other%line)//' is that of line '// &
+                   to_text(one%line)//' once more: it acts twice')
+        end associate
+        exit
+      end do
+    end do
+
+  contains
+
+    !> Whether a load is the first one of a &load.
+    pure logical function is_first(i)
+      !> The load.
+      integer, intent(in) :: i
+      is_first = .not. case%load(i)%of_mass
+      if (i > 1 .and. is_first) is_first = case%load(i)%line /= case%load(i - 1)%line
+    end function is_first
+
+    !> Whether two lists of bodies have one in common.
+    pure logical function share_a_body(one, other) result(share)
+      !> Bodies, ascending (n).
+      integer, intent(in) :: one(:), other(:)
+      integer :: a, b
+      a = 1
+      b = 1
+      share = .false.
+      do while (a <= size(one) .and. b <= size(other) .and. .not. share)
+        share = one(a) == other(b)
+        if (one(a) < other(b)) then
+          a = a + 1
+        else
+          b = b + 1
+        end if
+      end do
+    end function share_a_body
+  end subroutine compare_loads
+
+  !> Whether two loads are the same, but for body and load cases.
+  pure logical function is_same(one, other) result(same)
+    !> The loads.
+    type(load_input_t), intent(in) :: one, other
+    integer :: i
+    same = one%kind == other%kind .and. one%surface == other%surface .and. size(one%formula) == size(other%formula)
+    if (.not. same) return
+    same = .not. any(abs([one%value - other%value, one%moment - other%moment, one%centre - other%centre, &
+                          one%point - other%point]) > 0) .and. (one%has_point .eqv. other%has_point)
+    if (same) same = all([(one%formula(i)%s == other%formula(i)%s, i=1, size(one%formula))])
+  end function is_same
+
+  !> Warn of bolts that push.
+  subroutine look_at_bolts(case)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    integer :: k
+    do k = 1, size(case%tie)
+      if (.not. case%tie(k)%shortening < 0) cycle
+      if (any(case%tie(:k - 1)%line == case%tie(k)%line)) cycle
+      call add(case, 'warning: the shortening of &bolt '//shown(case%tie(k)%name)//' (line '// &
+               to_text(case%tie(k)%line)//') is negative: it pushes the halves apart; tension needs a positive one')
+    end do
+  end subroutine look_at_bolts
+
+  !> Tell load cases that no group names, where others are named.
+  subroutine look_at_cases(case)
+    !> The case.
+    type(case_t), intent(inout) :: case
+    logical, allocatable :: has_own(:)
+    integer :: i, k
+    if (.not. case%has_cases()) return
+    allocate (has_own(case%n_cases()), source=.false.)
+    do i = 1, size(case%load)
+      call note(case%load(i)%in_case)
+    end do
+    do i = 1, size(case%support)
+      call note(case%support(i)%in_case)
+    end do
+    do i = 1, size(case%temperature)
+      call note(case%temperature(i)%in_case)
+    end do
+    do i = 1, size(case%initial_stress)
+      call note(case%initial_stress(i)%in_case)
+    end do
+    do i = 1, size(case%rigid)
+      call note(case%rigid(i)%in_case)
+    end do
+    do i = 1, size(case%tie)
+      call note(case%tie(i)%in_case)
+    end do
+    do i = 1, size(case%contact_case)
+      call note(case%contact_case(i)%in_case)
+    end do
+    if (.not. any(has_own)) return
+    do k = 1, size(has_own)
+      if (.not. has_own(k)) &
+        call add(case, 'case '//shown(case%load_case(k)%name)//' (line '//to_text(case%load_case(k)%line)// &
+                 ') has nothing of its own: no group names it, and what names no case acts in it')
+    end do
+
+  contains
+
+    !> Note the cases of a group.
+    subroutine note(in_case)
+      !> Whether it belongs to each; not allocated where these are all (n_cases).
+      logical, allocatable, intent(in) :: in_case(:)
+      if (allocated(in_case)) has_own = has_own .or. in_case
+    end subroutine note
+  end subroutine look_at_cases
+
+  !> Tell the rigid bodies that a group of several bodies leaves out.
+  subroutine add_spared(case, group, line, body, is_spared)
+    !> The case; lines are added.
+    type(case_t), intent(inout) :: case
+    !> Name of the groups.
+    character(*), intent(in) :: group
+    !> Their lines and bodies; those of one group follow each other (n).
+    integer, intent(in) :: line(:), body(:)
+    !> Whether the body is left out (n).
+    logical, intent(in) :: is_spared(:)
+    integer, allocatable :: of(:)
+    character(:), allocatable :: names
+    integer :: i, k
+    do i = 1, size(line)
+      if (.not. is_spared(i) .or. any(line(:i - 1) == line(i) .and. is_spared(:i - 1))) cycle
+      of = pack(body, line == line(i) .and. is_spared)
+      names = shown(case%body(of(1))%name)
+      do k = 2, min(size(of), most_names)
+        names = names//', '//shown(case%body(of(k))%name)
+      end do
+      if (size(of) > most_names) names = names//', ...'
+      call add(case, group//' of line '//to_text(line(i))//' leaves out '// &
+               counted(size(of), 'rigid body', 'rigid bodies')//': '//names)
+    end do
+  end subroutine add_spared
+end module dotyk_input_remarks
