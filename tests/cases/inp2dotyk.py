@@ -140,6 +140,17 @@ class Inp2Dotyk(dotyk_case.Case):
             # sides held: the stiffness of the axis along z
             self.assertAlmostEqual(answers[0], 0.001 + 2*4/d[1, 1] if section else 0.001 + 2*4/d[2, 2], delta=1e-8)
 
+    def test_rotation_of_an_orientation(self):
+        """A further rotation by 0, as preprocessors write it, is none; another one is told."""
+        for angle, left in ("0.", False), ("30.", True):
+            deck = (TWO % ("", "HARD", "*CLOAD\nhead, 3, -1.\n")).replace("MATERIAL=M\n", "MATERIAL=M, ORIENTATION=O\n")
+            deck = deck.replace("*MATERIAL", "*ORIENTATION, NAME=O\n1., 0., 0., 0., 1., 0.\n3, %s\n*MATERIAL" % angle)
+            self.assertEqual("the further rotation of the orientation" in self.convert(deck, code=int(left))[1], left)
+
+    def test_op_new_of_both_kinds_of_loads(self):
+        deck = TWO % ("", "HARD", "*DSLOAD\ntop, P, 4.\n*END STEP\n*STEP\n*STATIC\n*DLOAD, OP=NEW\n2, P2, 1.\n")
+        self.assertIn("*DLOAD, OP=NEW: *DSLOAD of earlier steps goes on, as in Abaqus; CalculiX ends it, too", self.convert(deck, code=1)[1])
+
     def test_what_is_not_carried_over(self):
         """Each in a comment and on the standard error; exit code 1."""
         deck = TWO % ("*PLASTIC\n1., 0.\n", "EXPONENTIAL\n1., 2.\n*FRICTION\n0.1, 1000.", "*CLOAD\n18, 3, -1.\n*BOUNDARY\n5, 3\n")
@@ -169,6 +180,13 @@ class Inp2Dotyk(dotyk_case.Case):
         for text, message in ((TWO.replace("C3D8", "S8") % ("", "HARD", ""), "S8"),
                               (TWO % ("", "HARD", "*DSLOAD\nnone, P, 1.\n"), "deck.inp:49: *DSLOAD: there is no surface 'none'"),
                               ("*INCLUDE, INPUT=none.inp\n", "none.inp"), (TWO % ("", "HARD", "*CLOAD\nnone, 1, 1.\n"), "there is no set 'none'"),
+                              (TWO % ("", "HARD", "*CLOAD\nEall, 1, 1.\n"), "*CLOAD: 'Eall' is a set of elements; one of nodes is needed here: "
+                               "*NSET, NSET=..., ELSET=Eall makes it"),
+                              (TWO % ("", "HARD", "*DLOAD\nhead, P2, 1.\n"), "*DLOAD: 'head' is a set of nodes; one of elements is needed here"),
+                              (TWO % ("", "HARD", "*CLOAD\nhead, 3, -1,5\n"), "*CLOAD: 'head, 3, -1, 5' has 4 numbers, 3 at most are read: "
+                               "decimals of a deck have a point"),
+                              (TWO.replace("200., 0.", "200,5, 0,3") % ("", "HARD", ""), "deck.inp:34: *ELASTIC: '200, 5, 0, 3' has 4 numbers"),
+                              ((TWO % ("", "HARD", "")).replace(UPPER, re.sub(r"(?<=\d)\.(?=\d)", ",", UPPER)), "decimals of a deck have a point"),
                               ("*PART, NAME=p\n" + CUBE + "*END PART\n*INSTANCE, NAME=a, PART=q\n", "deck.inp:12: there is no part 'q'")):
             self.assertIn(message, self.convert(text, code=2)[1])
 

@@ -11,6 +11,21 @@ def number(text):
     return float(re.sub("[dD]", "e", text)) if text.strip() else 0.0
 
 
+# Most fields of a data line that are numbers of these cards; more, of which none has a point, are numbers with decimal commas.
+MOST_FIELDS = {"node": 4, "elastic": 3, "density": 2, "cload": 3}
+
+
+def refuse_decimal_commas(card):
+    """200,5 is two fields, 200 and 5."""
+    most = MOST_FIELDS.get(card.keyword, 0)
+    if not most or card.keyword == "elastic" and card.get("type", "iso").lower()[:3] != "iso" or card.keyword == "node" and card.get("system"):
+        return
+    for fields in card.data:
+        if len(fields) > most and not any(re.search(r"[.eEdD]", field) for field in fields[-most:]):
+            raise ValueError("%s: *%s: '%s' has %d numbers, %d at most are read: decimals of a deck have a point, not a comma" % (
+                card.place, card.keyword.upper(), ", ".join(fields), len(fields), most))
+
+
 class Card:
     """A keyword card with its parameters and data lines (lists of fields)."""
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from .cards import OF_PARTS, located, number, read_cards
+from .cards import OF_PARTS, located, number, read_cards, refuse_decimal_commas
 from .elements import CORNERS, EDGES, FACES, corners, shape_functions
 from .mesh import Mesh
 
@@ -23,6 +23,7 @@ class Deck(Mesh):
         at, inside = None, None
         for card in self.cards:
             card.part = at
+            refuse_decimal_commas(card)
             if card.keyword == "part":
                 at = card.get("name").lower()
                 card.part, self.parts[at] = at, Mesh()

@@ -94,7 +94,8 @@ class Materials(Namelist):
                     a = np.array([number(f) for f in axes.data[0]] + [0.0]*3)[:9].reshape(3, 3)
                     a = (a[:2] - a[2]) @ (np.eye(3) if turn is None else turn).T
                     keys.append("axis_1=%s, axis_2=%s" % (text_of(a[0]), text_of(a[1])))
-                    if len(axes.data) > 1:
+                    # 3, 0. turns nothing.
+                    if len(axes.data) > 1 and number((axes.data[1] + ["0"])[1]) != 0:
                         self.leave(axes.place, "the further rotation of the orientation")
             elif turn is not None:
                 keys.append("axis_1=%s, axis_2=%s" % (text_of(turn[:, 0]), text_of(turn[:, 1])))

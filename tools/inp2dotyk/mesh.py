@@ -54,6 +54,10 @@ class Mesh:
                 return sets[key]
         if before.upper() in self.offsets and re.fullmatch(r"\d+", after):
             return [int(after) + self.offset(before)]
+        kind, other, others = (("nodes", "elements", self.element_sets) if sets is self.node_sets else ("elements", "nodes", self.node_sets))
+        if name.upper() in others:
+            raise ValueError("'%s' is a set of %s; one of %s is needed here: *%s" % (
+                field, other, kind, "NSET, NSET=..., ELSET=%s makes it" % field if kind == "nodes" else "ELSET"))
         raise ValueError("there is no set '%s'" % field)
 
     def read_set(self, card, sets):

@@ -58,8 +58,8 @@ class Steps(Namelist):
                     self.clear(at, card.keyword)
                     other = {"dload": "dsload", "dsload": "dload"}.get(card.keyword)
                     if any(key[0] == other for key in at.load):
-                        self.leave(card.place, "what OP=NEW of *%s does to *%s of earlier steps: CalculiX cancels that, too, Abaqus does not; "
-                                   "it goes on" % (card.keyword.upper(), other.upper()))
+                        self.leave(card.place, "*%s, OP=NEW: *%s of earlier steps goes on, as in Abaqus; CalculiX ends it, too: delete its groups from the load cases "
+                                   "from here on if that is meant" % (card.keyword.upper(), other.upper()))
                 first.add(card.keyword)
                 if card.get("amplitude"):
                     self.leave(card.place, "the amplitude of *%s: its whole value is taken" % card.keyword.upper())
