@@ -58,7 +58,7 @@ def arguments():
     add("--factor", type=float, default=1.0, help="factor on the field's values, as 1e-6 from Pa to MPa (1)")
     add("--unit", help="unit in the title of the colour bar")
     add("--title", help="title of the colour bar; default: the field's name and unit")
-    add("--caption", help="text at the bottom; default: the factor on the displacements; '' for none")
+    add("--caption", help="text at the bottom; default: the load case and the factor on the displacements; '' for none")
     add("--smooth", action="store_true", help="means at the nodes, body by body, of values that belong to elements")
     add("--map", choices=("turbo", "viridis", "coolwarm"), default="turbo", help="colours (turbo)")
     add("--size", type=pair, default=[1600, 1000], help="width and height in pixels (1600,1000)")
@@ -172,18 +172,28 @@ def add_numbers(renderer, grid, size):
     return numbers
 
 
+def cases_of(path):
+    """Names of the load cases of a results file; none where it has no cases."""
+    import h5py
+
+    with h5py.File(path) as file:
+        if "dotyk/cases" not in file:
+            return []
+        names = file["dotyk/cases"].attrs["names"]
+        return (names.decode() if isinstance(names, bytes) else str(names)).split("\n")
+
+
 def take_case(grid, path, name):
     """The fields of a load case in place of those of the first one: VTK before 9.3 reads no steps of time."""
     import h5py
     from vtkmodules.util.numpy_support import numpy_to_vtk
 
+    names = cases_of(path)
+    if not names:
+        sys.exit("render: '%s' has no load cases" % path)
+    if name not in names:
+        sys.exit("render: no load case '%s'; there are %s" % (name, ", ".join(names)))
     with h5py.File(path) as file:
-        if "dotyk/cases" not in file:
-            sys.exit("render: '%s' has no load cases" % path)
-        names = file["dotyk/cases"].attrs["names"]
-        names = (names.decode() if isinstance(names, bytes) else str(names)).split("\n")
-        if name not in names:
-            sys.exit("render: no load case '%s'; there are %s" % (name, ", ".join(names)))
         steps = file["VTKHDF/Steps"]
         for place, data, n in (("PointData", grid.GetPointData(), grid.GetNumberOfPoints()),
                                ("CellData", grid.GetCellData(), grid.GetNumberOfCells())):
@@ -484,6 +494,7 @@ def render(options):
     grid = read_faces(options.file) if of_faces else read_grid(options.file)
     if of_faces:
         options.field, options.caption = "none", options.caption or ""
+    cases = [] if of_faces else cases_of(options.file)
     if options.case:
         take_case(grid, options.file, options.case)
     n_bodies = int(grid.GetCellData().GetArray("body").GetRange()[1])
@@ -547,7 +558,9 @@ def render(options):
         renderer.AddActor2D(colour_bar(table, options.title or title, width))
     caption = options.caption
     if caption is None:
-        caption = "" if factor == 1 else "undeformed" if factor == 0 else "displacements \u00d7 %g" % factor
+        caption = ["case '%s'" % (options.case or cases[0])] if cases else []
+        caption += [] if factor == 1 else ["undeformed" if factor == 0 else "displacements \u00d7 %g" % factor]
+        caption = ", ".join(caption)
     if caption:
         text = vtkTextActor()
         text.SetInput(caption)
@@ -581,7 +594,10 @@ def render(options):
     if of_faces:
         print("%s: faces %s" % (output, ", ".join(map(str, numbers))))
         return
-    print("%s: %s, %g to %g, displacements x %g" % (output, options.field, *limits, factor))
+    of_case = ", case '%s'" % (options.case or cases[0]) if cases else ""
+    print("%s: %s, %g to %g%s, displacements x %g" % (output, options.field, *limits, of_case, factor))
+    if factor > 1:
+        print("render: magnified displacements let bodies seem to overlap: --scale 1 shows them as they are")
 
 
 def main():

@@ -219,6 +219,10 @@ class LoadCases(dotyk_case.Case):
         except ImportError as reason:
             self.skipTest(str(reason))
         file = self.with_cases()
+        draw = [sys.executable, "-B", dotyk_case.ROOT / "tools" / "render.py", "cases.vtkhdf", "--size", "160,100", "--field", "displacement"]
+        for case in (), ("--case", "hot"):
+            done = subprocess.run([*draw, *case], cwd=self.folder, text=True, capture_output=True)
+            self.assertIn(", case '%s', displacements x " % (case or (0, NAMES[0]))[1], done.stdout, done.stderr)
         vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
         reader = vtkHDFReader()
         reader.SetFileName(str(self.folder / "cases.vtkhdf"))
