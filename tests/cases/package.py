@@ -234,6 +234,8 @@ class Runs(dotyk_case.Case):
         self.assertTrue(text.startswith(MARK))
         self.write("case.nml", "! by hand\n" + text)
         self.assertRaisesRegex(FileExistsError, "was not written by dotyk.run", dotyk.run, column(), self.case)
+        for write in (lambda: column().write(self.folder / "none" / "own.nml"), lambda: dotyk.run(column(), self.folder / "none" / "own.vtkhdf")):
+            self.assertRaisesRegex(FileNotFoundError, "cannot be written: there is no folder '.*none'; make it first", write)
 
     def test_bad_input(self):
         self.write("case.vtkhdf", "no results")

@@ -9,7 +9,7 @@ import subprocess
 import threading
 
 from .results import Results
-from .scene import Scene
+from .scene import Scene, need_folder
 
 MARK = '! Written by dotyk.run.\n'
 
@@ -95,6 +95,7 @@ def _namelist_of(scene, output):
     path = pathlib.Path(output).with_suffix('.nml')
     if path.exists() and not path.read_text(encoding='utf-8', errors='replace').startswith(MARK):
         raise FileExistsError('%s was not written by dotyk.run: scene.write(path) replaces it, or name another output' % path)
+    need_folder(path)
     path.write_text(MARK + str(scene), encoding='utf-8', errors='surrogateescape')
     return path
 

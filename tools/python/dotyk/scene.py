@@ -7,6 +7,13 @@ import pathlib
 from . import namelist
 
 
+def need_folder(path):
+    """Refuse a file to be written whose folder does not exist."""
+    folder = pathlib.Path(path).parent
+    if not folder.is_dir():
+        raise FileNotFoundError("'%s' cannot be written: there is no folder '%s'; make it first" % (path, folder))
+
+
 class Scene:
     """A scene, made group by group or read from a namelist.
 
@@ -120,6 +127,7 @@ class Scene:
 
     def write(self, path):
         """Write the namelist, over a file that is there; its path, as pathlib.Path."""
+        need_folder(path)
         self.path = pathlib.Path(path)
         with open(self.path, 'w', encoding='utf-8', errors='surrogateescape', newline='') as file:
             file.write(str(self))
