@@ -2,7 +2,7 @@
 """Prints what a results file says of the run: how it was made, how it converged, the contacts, the time.
 
 usage: tools/summary.py FILE.vtkhdf ...      --input: the input text too
-       tools/summary.py --csv contacts|supports|loads|ties|bodies FILE.vtkhdf ...      one table, comma-separated
+       tools/summary.py --csv contacts|supports|loads|ties|bodies|rigid_bodies FILE.vtkhdf ...      one table, comma-separated
 """
 import argparse
 import csv
@@ -75,7 +75,7 @@ def print_file(path, with_input):
 
 
 def csv_rows(path, table, with_cases):
-    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads, ties or bodies; with the load cases if
+    """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads, ties or bodies, or motions; with the load cases if
     wanted."""
     columns, rows = ["file", *["case"] * with_cases, "name"], []
     with dotyk.Results(path) as whole:
@@ -86,7 +86,7 @@ def csv_rows(path, table, with_cases):
                 try:
                     record = results.record(table)
                 except KeyError:
-                    if table != "ties":  # A scene without any has no such group.
+                    if table not in ("ties", "rigid_bodies"):  # A scene without any has no such group.
                         raise
                     continue
                 names = record.attributes.get("names", "").splitlines()
@@ -126,8 +126,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--input", action="store_true", help="print the input text too")
-    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "ties", "bodies"),
-                        help="print one table, comma-separated: forces, moments, areas, extremes")
+    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "ties", "bodies", "rigid_bodies"),
+                        help="print one table, comma-separated: forces, moments, areas, extremes, motions")
     options = parser.parse_args()
     if options.csv:
         try:

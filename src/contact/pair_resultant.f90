@@ -26,8 +26,8 @@ module dotyk_contact_pair_resultant
 
   public :: pair_resultant
 
-  !> Resultants below this fraction of the sum of the forces are rounding.
-  real(dp), parameter :: no_force = 1.0e-9_dp
+  !> Resultants below this fraction of the sum of the forces are what rounding and the tolerance of the solution leave.
+  real(dp), parameter :: no_force = 1.0e-6_dp
 
 contains
 

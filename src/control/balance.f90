@@ -28,6 +28,8 @@ module dotyk_control_balance
     type(load_resultant_t) :: load, contact, reaction
     !> Strain energy A(u,u)/2, whatever the initial state, without its springs; energy of its springs [energy].
     real(dp) :: energy = 0, spring_energy = 0
+    !> Motion of a rigid body: displacement of its point and rotation about it (6) [length, radian].
+    real(dp) :: motion(6) = 0
     !> Sum of the magnitudes of all nodal forces [force].
     real(dp) :: force_scale = 0
     !> Sum of their products with the distance to the origin [force length].
@@ -57,10 +59,10 @@ module dotyk_control_balance
 
   public :: find_balance
 
-  !> Places in the list of numbers of a body, before its supports: energies, scales, moments about its centre, and the
-  !> three resultants.
+  !> Places in the list of numbers of a body, before its supports: energies, scales, moments about its centre, the
+  !> three resultants, and the motion of a rigid body.
   integer, parameter :: at_energy = 1, at_springs = 2, at_scales = 3, at_centre = 5, at_load = 9, at_contact = 15, &
-                        at_reaction = 21, at_supports = 27
+                        at_reaction = 21, at_motion = 27, at_supports = 33
 
 contains
 
@@ -128,7 +130,7 @@ contains
     logical, intent(in) :: want_nodal
     !> Reactions at nodes, where wanted (dim, n_nodes) [force].
     real(dp), allocatable, intent(out) :: nodal(:, :)
-    !> In the places `at_...` (26 + 6 n_supports).
+    !> In the places `at_...` (32 + 6 n_supports).
     real(dp), allocatable, intent(out) :: numbers(:)
     !> As in `find_balance`.
     type(error_t), allocatable, intent(out) :: error
@@ -146,6 +148,7 @@ contains
       if (.not. allocated(solution%stress)) numbers(at_energy) = strain_energy(body, solution%displacement)
       call body%directions%add_up_reactions(mesh, reaction, of_support(:, :n_fixed))
       numbers(at_springs) = 0
+      numbers(at_motion:at_supports - 1) = 0
       load = body%load
       associate (springs => body%constraint%foundation)
         if (springs%n_springs() > 0) then
@@ -164,6 +167,7 @@ contains
       if (body%constraint%rigid%is_set) then
         ! What balances the other forces is a reaction along held motions only; no node has it.
         of_support(:, 1) = body%constraint%rigid%reaction(of_support(:, 1))
+        numbers(at_motion:at_supports - 1) = body%constraint%rigid%motion_of(mesh%x, solution%displacement)
         reaction = 0
       end if
       scale = 0
@@ -171,9 +175,9 @@ contains
       centre = centre_of(body)
       call add_forces(mesh, centre, load, numbers(at_load:at_contact - 1), scale, about_centre)
       call add_forces(mesh, centre, contact, numbers(at_contact:at_reaction - 1), scale, about_centre, node)
-      call add_forces(mesh, centre, reaction, numbers(at_reaction:at_supports - 1), scale, about_centre)
+      call add_forces(mesh, centre, reaction, numbers(at_reaction:at_motion - 1), scale, about_centre)
       if (body%constraint%rigid%is_set) then
-        numbers(at_reaction:at_supports - 1) = of_support(:, 1)
+        numbers(at_reaction:at_motion - 1) = of_support(:, 1)
         own = of_support(:, 1) - wrench(centre, of_support(:body%dimension, 1))
         about_centre(:3) = about_centre(:3) + own(4:)
       end if
@@ -231,7 +235,7 @@ contains
   subroutine take_numbers(body, numbers, balance)
     !> The body.
     type(body_t), intent(in) :: body
-    !> In the places `at_...` (26 + 6 n_supports).
+    !> In the places `at_...` (32 + 6 n_supports).
     real(dp), intent(in) :: numbers(:)
     !> Forces on the body.
     type(body_balance_t), intent(inout) :: balance
@@ -245,7 +249,8 @@ contains
     if (.not. around) balance%about_centre = numbers(at_centre:at_load - 1)
     balance%load = named('loads', numbers(at_load:at_contact - 1), around)
     balance%contact = named('contact', numbers(at_contact:at_reaction - 1), around)
-    balance%reaction = named('reactions', numbers(at_reaction:at_supports - 1), around)
+    balance%reaction = named('reactions', numbers(at_reaction:at_motion - 1), around)
+    balance%motion = numbers(at_motion:at_supports - 1)
     n_fixed = body%directions%n_supports()
     allocate (balance%support(n_fixed + body%constraint%foundation%n_springs()))
     do s = 1, size(balance%support)

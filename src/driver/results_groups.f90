@@ -74,6 +74,7 @@ contains
     !> Forces on them, if they are known.
     type(balance_t), intent(in) :: balance
     call write_body_forces(file, problem%body, balance)
+    if (allocated(balance%body)) call write_motions(file, problem%body, balance)
     if (problem%n_ties() > 0 .and. allocated(balance%tie)) call write_ties(file, problem%tie, balance%tie)
   end subroutine write_forces
 
@@ -175,6 +176,36 @@ contains
       columns = reshape(value, shape(columns))
     end function columns
   end subroutine write_body_forces
+
+  !> Motions of rigid bodies; nothing where there is none.
+  subroutine write_motions(file, body, balance)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Forces on them, and motions.
+    type(balance_t), intent(in) :: balance
+    integer, allocatable :: rigid(:)
+    character(:), allocatable :: names
+    real(dp), allocatable :: point(:, :), motion(:, :)
+    integer :: b, i
+    rigid = pack([(b, b=1, size(body))], body%constraint%rigid%is_set)
+    if (size(rigid) == 0) return
+    allocate (point(3, size(rigid)), motion(6, size(rigid)))
+    names = ''
+    do i = 1, size(rigid)
+      if (i > 1) names = names//new_line('a')
+      names = names//body(rigid(i))%name
+      point(:, i) = body(rigid(i))%constraint%rigid%point
+      motion(:, i) = balance%body(rigid(i))%motion
+    end do
+    call file%add_group('rigid_bodies')
+    call file%put_attribute('rigid_bodies', 'names', names)
+    call file%put_array('rigid_bodies', 'body', rigid)
+    call file%put_array('rigid_bodies', 'point', point)
+    call file%put_array('rigid_bodies', 'displacement', motion(:3, :))
+    call file%put_array('rigid_bodies', 'rotation', motion(4:, :))
+  end subroutine write_motions
 
   !> Ties and what they transmit.
   subroutine write_ties(file, tie, force)

@@ -21,6 +21,7 @@ module dotyk_elasticity_rigid_hold
     real(dp) :: point(3) = 0
   contains
     procedure :: displacement => rigid_hold_displacement
+    procedure :: motion_of => rigid_hold_motion_of
     procedure :: free_motions => rigid_hold_free_motions
     procedure :: reaction => rigid_hold_reaction
     procedure :: carry => rigid_hold_carry
@@ -39,6 +40,48 @@ contains
     moved = self%motion(1:3) + cross(self%motion(4:6), arm)
     u = moved(:size(x))
   end function rigid_hold_displacement
+
+  !> Motion of the body: a and w of its displacements, free components included (6) [length, radian].
+  pure function rigid_hold_motion_of(self, x, u) result(motion)
+    class(rigid_hold_t), intent(in) :: self
+    !> Its nodes (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Their displacements (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    real(dp) :: motion(6), centre(3), mean(3), arm(3), moved(3), inertia(3, 3), moment(3), cofactor(3, 3), determinant
+    integer :: i, n
+    n = size(x, 2)
+    centre = 0
+    mean = 0
+    centre(:size(x, 1)) = sum(x, 2)/n
+    mean(:size(x, 1)) = sum(u, 2)/n
+    inertia = 0
+    moment = 0
+    arm = 0
+    moved = 0
+    do i = 1, n
+      arm(:size(x, 1)) = x(:, i) - centre(:size(x, 1))
+      moved(:size(x, 1)) = u(:, i) - mean(:size(x, 1))
+      moment = moment + cross(arm, moved)
+      inertia = inertia - spread(arm, 2, 3)*spread(arm, 1, 3)
+      inertia(1, 1) = inertia(1, 1) + dot_product(arm, arm)
+      inertia(2, 2) = inertia(2, 2) + dot_product(arm, arm)
+      inertia(3, 3) = inertia(3, 3) + dot_product(arm, arm)
+    end do
+    motion = 0
+    if (size(x, 1) == 2) then
+      motion(6) = moment(3)/inertia(3, 3)
+    else
+      cofactor(:, 1) = cross(inertia(:, 2), inertia(:, 3))
+      cofactor(:, 2) = cross(inertia(:, 3), inertia(:, 1))
+      cofactor(:, 3) = cross(inertia(:, 1), inertia(:, 2))
+      determinant = dot_product(inertia(:, 1), cofactor(:, 1))
+      motion(4:6) = matmul(moment, cofactor)/determinant
+    end if
+    where (self%held(4:6)) motion(4:6) = self%motion(4:6)
+    motion(1:3) = mean + cross(motion(4:6), self%point - centre)
+    where (self%held) motion = self%motion
+  end function rigid_hold_motion_of
 
   !> Motions of the body that are not held: translations, and rotations about axes through the point. They are named one
   !> by one: a null space of what is held would lose motions about a point far away to rounding.

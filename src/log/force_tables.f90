@@ -3,6 +3,7 @@ module dotyk_log_force_tables
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
@@ -119,6 +120,7 @@ contains
       call log%line('  '//counted(n, 'support')//': force '//vector_text(total)//' together; the largest:')
       call log%line(support_line(at(1), at(2)))
     end if
+    call show_motions(log, body, balance)
     if (size(body) > 1 .and. size(body) <= most_shown) then
       call log%line('  body                 strain energy')
       do b = 1, size(body)
@@ -155,4 +157,35 @@ contains
                                                                   balance%body(b)%moment_scale])
     end function support_line
   end subroutine show_body_forces
+
+  !> Motions of rigid bodies.
+  subroutine show_motions(log, body, balance)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Forces on them, and motions.
+    type(balance_t), intent(in) :: balance
+    character(:), allocatable :: rotation
+    character(20) :: label
+    integer :: b, n
+    n = 0
+    do b = 1, size(body)
+      if (.not. body(b)%constraint%rigid%is_set) cycle
+      n = n + 1
+      if (n > most_shown) cycle
+      if (n == 1) call log%line('  rigid body           displacement of its point')
+      label = body(b)%name
+      associate (motion => balance%body(b)%motion)
+        rotation = ''
+        if (body(b)%dimension == 3) then
+          rotation = ', rotation '//vector_text(motion(4:6))//' rad'
+        else if (body(b)%analysis /= analysis_axisymmetric) then
+          rotation = ', rotation '//to_text(motion(6), 5)//' rad'
+        end if
+        call log%line('  '//label//' '//vector_text(motion(1:3))//rotation)
+      end associate
+    end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more rigid body', 'more rigid bodies'))
+  end subroutine show_motions
 end module dotyk_log_force_tables

@@ -1,5 +1,8 @@
 #!/usr/bin/python3
 """Rigid bodies: held, moved and loaded, against exact solutions and very stiff elastic bodies."""
+import subprocess
+import sys
+
 import numpy as np
 
 import dotyk_case
@@ -50,6 +53,11 @@ class RigidBodies(dotyk_case.Case):
         np.testing.assert_allclose(u[:, up], exact, atol=(5e-3 if turned else 1e-7) * sunk)
         np.testing.assert_allclose(u[rigid & (x[:, up] > HEIGHT + ORIGIN[up] + 0.1), up].mean(), -sunk, rtol=1e-7)
         own, area = file["dotyk"], 1.5 if d == 3 else 1.0
+        plate = z > HEIGHT + 0.1
+        motion = own["rigid_bodies"]
+        self.assertEqual((motion.attrs["names"], list(motion["body"])), (b"plate", [2]))
+        np.testing.assert_allclose(motion["displacement"][0] + np.cross(motion["rotation"][0], x[plate] - motion["point"][0]),
+                                   u[plate], atol=1e-12)
         force = YOUNG / HEIGHT * sunk * area
         joint = own["contact/joint"].attrs
         np.testing.assert_allclose(joint["force"][up], -force, rtol=1e-7)
@@ -65,6 +73,11 @@ class RigidBodies(dotyk_case.Case):
         own, printed = self.check_column("hex20", "&rigid_body body='plate', fix='xyz rx ry rz', value=0,0,-0.01, "
                                          "rotation=0,0.004,0, point=1.5,2.75,6 /", 0.01, 0.004)
         self.assertIn("plate:rigid body     force (0, 0, -1.5)", printed)
+        self.assertIn("  plate                (0, 0, -0.01), rotation (0, 0.004, 0) rad\n", printed)
+        table = subprocess.run([sys.executable, "-B", dotyk_case.ROOT / "tools" / "summary.py", "--csv", "rigid_bodies", "case.vtkhdf"],
+                               cwd=self.folder, text=True, capture_output=True, check=True).stdout
+        self.assertEqual(table, "file,name,body,displacement_x,displacement_y,displacement_z,point_x,point_y,point_z,rotation_x,"
+                         "rotation_y,rotation_z\ncase.vtkhdf,plate,2,0,0,-0.01,1.5,2.75,6,0,0.004,0\n")
         force = own["supports/force"][:]
         np.testing.assert_allclose(force, [(0, 0, 1.5), (0, 0, -1.5)], atol=1e-8)
         moment = own["supports/moment"][:]
@@ -129,6 +142,8 @@ class RigidBodies(dotyk_case.Case):
             own = self.results("case.vtkhdf")["dotyk"]
             np.testing.assert_allclose(own["contact/joint"].attrs["force"], (0, np.pi, 0), rtol=1e-7)
             u = self.results("case.vtkhdf")["VTKHDF/PointData/displacement"][:]
+            np.testing.assert_allclose(own["rigid_bodies/displacement"][0], (0, -0.01, 0), rtol=1e-7, atol=0)
+            self.assertEqual(np.abs(own["rigid_bodies/rotation"][0]).max(), 0)
             np.testing.assert_allclose(u[:, 1].min(), -0.01, rtol=1e-7)
 
     def test_limit_of_stiff_bodies(self):
