@@ -227,6 +227,11 @@ class Results(dotyk_case.Case):
         self.dotyk("tied.nml")
         ties = self.results("tied.vtkhdf")["dotyk/ties"]
         found["/dotyk/ties"] = {*ties, *ties.attrs}
+        self.write("rigid.nml", re.sub(r"&support body='lower'[^/]*/", "", (self.folder / "column.nml").read_text())
+                   + "&rigid_body body='lower', fix='xyz rx ry rz' /\n")
+        self.dotyk("rigid.nml")
+        rigid = self.results("rigid.vtkhdf")["dotyk/rigid_bodies"]
+        found["/dotyk/rigid_bodies"] = {*rigid, *rigid.attrs}
         self.maxDiff = None
         self.assertEqual(described, found)
 
