@@ -18,6 +18,9 @@ module dotyk_control_common_motions
 
   !> Neutral modes may change by this cosine at least: normals are uncertain by more.
   real(dp), parameter :: nearly_same = 0.98_dp
+  !> By this one where the other body has no neutral modes: its motions are all that the pair has in common, and what is
+  !> out of balance along the modes that are held is larger by no more than the inverse of the cosine.
+  real(dp), parameter :: of_other_kind = 0.7_dp
   !> Motions of space are dependent below this fraction.
   real(dp), parameter :: dependent = 1.0e-9_dp
 
@@ -51,7 +54,7 @@ contains
         do k = 1, size(partner)
           if (is_done(partner(k))) cycle
           is_done(partner(k)) = .true.
-          call take_motions(queue(first), partner(k))
+          if (candidate(partner(k))%n > 0) call take_motions(queue(first), partner(k))
           last = last + 1
           queue(last) = partner(k)
         end do
@@ -69,11 +72,12 @@ contains
       if (.not. differs) differs = any(qp%coarse%body(:, i) /= qp%coarse%body(:, i - 1))
     end function differs
 
-    !> Whether a body has neutral modes and others, all of one connected component.
+    !> Whether a body has modes that are not neutral, all of one connected component. A body without neutral modes,
+    !> rigid and held in one direction at a point beside the axis of a press fit, has motions that its partner keeps.
     logical function is_single(b)
       !> The body.
       integer, intent(in) :: b
-      is_single = candidate(b)%n > 0 .and. candidate(b)%n < problem%modes(b)%n
+      is_single = allocated(candidate(b)%basis) .and. candidate(b)%n < problem%modes(b)%n
       if (is_single) is_single = .not. problem%modes(b)%is_near_null()
       if (is_single) is_single = all(problem%modes(b)%components() == 1)
     end function is_single
@@ -83,7 +87,8 @@ contains
       !> The bodies.
       integer, intent(in) :: from, to
       type(error_t), allocatable :: error
-      real(dp), allocatable :: amplitude(:, :), rest(:, :), basis(:, :), cosine(:), turn(:, :)
+      real(dp), allocatable :: amplitude(:, :), own(:, :), rest(:, :), basis(:, :), cosine(:), turn(:, :)
+      real(dp), allocatable :: value(:), vector(:, :)
       logical :: are_free
       integer :: n, n_modes, rank
       n = candidate(to)%n
@@ -92,10 +97,15 @@ contains
         if (size(of_other, 2) > n_modes - n) return
         call problem%modes(to)%rigid%amplitudes(problem%modes(from)%rigid%motions(of_other), amplitude, are_free)
         if (.not. are_free) return
-        ! Motions of its own beside those of the other one.
+        ! Motions of its own beside those of the other one, those farthest from them first.
         allocate (rest(n_modes, n_modes - n), basis(n_modes, n_modes), source=0.0_dp)
-        call orthonormal_range(reshape([amplitude, candidate(to)%basis(:, n + 1:)], &
-                                       [n_modes, size(of_other, 2) + n_modes - n]), dependent, rest, rank)
+        call orthonormal_range(amplitude, dependent, rest, rank)
+        own = candidate(to)%basis(:, n + 1:)
+        allocate (value(n_modes - n), vector(n_modes - n, n_modes - n))
+        call right_singular_vectors(own - matmul(rest, matmul(transpose(rest), own)), value, vector, error)
+        if (allocated(error)) return
+        call orthonormal_range(reshape([amplitude, matmul(own, vector)], [n_modes, size(of_other, 2) + n_modes - n]), &
+                               dependent, rest, rank)
       end associate
       if (rank /= n_modes - n) return
       basis(:, :rank) = rest
@@ -104,7 +114,7 @@ contains
       allocate (cosine(n), turn(n, n))
       call right_singular_vectors(matmul(transpose(candidate(to)%basis(:, :n)), basis(:, :n)), cosine, turn, error)
       if (allocated(error)) return
-      if (minval(cosine) < nearly_same) return
+      if (minval(cosine) < merge(nearly_same, of_other_kind, candidate(from)%n > 0)) return
       candidate(to)%basis = basis
     end subroutine take_motions
   end subroutine keep_common_motions

@@ -20,6 +20,10 @@ module dotyk_control_neutral_candidates
     !> Orthonormal combinations of the modes as columns: those that are held, the other neutral ones, the rest (n_modes,
     !> n_modes).
     real(dp), allocatable :: basis(:, :)
+    !> Orthonormal combinations along which contact resists no motion: the neutral ones of the basis together with the
+    !> translations that were taken out of them. A body whose centroid is beside the axis of its spin translates by as
+    !> much as it rotates (n_modes, n).
+    real(dp), allocatable :: whole(:, :)
     !> Rows of the modes (rows of the body, n_modes) [].
     real(dp), allocatable :: g(:, :)
     !> Mean size of the facets that are about to touch [length].
@@ -78,7 +82,7 @@ contains
         end do
         translation = reshape(of_body(b)%value, [size(scale), size(of_body(b)%value)/size(scale)])
         call find_directions(problem%modes(b)%components(), translation, own%g(place, :), d, qp%weight(row(place)), &
-                             own%basis, own%n, error)
+                             own%basis, own%n, own%whole, error)
         if (allocated(error)) return
       end associate
     end do
@@ -93,7 +97,7 @@ contains
 
   !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
   !> treated one by one.
-  subroutine find_directions(component, translation, g, d, weight, basis, n_neutral, error)
+  subroutine find_directions(component, translation, g, d, weight, basis, n_neutral, whole, error)
     !> Connected component that each mode moves (n_modes).
     integer, intent(in) :: component(:)
     !> Amplitudes of the translations of the components; of no columns where they are not known (n_modes, dim) [].
@@ -106,19 +110,25 @@ contains
     real(dp), allocatable, intent(out) :: basis(:, :)
     !> Number of neutral modes: the first ones of the basis.
     integer, intent(out) :: n_neutral
+    !> The neutral ones with their translations: see `candidate_t` (n_modes, n) [].
+    real(dp), allocatable, intent(out) :: whole(:, :)
     !> As in `find` of `neutral_modes_t`.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: direction(:, :), of_component(:, :)
+    real(dp), allocatable :: direction(:, :), of_component(:, :), moving(:, :)
     integer, allocatable :: mode(:)
-    integer :: p, i, n, last
-    allocate (basis(size(component), size(component)), source=0.0_dp)
+    integer :: p, i, n, last, n_whole
+    allocate (basis(size(component), size(component)), moving(size(component), size(component)), source=0.0_dp)
     n_neutral = 0
+    n_whole = 0
     last = size(component)
     do p = 1, maxval(component)
       mode = pack([(i, i=1, size(component))], component == p)
       if (size(mode) == 0) cycle
       call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
-      if (.not. allocated(error)) call leave_translations(translation(mode, :), direction, error)
+      if (allocated(error)) return
+      moving(mode, n_whole + 1:n_whole + size(direction, 2)) = direction
+      n_whole = n_whole + size(direction, 2)
+      call leave_translations(translation(mode, :), direction, error)
       if (allocated(error)) return
       n = size(direction, 2)
       if (allocated(of_component)) deallocate (of_component)
@@ -130,6 +140,7 @@ contains
       n_neutral = n_neutral + n
       last = last - size(mode) + n
     end do
+    whole = moving(:, :n_whole)
   end subroutine find_directions
 
   !> Amplitudes of the translations in the modes of all bodies: ranks know the modes of their own bodies at all nodes.
@@ -222,7 +233,7 @@ contains
         first = first + n
         if (problem%modes(b)%is_near_null()) cycle
         if (own%n > 0 .and. own%n_held == 0) then
-          along = matmul(own%basis(:, :own%n), matmul(amplitude, own%basis(:, :own%n)))
+          along = matmul(own%whole, matmul(amplitude, own%whole))
           neutral(b) = largest(shape, along)
           amplitude = amplitude - along
         end if

@@ -141,11 +141,14 @@ contains
       associate (own => self%candidate(b), last => first + size(self%modes(b)%resultant) - 1)
         if (own%n > own%n_held) then
           amplitude = alpha(first:last)
-          if (own%n_held == 0) amplitude = matmul(amplitude, own%basis)
-          associate (free => own%basis(:, own%n_held + 1:own%n))
-            moved(b) = maxval(abs(matmul(self%modes(b)%displacement, &
-                                         matmul(free, amplitude(own%n_held + 1:own%n))))) > several*own%element_size
-          end associate
+          if (own%n_held == 0) then
+            amplitude = matmul(own%whole, matmul(amplitude, own%whole))
+          else
+            associate (free => own%basis(:, own%n_held + 1:own%n))
+              amplitude = matmul(free, amplitude(own%n_held + 1:own%n))
+            end associate
+          end if
+          moved(b) = maxval(abs(matmul(self%modes(b)%displacement, amplitude))) > several*own%element_size
         end if
         first = last + 1
       end associate

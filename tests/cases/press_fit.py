@@ -27,6 +27,8 @@ Physical Curve("plane x") = {ring(0)};
 
 
 class PressFit(dotyk_case.Case):
+    SHRINK = 5e-3  # of a pin in a lever
+
     def fit(self, overlap, contact, around=(12, 12), analysis="plane_strain", order=2):
         """Solve; the inner tube is larger by `overlap`. Returns results, and Lame's pressure with the compliance of the
         layer."""
@@ -158,6 +160,76 @@ class PressFit(dotyk_case.Case):
         for place, pressure in whole.items():
             # Rows of both halves at the cut know the axis that is held to that.
             self.assertAlmostEqual(cut[place] / pressure, 1, delta=1e-5, msg=place)
+
+    def lever(self, arm, lines, dimension=3):
+        """A lever with an eye of radius 1, or a ring where it has no arm, on a pin larger by `SHRINK`; the nodes of pin and
+        eye do not meet. Returns the largest displacement, and the pressures by nodes."""
+        geo = """SetFactory("OpenCASCADE");
+Mesh.MeshSizeMax = 0.5; Mesh.ElementOrder = 2; Mesh.HighOrderOptimize = 2;
+Disk(1) = {0, 0, 0, 1.5}; Rectangle(2) = {0, -0.5, 0, %r, 1};
+BooleanUnion(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };
+Disk(4) = {0, 0, 0, 1};
+BooleanDifference(5) = { Surface{3}; Delete; }{ Surface{4}; Delete; };
+eye[] = Curve In BoundingBox {-1.01, -1.01, -0.1, 1.01, 1.01, 0.1};
+Transfinite Curve{eye[]} = 18;
+Disk(6) = {0, 0, 0, %r}; Disk(7) = {0, 0, 0, 0.4};
+BooleanDifference(8) = { Surface{6}; Delete; }{ Surface{7}; Delete; };
+pin[] = Boundary{ Surface{8}; };
+Transfinite Curve{Abs(pin[0])} = 21;
+""" % (arm, 1 + self.SHRINK)
+        if dimension == 3:
+            geo += """Extrude {0, 0, 1} { Surface{5}; Layers{2}; }
+Extrude {0, 0, 1} { Surface{8}; Layers{2}; }
+pin[] = Volume In BoundingBox {-1.02, -1.02, -1, 1.02, 1.02, 2};
+lever[] = Volume{:}; lever[] -= pin[];
+Physical Volume("lever") = {lever[]}; Physical Volume("pin") = {pin[]};
+bore[] = Surface In BoundingBox {-0.41, -0.41, -0.1, 0.41, 0.41, 1.1};
+low[] = Surface In BoundingBox {-10, -10, -0.1, 10, 10, 0.1};
+joint[] = Surface In BoundingBox {-1.02, -1.02, -0.1, 1.02, 1.02, 1.1};
+joint[] -= bore[]; joint[] -= low[]; joint[] -= Surface In BoundingBox {-10, -10, 0.9, 10, 10, 1.1};
+Physical Surface("joint") = {joint[]}; Physical Surface("bore") = {bore[]}; Physical Surface("low") = {low[]};
+Physical Surface("tip") = Surface In BoundingBox {7.9, -1.01, -0.1, 8.1, 1.01, 1.1};
+"""
+        else:
+            geo += """Physical Surface("lever") = {5}; Physical Surface("pin") = {8};
+joint[] = Curve In BoundingBox {-1.02, -1.02, -0.1, 1.02, 1.02, 0.1};
+joint[] -= Curve In BoundingBox {-0.41, -0.41, -0.1, 0.41, 0.41, 0.1};
+Physical Curve("joint") = {joint[]};
+"""
+        self.write("lever.geo", geo)
+        self.write("lever.nml", """&scene mesh='lever.geo' %s /
+&material name='steel', young=210e3, poisson=0.3 /
+&body name='pin', volume='pin', material='steel' /
+&body name='lever', volume='lever', material='steel' /
+&contact name='fit', surface_a='pin:joint', surface_b='lever:joint' /
+%s
+""" % ("" if dimension == 3 else ", analysis='plane_strain'", "\n".join(lines)))
+        log = self.dotyk("lever.nml")
+        file = self.results("lever.vtkhdf")
+        u = file["VTKHDF/PointData/displacement"][:]
+        return np.max(np.linalg.norm(u, axis=1)), file["dotyk/contact/fit/pressure"][:], log
+
+    def test_swing_of_a_lever(self):
+        """A lever whose centroid is far from the axis may swing on its pin. The mesh alone drives it, by 0.7 where the
+        swing is not held; a support against the swing carries nothing."""
+        held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
+        largest, pressure, log = self.lever(8.0, held)
+        self.assertIn("'lever': rotation about the axis (0, 0, 1)", log)
+        of_twin, pressure_of_twin, _ = self.lever(8.0, held + ["&support body='lever', surface='tip', fix='y' /"])
+        self.assertLess(of_twin, self.SHRINK)
+        # What the mesh excites is 1e-6 of the contact forces, wherever it is held.
+        self.assertAlmostEqual(largest / of_twin, 1, delta=1e-3)
+        np.testing.assert_allclose(pressure, pressure_of_twin, rtol=1e-5)
+
+    def test_rigid_ring_held_beside_its_axis(self):
+        """A pin in a rigid ring that may rotate about a point beside the pin: the ring has no spin of its own, and the two
+        keep the rotation that they have in common. Pressures know what the mesh excites, 1e-6 of the contact forces."""
+        held = "&rigid_body body='lever', fix='%s', point=0,%r /"
+        of_twin, pressure_of_twin, _ = self.lever(1.2, [held % ("x y rz", 0.0)], dimension=2)
+        for distance in (8.0, 2.0):
+            largest, pressure, _ = self.lever(1.2, [held % ("x", distance)], dimension=2)
+            self.assertLess(largest, 1.1 * self.SHRINK)
+            np.testing.assert_allclose(pressure, pressure_of_twin, rtol=1e-5)
 
 
 dotyk_case.main()
