@@ -123,6 +123,9 @@ contains
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
         if (allocated(error)) return
         state%energy = energy_of(problem, qp, theta, displacements%body, state%y)
+        ! The work of the tensions of bolts is none of loads on displacements.
+        if (allocated(state%terms)) &
+          state%energy = state%energy - (state%terms(2) - qp%load_work(state%m, state%alpha/qp%coarse%scale))
       end if
       norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
       call expect_rounding(problem, displacements%body, norm, distance)

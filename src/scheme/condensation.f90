@@ -7,10 +7,13 @@
 !>     y_c = y0_c - C_cc lambda_c - C_ct lambda_t + G_c alpha,
 !>     C_tt lambda_t - G_t alpha = y0_t - C_tc lambda_c,    G_t^T lambda_t + S alpha = e - G_c^T lambda_c.
 !>
-!> The second line is solved for any lambda_c but for the rigid body motions N of the whole group, `G_t N = 0`. With
-!> `(P, Q)` its solution for `(C_tc, G_c^T)`, and `(lambda_0, alpha_0)` that for `(y0_t, e)`, the group is a body with
+!> The second line is solved for any lambda_c but for the motions N of the whole group: rigid body motions, `G_t N = 0`,
+!> and soft ones (`dotyk_scheme_group_motions`), which strain the bodies a little. With `(P, Q)` its solution for
+!> `(C_tc, G_c^T)`, `(lambda_0, alpha_0)` that for `(y0_t, e)`, and F the forces of the ties per amplitude of N,
+!> `C_tt F = G_t N`, the group is a body with
 !>
-!>     C^ = C_cc - C_ct P + G_c Q,    y0^ = y0_c - C_ct lambda_0 + G_c alpha_0,    G^ = G_c N,    e^ = N^T e,
+!>     C^ = C_cc - C_ct P + G_c Q,    y0^ = y0_c - C_ct lambda_0 + G_c alpha_0,    G^ = G_c N - C_ct F,
+!>     S^ = N^T S N + F^T C_tt F,     e^ = N^T (e - G_t^T lambda_0 - S alpha_0),
 !>
 !> and every scheme solves the programme of groups as it does that of bodies. The dual form of substructuring: C.
 !> Farhat, F.-X. Roux, Int. J. Numer. Methods Engrg. 32, 1991. Rows may be linearly dependent (ties that cross each
@@ -20,11 +23,11 @@ module dotyk_scheme_condensation
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: add_product, transposed_product
-  use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
   use dotyk_scheme_active_system, only: proximal_term
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_group_motions, only: group_motions_t
   implicit none
   private
 
@@ -58,8 +61,12 @@ module dotyk_scheme_condensation
     real(dp), allocatable :: g_t(:, :), g_c(:, :)
     !> S (n_modes, n_modes) [force/length].
     real(dp), allocatable :: s(:, :)
-    !> Motions N of the whole group, as columns; each moves its rows by 1 at most (n_modes, n_free) [].
+    !> Motions N of the whole group, as columns; each moves its rows by 1 at most (n_modes, n_motions) [].
     real(dp), allocatable :: free(:, :)
+    !> Number of the first of them that nothing resists.
+    integer :: n_free = 0
+    !> F (n_tie, n_motions) [force/length], G^ (n_contact, n_motions) [], S^ (n_motions, n_motions) [force/length].
+    real(dp), allocatable :: tie_forces(:, :), rows(:, :), stiffness(:, :)
     !> Factor of C_tt, and its diagonal (n_tie) [length/force].
     type(dense_cholesky_t), private :: factor
     real(dp), allocatable, private :: diagonal(:)
@@ -73,15 +80,11 @@ module dotyk_scheme_condensation
     procedure :: solve => group_solve
     procedure :: condense => group_condense
     procedure :: resultants => group_resultants
+    procedure :: motion_resultants => group_motion_resultants
+    procedure :: move => group_move
     procedure :: shortening_work => group_shortening_work
   end type tied_group_t
 
-  !> Eigenvalues of the stiffness of the ties against the modes, relative to those of each mode by itself, are zero
-  !> below this: motions of the whole group [].
-  real(dp), parameter :: least_eigenvalue = 1.0e-11_dp
-  !> Directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is
-  !> none [].
-  real(dp), parameter :: least_stiffness = 1.0e-9_dp
   !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
   real(dp), parameter :: least_compliance = 1.0e-12_dp
   !> Rows with ties that yield by less than this fraction of what they yield without, or move by less, are held by the
@@ -186,10 +189,13 @@ contains
     if (n > 0) then
       call find_motions(self, error)
     else
-      allocate (self%free(n_modes, n_modes), source=0.0_dp)
+      allocate (self%free(n_modes, n_modes), self%tie_forces(n, n_modes), source=0.0_dp)
       do i = 1, n_modes
         self%free(i, i) = 1
       end do
+      self%n_free = n_modes
+      self%rows = self%g_c
+      self%stiffness = self%s
     end if
   end subroutine group_form
 
@@ -199,38 +205,21 @@ contains
     type(tied_group_t), intent(inout) :: self
     !> Allocated where LAPACK finds no eigenvalues.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: y(:, :), stiffness(:, :), root(:), values(:), vectors(:, :)
+    type(group_motions_t) :: motions
+    real(dp), allocatable :: y(:, :), stiffness(:, :), forces(:, :), change(:, :)
     real(dp) :: most
-    integer :: i, n, n_soft, n_free
-    n = size(self%s, 1)
-    allocate (stiffness(n, n), values(n), vectors(n, n), root(n), self%balance(n, n), self%inverse(n, n))
+    integer :: i
+    allocate (stiffness, mold=self%s)
     y = self%g_t
     call self%factor%solve_columns(y)
     call transposed_product(self%g_t, y, stiffness)
-    stiffness = (stiffness + transpose(stiffness))/2 + self%s
-    do i = 1, n
-      root(i) = sqrt(stiffness(i, i))
-      if (.not. root(i) > 0) root(i) = 1
-    end do
-    do i = 1, n
-      stiffness(:, i) = stiffness(:, i)/root/root(i)
-    end do
-    call symmetric_eigen(stiffness, values, vectors, error)
+    call motions%find((stiffness + transpose(stiffness))/2 + self%s, self%s, error)
     if (allocated(error)) return
-    ! What ties do not resist springs and supports may: their stiffness is exact, however small beside that of ties.
-    n_soft = count(values < least_eigenvalue)
-    call soft_directions(self%s/spread(root, 2, n)/spread(root, 1, n), vectors(:, :n_soft), values(:n_soft), &
-                         n_free, error)
-    if (allocated(error)) return
-    self%balance = 0
-    self%inverse = 0
-    do i = n_free + 1, n
-      self%balance = self%balance + spread(root*vectors(:, i), 2, n)*spread(vectors(:, i)/root, 1, n)
-      self%inverse = self%inverse + spread(vectors(:, i)/root, 2, n)*spread(vectors(:, i)/root, 1, n)/values(i)
-    end do
-    allocate (self%free(n, n_free))
-    do i = 1, n_free
-      self%free(:, i) = vectors(:, i)/root
+    call move_alloc(motions%balance, self%balance)
+    call move_alloc(motions%inverse, self%inverse)
+    call move_alloc(motions%motion, self%free)
+    self%n_free = motions%n_free
+    do i = 1, size(self%free, 2)
       most = maxval([0.0_dp, abs(matmul(self%g_c, self%free(:, i)))])
       if (most > least_compliance*maxval(abs(self%free(:, i)))) then
         self%free(:, i) = self%free(:, i)/most
@@ -238,35 +227,24 @@ contains
         self%free(:, i) = self%free(:, i)/maxval(abs(self%free(:, i)))
       end if
     end do
+    allocate (self%tie_forces(size(self%tie), size(self%free, 2)), source=0.0_dp)
+    self%rows = matmul(self%g_c, self%free)
+    allocate (self%stiffness(size(self%free, 2), size(self%free, 2)), source=0.0_dp)
+    if (self%n_free == size(self%free, 2)) return
+    associate (soft => self%free(:, self%n_free + 1:), f => self%tie_forces(:, self%n_free + 1:))
+      call self%solve(matmul(self%g_t, soft), -matmul(self%s, soft), forces, change)
+      f = forces
+      soft = soft + change
+      self%rows(:, self%n_free + 1:) = matmul(self%g_c, soft) - matmul(transpose(self%c_tc), f)
+      ! Stationary in the motion and its forces: as accurate as both products.
+      self%stiffness(self%n_free + 1:, self%n_free + 1:) = matmul(transpose(soft), matmul(self%s, soft)) + &
+                                                           matmul(transpose(f), matmul(self%c_tt, f))
+    end associate
+    self%stiffness = (self%stiffness + transpose(self%stiffness))/2
   end subroutine find_motions
 
-  !> Directions that ties do not resist, those that nothing resists first.
-  subroutine soft_directions(stiffness, vectors, values, n_free, error)
-    !> S in the scale of the vectors (n, n) [].
-    real(dp), intent(in) :: stiffness(:, :)
-    !> Orthonormal; another basis of their span on return (n, n_soft) [].
-    real(dp), intent(inout) :: vectors(:, :)
-    !> Stiffness against each, ascending on return (n_soft) [].
-    real(dp), intent(inout) :: values(:)
-    !> Number of those that nothing resists.
-    integer, intent(out) :: n_free
-    !> Allocated where LAPACK finds no eigenvalues.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: own(:, :), turn(:, :)
-    n_free = size(values)
-    if (n_free == 0) return
-    own = matmul(transpose(vectors), matmul(stiffness, vectors))
-    if (.not. maxval(abs(own)) > 0) return
-    own = (own + transpose(own))/2
-    allocate (turn, mold=own)
-    call symmetric_eigen(own, values, turn, error)
-    if (allocated(error)) return
-    vectors = matmul(vectors, turn)
-    n_free = count(values < least_stiffness*values(size(values)))
-  end subroutine soft_directions
-
   !> Solve `C_tt lambda - G_t alpha = b, G_t^T lambda + S alpha = c` for many right-hand sides; without the resultants c
-  !> on motions of the whole group, which get amplitude 0.
+  !> on the motions N, which get amplitude 0.
   subroutine group_solve(self, b, c, lambda, alpha, residual, energy, worst)
     class(tied_group_t), intent(in) :: self
     !> (n_tie, n) [length].
@@ -283,15 +261,14 @@ contains
     real(dp), intent(out), optional :: energy
     !> Place among the ties of the row that opens most.
     integer, intent(out), optional :: worst
-    real(dp), allocatable, dimension(:, :) :: r_b, r_c, balanced, step, step_alpha, half, closing
+    real(dp), allocatable, dimension(:, :) :: r_b, r_c, step, step_alpha, half, closing
     real(dp) :: left, previous
     integer :: k
     allocate (lambda(size(b, 1), size(b, 2)), alpha(size(c, 1), size(c, 2)), source=0.0_dp)
-    allocate (half(size(c, 1), size(c, 2)), balanced(size(c, 1), size(c, 2)), step_alpha(size(c, 1), size(c, 2)), &
-              source=0.0_dp)
-    call add_product(1.0_dp, self%balance, c, balanced)
+    allocate (half, r_c, step_alpha, mold=c)
     r_b = b
-    r_c = balanced
+    r_c = 0
+    call add_product(1.0_dp, self%balance, c, r_c)
     previous = huge(previous)
     do k = 1, most_refinements
       step = r_b
@@ -310,7 +287,9 @@ contains
       call add_product(1.0_dp, self%g_t, step_alpha, r_b)
       call transposed_product(self%g_t, step, half)
       call add_product(1.0_dp, self%s, step_alpha, half)
-      r_c = balanced - half
+      half = c - half
+      r_c = 0
+      call add_product(1.0_dp, self%balance, half, r_c)
       left = sum(sum(r_b**2, 2)/max(tiny(left), self%diagonal)) + sum(r_c*matmul(self%inverse, r_c))
       ! Where rounding dominates, residuals do not fall, and the step is not taken.
       if (k > 1 .and. .not. left < previous) exit
@@ -337,6 +316,38 @@ contains
     real(dp), allocatable :: resultants(:)
     resultants = [of_bodies(self%mode), self%slide%force]
   end function group_resultants
+
+  !> Forces on the motions N, e^.
+  pure function group_motion_resultants(self, resultants, lambda, alpha) result(on_motions)
+    class(tied_group_t), intent(in) :: self
+    !> On the modes of the group (n_modes) [force].
+    real(dp), intent(in) :: resultants(:)
+    !> Forces of the ties in the solution without contact, the motions N at rest (n_tie) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Its amplitudes of the modes of the bodies (number of these) [length].
+    real(dp), intent(in) :: alpha(:)
+    real(dp) :: on_motions(size(self%free, 2))
+    on_motions = matmul(resultants, self%free)
+    associate (soft => self%free(:, self%n_free + 1:), n => size(self%mode))
+      on_motions(self%n_free + 1:) = on_motions(self%n_free + 1:) - matmul(lambda, matmul(self%g_t, soft)) - &
+                                     matmul(alpha, matmul(self%s(:n, :), soft))
+    end associate
+  end function group_motion_resultants
+
+  !> Add to the right-hand sides of `solve` what the soft ones of the motions N open the ties and resist.
+  pure subroutine group_move(self, beta, b, c)
+    class(tied_group_t), intent(in) :: self
+    !> Amplitudes of the motions N (n_motions) [length].
+    real(dp), intent(in) :: beta(:)
+    !> (n_tie) [length].
+    real(dp), intent(inout) :: b(:)
+    !> (n_modes) [force].
+    real(dp), intent(inout) :: c(:)
+    real(dp), allocatable :: alpha(:)
+    alpha = matmul(self%free(:, self%n_free + 1:), beta(self%n_free + 1:))
+    b = b + matmul(self%g_t, alpha)
+    c = c - matmul(self%s, alpha)
+  end subroutine group_move
 
   !> Work of the tensions on the slides.
   pure real(dp) function group_shortening_work(self, alpha) result(work)
@@ -367,7 +378,7 @@ contains
     compliance = compliance - by_ties + by_modes
     compliance = (compliance + transpose(compliance))/2
     allocate (moves(size(is_held)), source=0.0_dp)
-    if (size(self%free, 2) > 0) moves = maxval(abs(matmul(self%g_c, self%free)), 2)
+    if (size(self%free, 2) > 0) moves = maxval(abs(self%rows), 2)
     do i = 1, size(is_held)
       is_held(i) = abs(compliance(i, i)) <= rounding_of_held*(abs(self%c_cc(i, i)) + abs(by_ties(i, i)) + &
                                                                abs(by_modes(i, i))) .and. moves(i) <= rounding_of_held

@@ -118,7 +118,7 @@ contains
         allocate (small%block(g)%matrix%column(0), small%block(g)%matrix%value(0))
         small%block(g)%matrix%n_rows = size(small%block(g)%row)
       end do
-      call take_modes(qp, condensed)
+      call take_modes(qp, lambda, alpha, of_loads, alpha_of_loads, condensed)
       call condensed%compliance%init(small)
       do g = 1, n_groups
         call condensed%group(g)%condense(entries, is_held)
@@ -214,10 +214,14 @@ contains
     alpha_of_loads(group%mode) = amplitudes(:size(group%mode), 2)
   end subroutine tie_without_contact
 
-  !> The rigid body motions of the groups; those of single bodies are its modes, with their stiffness.
-  subroutine take_modes(qp, condensed)
+  !> The motions of the groups, those of single bodies its modes, with their stiffness.
+  subroutine take_modes(qp, lambda, alpha, of_loads, alpha_of_loads, condensed)
     !> Contact rows, ties after them.
     type(contact_qp_t), intent(in) :: qp
+    !> Forces of the ties in the solution without contact, and its amplitudes (n_rows) [force], (coarse%n) [length].
+    real(dp), intent(in) :: lambda(:), alpha(:)
+    !> The same by loads alone (n_rows) [force], (coarse%n) [length].
+    real(dp), intent(in) :: of_loads(:), alpha_of_loads(:)
     !> With groups and rows; gets the coarse space.
     type(condensed_qp_t), intent(inout) :: condensed
     integer :: g
@@ -227,30 +231,32 @@ contains
       coarse%first(1) = 1
       do g = 1, size(group)
         coarse%first(g + 1) = coarse%first(g) + size(group(g)%free, 2)
-        coarse%block(g)%value = matmul(group(g)%g_c, group(g)%free)
+        coarse%block(g)%value = group(g)%rows
       end do
       coarse%n = coarse%first(size(group) + 1) - 1
       coarse%holds_modes = qp%coarse%holds_modes
       allocate (coarse%scale(coarse%n), source=1.0_dp)
-      coarse%resultant = of_groups(qp%coarse%resultant, with_tensions=.true.)
+      coarse%resultant = of_groups(qp%coarse%resultant, lambda, alpha)
       if (.not. allocated(qp%coarse%stiffness)) return
-      coarse%lift = of_groups(qp%coarse%lift, with_tensions=.false.)
-      coarse%resultant_size = of_groups(qp%coarse%resultant_size, with_tensions=.false.)
+      ! Ties that prescribed displacements or gaps open do work on soft motions, too, which is none of the loads.
+      coarse%lift = coarse%resultant - of_groups(qp%coarse%resultant - qp%coarse%lift, of_loads, alpha_of_loads)
+      coarse%resultant_size = sizes_of_groups()
       allocate (coarse%stiffness(size(group)))
       do g = 1, size(group)
-        allocate (coarse%stiffness(g)%value(size(group(g)%free, 2), size(group(g)%free, 2)), source=0.0_dp)
-        if (size(group(g)%tie) == 0) coarse%stiffness(g)%value = group(g)%s
+        coarse%stiffness(g)%value = group(g)%stiffness
       end do
     end associate
 
   contains
 
     !> Forces on the motions of the groups.
-    function of_groups(force, with_tensions) result(on_groups)
+    function of_groups(force, tie_force, amplitude) result(on_groups)
       !> On the modes of the bodies (coarse%n) [force].
       real(dp), intent(in) :: force(:)
-      !> Whether bolts take part.
-      logical, intent(in) :: with_tensions
+      !> Of the ties (n_rows) [force].
+      real(dp), intent(in) :: tie_force(:)
+      !> Of the modes of the bodies (coarse%n) [length].
+      real(dp), intent(in) :: amplitude(:)
       real(dp) :: on_groups(condensed%qp%coarse%n)
       real(dp), allocatable :: own_force(:)
       integer :: k
@@ -258,8 +264,7 @@ contains
         associate (own => condensed%group(k), sums => on_groups(condensed%qp%coarse%first(k): &
                                                                 condensed%qp%coarse%first(k + 1) - 1))
           own_force = own%resultants(force)
-          if (.not. with_tensions) own_force(size(own%mode) + 1:) = 0
-          sums = matmul(own_force, own%free)
+          sums = own%motion_resultants(own_force, tie_force(own%tie), amplitude(own%mode))
           if (size(own%tie) == 0) cycle
           ! Forces on tied bodies cancel but for rounding.
           where (abs(sums) < rounding_of_sums*max(matmul(abs(own_force), abs(own%free)), &
@@ -267,5 +272,21 @@ contains
         end associate
       end do
     end function of_groups
+
+    !> Sum of the absolute values that these are made up of.
+    function sizes_of_groups() result(on_groups)
+      real(dp) :: on_groups(condensed%qp%coarse%n)
+      integer :: k
+      do k = 1, size(condensed%group)
+        associate (own => condensed%group(k), sums => on_groups(condensed%qp%coarse%first(k): &
+                                                                condensed%qp%coarse%first(k + 1) - 1))
+          sums = matmul(own%resultants(qp%coarse%resultant_size), abs(own%free))
+          associate (soft => own%free(:, own%n_free + 1:))
+            sums(own%n_free + 1:) = sums(own%n_free + 1:) + &
+                                    matmul(abs(lambda(own%tie)), matmul(abs(own%g_t), abs(soft)))
+          end associate
+        end associate
+      end do
+    end function sizes_of_groups
   end subroutine take_modes
 end module dotyk_scheme_condensed_qp

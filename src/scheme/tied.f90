@@ -149,6 +149,9 @@ contains
         b = reshape(qp%initial_penetration(group%tie) - matmul(group%c_tc, lambda(group%contact)), [size(group%tie), 1])
         c = reshape(group%resultants(qp%coarse%resultant) - matmul(lambda(group%contact), group%g_c), &
                     [size(group%s, 1), 1])
+        associate (beta => state%alpha(condensed%qp%coarse%first(g):condensed%qp%coarse%first(g + 1) - 1))
+          call group%move(beta, b(:, 1), c(:, 1))
+        end associate
         call group%solve(b, c, forces, amplitudes, residual=open, energy=energy)
         left = left + energy
         if (open > 0) noise = noise + energy*(rounding_of_motion*maxval(abs(b))/open)**2

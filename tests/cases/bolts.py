@@ -152,6 +152,46 @@ class Bolts(Case):
                 np.testing.assert_allclose(one, two, rtol=1e-8, atol=1e-8, err_msg=case)
         self.assertGreater(found[0]["pulled"][1], 51)
 
+    def test_weak_springs(self):
+        """A bolt clamps a plate on a base that is held. A spring on the head of the bolt, however weak, carries what its
+        stiffness times the motion of the head is, and changes nothing else."""
+        self.write("clamp.geo", """SetFactory("OpenCASCADE");
+Mesh.MeshSizeMax = 1.4; Mesh.ElementOrder = 2;
+Box(1) = {-4, -4, -2, 8, 8, 2}; Box(2) = {-1.5, -1.5, -2, 3, 3, 2};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Box(4) = {-4, -4, 0, 8, 8, 2}; Box(5) = {-1.5, -1.5, 0, 3, 3, 2};
+BooleanDifference(6) = { Volume{4}; Delete; }{ Volume{5}; Delete; };
+Box(7) = {-1, -1, -2, 2, 2, 4}; Box(8) = {-2.5, -2.5, 2, 5, 5, 1}; Box(9) = {-2.5, -2.5, -3, 5, 5, 1};
+BooleanUnion(10) = { Volume{7}; Delete; }{ Volume{8, 9}; Delete; };
+Physical Volume("base") = {3}; Physical Volume("plate") = {6}; Physical Volume("bolt") = {10};
+Physical Surface("side") = Surface In BoundingBox {-4.1, -4.1, -2.1, -3.9, 4.1, 0.1};
+Physical Surface("head") = Surface In BoundingBox {-2.6, -2.6, 2.9, 2.6, 2.6, 3.1};
+""")
+        lines = ["&scene mesh='clamp.geo' /", "&material name='steel', young=210e3, poisson=0.3 /"]
+        lines += ["&body name='%s', volume='%s', material='steel' /" % (name, name) for name in ("base", "plate", "bolt")]
+        lines += ["&support body='base', surface='side', fix='xyz' /", "&contact auto=.true. /",
+                  "&bolt name='b', body='bolt', point=0,0,0, normal=0,0,1, force=1e3 /"]
+        spring = "&spring body='bolt', surface='head', fix='%s', stiffness=%r /"
+        _, file = self.solve("clamp", lines)
+        energy = file["dotyk/summary"].attrs["energy"]
+        shortening = file["dotyk/ties/shortening"][0]
+        motion = []
+        for fix, stiffness in (("xyz", 20.0), ("xyz", 1.0), ("xyz", 1e-3), ("n", 20.0)):
+            with self.subTest(fix=fix, stiffness=stiffness):
+                _, file = self.solve("clamp", [*lines, spring % (fix, stiffness)])
+                summary = file["dotyk/summary"].attrs
+                self.assertLess(summary["error_bound"], 1e-8)
+                # The stiffness of the clamp along the shank is 1e5: springs of 20 change 2e-4 of anything at most.
+                change = 1e-5 * stiffness
+                self.assertAlmostEqual(file["dotyk/ties/tension"][0] / 1e3, 1, delta=1e-9)
+                self.assertAlmostEqual(file["dotyk/ties/shortening"][0] / shortening, 1, delta=change + 1e-8)
+                self.assertAlmostEqual(summary["energy"] / energy, 1, delta=change + 1e-8)
+                supports = file["dotyk/supports"]
+                springs = supports.attrs["names"].decode().split("\n").index("bolt (2):head (spring)")
+                motion.append(supports["force"][springs, 2] / stiffness)
+        # At the head it is 3e4.
+        np.testing.assert_allclose(motion, motion[2], rtol=1e-3)
+
     def test_along_a_surface(self):
         """A surface that the mesh has inside the body."""
         self.write("inside.geo", 'Point(1) = {0,0,0}; l() = Extrude {1,0,0} { Point{1}; Layers{2}; };\n'
