@@ -33,5 +33,22 @@ module dotyk_input_tie
     character(:), allocatable :: surface_a, surface_b
     !> Greatest distance that is tied; 0: half a facet [length].
     real(dp) :: search_radius = 0
+  contains
+    procedure :: exchange => tie_exchange
   end type tie_input_t
+
+contains
+
+  !> Exchange slave and master side; of ties without rotation.
+  subroutine tie_exchange(self)
+    class(tie_input_t), intent(inout) :: self
+    character(:), allocatable :: surface
+    integer :: body
+    body = self%body_a
+    self%body_a = self%body_b
+    self%body_b = body
+    call move_alloc(self%surface_a, surface)
+    call move_alloc(self%surface_b, self%surface_a)
+    call move_alloc(surface, self%surface_b)
+  end subroutine tie_exchange
 end module dotyk_input_tie

@@ -58,6 +58,7 @@ contains
     call drop_absent_ties(case, surfaces, problems)
     call problems%raise(error)
     if (allocated(error)) return
+    call make_halves_slaves(case)
     allocate (tie(size(case%tie)), failed(size(case%tie)))
     do k = 1, size(case%tie)
       associate (given => case%tie(k))
@@ -173,6 +174,26 @@ contains
     end do
     case%tie = pack(case%tie, is_there)
   end subroutine drop_absent_ties
+
+  !> Make the side of a tie that both halves of a cut body have its slave side: rows at a vertex of another body that
+  !> meets both halves would hold it to one of them.
+  subroutine make_halves_slaves(case)
+    !> The case, without ties of surfaces that are not there.
+    type(case_t), intent(inout) :: case
+    logical :: is_exchanged(size(case%tie))
+    integer :: i, k
+    do k = 1, size(is_exchanged)
+      associate (given => case%tie(k))
+        is_exchanged(k) = .not. (given%is_bolt .or. given%is_cut .or. abs(given%angle) > 0) .and. &
+                          case%body(given%body_b)%cut%is_cut() .and. .not. case%body(given%body_a)%cut%is_cut() .and. &
+                          any([(case%tie(i)%body_b /= given%body_b .and. joins_halves_of(case, i, k), &
+                                i=1, size(case%tie))])
+      end associate
+    end do
+    do k = 1, size(is_exchanged)
+      if (is_exchanged(k)) call case%tie(k)%exchange()
+    end do
+  end subroutine make_halves_slaves
 
   !> Whether two ties are one of the input: of the same bodies, or of halves of these.
   pure logical function joins_halves_of(case, one, other) result(joins)

@@ -76,6 +76,22 @@ class Bolts(Case):
             self.assertGreater(len(values), 1)
             self.assertLess(np.ptp(values, axis=0).max(), 1e-9 * scale)
 
+    def test_tied_across_the_cut(self):
+        """A body that is tied to both halves, with facets over the cut, moves as it does on the whole body."""
+        self.write("bar.geo", blocks.block_geo("hex8", (8, 2, 2), (0, 0, 0), (1, 1, 1)))
+        self.write("top.geo", blocks.block_geo("hex8", (2, 2, 1), (0, 0, 1), (1, 1, 0.5)))
+        energy = []
+        for tie, bolt in (("surface_a='bar:top', surface_b='top:bottom'", ""), ("surface_a='top:bottom', surface_b='bar:top'", ""),
+                          ("surface_a='top:bottom', surface_b='bar:top'", "&bolt body='bar', point=0.3,0,0, normal=1,0,0, shortening=0 /")):
+            file = self.solve("tied", [
+                "&scene /", MATERIAL % 0.3, *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b)
+                                              for b in ("bar", "top")),
+                "&support body='bar', surface='bottom', fix='xyz' /", "&load body='top', surface='top', traction=3,1,-5 /",
+                "&tie name='weld', %s /" % tie, bolt])[1]
+            energy.append(file["dotyk/summary"].attrs["energy"])
+        self.assertAlmostEqual(energy[2] / energy[0], 1, delta=1e-10)
+        self.assertGreater(abs(energy[1] / energy[0] - 1), 1e-3)
+
     def test_before_it_is_tightened(self):
         """In load cases before, the bolt is the whole body; a negative shortening is told."""
         lines = [*self.bar("hex20")[:4], "&load body='bar', surface='sides x', pressure_formula='x+2*z' /",
