@@ -117,6 +117,10 @@ class Cad(dotyk_case.Case):
         self.parts()
         self.write("case.nml", (SCENE % ("step", "")).replace("repeat=2", "repeat=3"))
         text = self.dotyk("case.nml", "--check")
+        self.assertNotIn("looks like Pa", text)
+        # A modulus in Pa beside lengths in mm.
+        self.write("pascal.nml", (SCENE % ("step", "")).replace("200e3", "200e9"))
+        self.assertIn("warning: lengths of 'parts.step' are in mm, and young=2e11 of 'steel' looks like Pa", self.dotyk("pascal.nml", "--check"))
         self.assertIn("faces of parts.step in its own coordinates, in mm: about their area, centre, and normal where plane", text)
         self.assertIn("    'part 2', solid 2\n      face 7      30, (0, 5, 6.5), (-1, 0, 0)\n", text)
         self.assertRegex(text, r"\n      face 13 +100\.\d*, \(40, \S+, 4\), cylinder of radius 2 about \(0, 0, 1\)\n")

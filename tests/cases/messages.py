@@ -231,6 +231,28 @@ class Messages(dotyk_case.Case):
                     "allows floating bodies"
                     % self.line_of("&body name='lower'"))
 
+    def test_nothing_is_held(self):
+        """Where no body has a support the end says so; a body that is held elsewhere takes the words away."""
+        lines = [line for line in self.text.split("\n") if "&support" not in line]
+        self.text = "\n".join([*lines, "&load body='upper', surface='top', pressure=1 /", ""])
+        self.scene()
+        message = self.refuse(3, "(no body of the scene has a &support)")
+        self.assertIn("no equilibrium", message)
+        self.text += "&support body='upper', surface='sides x', fix='x' /\n"
+        self.scene()
+        self.assertNotIn("has a &support)", self.refuse(3, "no equilibrium"))
+
+    def test_bodies_given_twice(self):
+        """The same volume in the same place is refused, with both lines; moved or turned it is another body."""
+        again = "&body name='again', mesh='lower.geo', volume='block', material='of lower' %s/"
+        self.text += again % "" + "\n"
+        self.scene()
+        self.refuse(2, "case.nml:%d: &body: 'again' is the same volume in the same place as 'lower' of line %d: a volume is one body" % (
+            self.line_of("'again'"), self.line_of("&body name='lower'")))
+        for place in ", at=0,0,-1 ", ", axis=1,0,0, angle=180 ":
+            self.scene((again % "", again % place))
+            self.assertNotIn("in the same place", self.dotyk("case.nml", "--check", code=None))
+
     def test_not_held_either(self):
         """All bodies that are not held, each with its motions."""
         self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"),
