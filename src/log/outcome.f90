@@ -4,11 +4,13 @@ module dotyk_log_outcome
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_log_indeterminate, only: note_indeterminate, note_neutral
+  use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_rigid_constraint, &
     ended_rotated
@@ -32,7 +34,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     if (state%ended == ended_no_equilibrium) &
       call refuse_motion(case, problem%body, problem%modes, qp, state%unbounded, error)
-    if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, qp, error)
+    if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, problem%pair, qp, state, error)
   end subroutine refuse_unsolvable
 
   !> Say which modes are indeterminate, and which bodies rotate too far. A solution with a rotation by more than the
@@ -180,28 +182,41 @@ contains
     end do
   end function largest_displacement
 
-  !> Supports on both sides press contact rows together.
-  subroutine refuse_rigid_constraint(case, qp, error)
+  !> Supports or ties on both sides press contact rows together.
+  subroutine refuse_rigid_constraint(case, pair, qp, state, error)
     !> The case.
     type(case_t), intent(in) :: case
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> Allocated on return: names the contact pair and the overlap.
+    !> State of the scheme at its end.
+    type(solver_state_t), intent(in) :: state
+    !> Allocated on return: names the contact pair, the overlap, and its place.
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: place
+    real(dp) :: overlap, point(3)
     integer :: k, n
-    ! Rows of ties come after those of the pairs.
-    n = maxloc(qp%initial_penetration(:qp%pair_first_row(size(case%contact) + 1) - 1), 1)
+    n = state%rigid_row
+    overlap = state%overlap
+    if (n == 0) then
+      ! Rows of ties come after those of the pairs.
+      n = maxloc(qp%initial_penetration(:qp%pair_first_row(size(case%contact) + 1) - 1), 1)
+      overlap = qp%initial_penetration(n)
+    end if
     k = count(qp%pair_first_row <= n)
+    point = 0
+    point(:size(pair(k)%row_position, 1)) = pair(k)%row_position(:, n - qp%pair_first_row(k) + 1)
+    place = to_text(overlap, 4)//' at '//vector_text(point)
     if (size(case%tie) > 0) then
-      call set_error(error, case%file//': contact surfaces overlap where supports or ties hold both of them, and '// &
-                     'theta = 0 allows no penetration; give the contact pairs surfaces that end where ties begin, '// &
-                     'or set theta > 0', exit_not_solvable)
-      return
+      place = ': the surfaces overlap by '//place//', where supports or ties hold both of them, and theta = 0 '// &
+              'allows no penetration; give the contact pair surfaces that end where ties begin, or set theta > 0'
+    else
+      place = ': prescribed displacements of both bodies make the surfaces overlap by '//place//', and theta = 0 '// &
+              'allows no penetration; remove the supports from the contact surfaces or set theta > 0'
     end if
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
-                   ': prescribed displacements of both bodies make the surfaces overlap by '// &
-                   to_text(qp%initial_penetration(n))//', and theta = 0 allows no penetration; '// &
-                   'remove the supports from the contact surfaces or set theta > 0', exit_not_solvable)
+                   place, exit_not_solvable)
   end subroutine refuse_rigid_constraint
 
   !> Say which bodies rotate so far that small displacements are no good approximation.

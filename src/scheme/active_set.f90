@@ -90,7 +90,7 @@ contains
     logical, allocatable :: inside_active(:), unjoined_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
-    integer :: k, last_k, steps
+    integer :: k, last_k, steps, place
 
     begin = wall_time()
     allocate (change(size(active)))
@@ -121,6 +121,9 @@ contains
       ! Rigid rows that have joined a solution penetrate by rounding only.
       if (.not. joined .and. any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
         state%ended = ended_rigid_constraint
+        place = maxloc(qp%initial_penetration, 1, is_rigid .and. .not. theta > 0)
+        state%rigid_row = qp%parent_row(place)
+        state%overlap = qp%initial_penetration(place)
         return
       end if
       call system%init(qp, compliance, theta, active, error)

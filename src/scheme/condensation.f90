@@ -87,13 +87,19 @@ module dotyk_scheme_condensation
 
   !> Rows that yield by less than this fraction of the row that yields most do not yield: supports hold both sides [].
   real(dp), parameter :: least_compliance = 1.0e-12_dp
-  !> Rows with ties that yield by less than this fraction of what they yield without, or move by less, are held by the
-  !> ties [].
-  real(dp), parameter :: rounding_of_held = 1.0e-9_dp
+  !> Rows with ties that yield by less than this fraction of what they yield without are held by the ties: rounding
+  !> leaves 1e-16 to 1e-15, and beside the tie of a cantilever 700 times as long as thick a row yields by 4e-10 of what
+  !> it yields without the tie [].
+  real(dp), parameter :: rounding_of_held = 1.0e-12_dp
+  !> Motions of held rows below this are rounding [].
+  real(dp), parameter :: rounding_of_moves = 1.0e-9_dp
+  !> The proximal term of ties is this fraction of that of contact rows, 1e-11 of the diagonal: the compliance of a
+  !> facet of a slender body is as small beside that of its bending [].
+  real(dp), parameter :: proximal_fraction = 1.0e-2_dp
   !> Steps of iterative refinement at most, and the fraction to which a step reduces the residual where more are worth
   !> it.
-  integer, parameter :: most_refinements = 8
-  real(dp), parameter :: worthwhile_gain = 0.1_dp
+  integer, parameter :: most_refinements = 40
+  real(dp), parameter :: worthwhile_gain = 0.5_dp
 
 contains
 
@@ -175,7 +181,7 @@ contains
     self%diagonal = [(self%c_tt(i, i), i=1, n)]
     largest = maxval([tiny(largest), self%diagonal])
     where (.not. self%diagonal > least_compliance*largest) self%diagonal = largest
-    proximal = proximal_term(self%diagonal, 0*self%diagonal, qp%weight(self%tie))
+    proximal = proximal_fraction*proximal_term(self%diagonal, 0*self%diagonal, qp%weight(self%tie))
     call self%factor%resize(n)
     do i = 1, n
       self%factor%value((i - 1)*n + 1:i*n) = self%c_tt(:, i)
@@ -381,7 +387,7 @@ contains
     if (size(self%free, 2) > 0) moves = maxval(abs(self%rows), 2)
     do i = 1, size(is_held)
       is_held(i) = abs(compliance(i, i)) <= rounding_of_held*(abs(self%c_cc(i, i)) + abs(by_ties(i, i)) + &
-                                                               abs(by_modes(i, i))) .and. moves(i) <= rounding_of_held
+                                                               abs(by_modes(i, i))) .and. moves(i) <= rounding_of_moves
     end do
     do i = 1, size(is_held)
       if (.not. is_held(i)) cycle

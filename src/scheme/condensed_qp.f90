@@ -50,6 +50,9 @@ module dotyk_scheme_condensed_qp
   real(dp), parameter :: rounding_of_motion = 1.0e3_dp*epsilon(1.0_dp)/most_open
   !> Penetrations of rows that ties hold, below this fraction of the largest one without ties, are rounding [].
   real(dp), parameter :: rounding_of_closing = 1.0e-9_dp
+  !> So are those below this fraction of the terms that they are the sum of: slender bodies move far by the forces of
+  !> ties, and back by those of others [].
+  real(dp), parameter :: rounding_of_terms = 1.0e-12_dp
   !> Resultants on several bodies below this fraction of those of each are rounding.
   real(dp), parameter :: rounding_of_sums = 1.0e-12_dp
   !> Means of rows below this fraction of these are rounding [].
@@ -70,10 +73,10 @@ contains
     !> Allocated where ties contradict each other or supports.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: lambda(:), alpha(:), of_loads(:), alpha_of_loads(:), y(:), z(:), load_work(:)
-    real(dp), allocatable :: entries(:, :)
+    real(dp), allocatable :: entries(:, :), terms(:)
     logical, allocatable :: is_held(:)
     integer, allocatable :: held(:)
-    real(dp) :: work, largest
+    real(dp) :: work
     integer :: n_groups, g, i
     work = 0
     call find_groups(qp, ties%first_tie, condensed%group_of, n_groups)
@@ -126,8 +129,12 @@ contains
         if (.not. any(is_held)) cycle
         ! There, rounding of what the ties close is no penetration.
         held = pack(condensed%group(g)%contact, is_held)
-        largest = maxval(abs(qp%initial_penetration))
-        where (abs(small%initial_penetration(held)) <= rounding_of_closing*largest) small%initial_penetration(held) = 0
+        associate (own => condensed%group(g))
+          terms = pack(abs(qp%initial_penetration(own%contact)) + matmul(abs(lambda(own%tie)), abs(own%c_tc)) + &
+                       matmul(abs(own%g_c(:, :size(own%mode))), abs(alpha(own%mode))), is_held)
+        end associate
+        terms = max(rounding_of_terms*terms, rounding_of_closing*maxval(abs(qp%initial_penetration)))
+        where (abs(small%initial_penetration(held)) <= terms) small%initial_penetration(held) = 0
         small%load_displacement(held) = 0
         do i = 1, size(is_held)
           if (is_held(i)) small%coarse%block(g)%value(i, :) = 0

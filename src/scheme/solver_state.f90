@@ -51,6 +51,10 @@ module dotyk_scheme_solver_state
     !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
     !> can stop.
     real(dp), allocatable :: unbounded(:)
+    !> Where ended_rigid_constraint: the row that overlaps most of those that nothing moves, 0 where the scheme does not
+    !> tell it, and by how much, with ties closed [length].
+    integer :: rigid_row = 0
+    real(dp) :: overlap = 0
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
     !> Rule that the iteration ends by where it converges: one of `stop_*` of dotyk_base_options.

@@ -104,6 +104,7 @@ contains
                                 monitor, state, error)
     end associate
     if (allocated(error)) return
+    if (state%rigid_row > 0) state%rigid_row = findloc(self%ties%joined_row, state%rigid_row, 1)
     call expand(qp, compliance, self%ties%joined_row, condensed, settings%tolerance, state)
   end subroutine tied_solve
 
