@@ -82,7 +82,7 @@ class Bolts(Case):
         self.write("top.geo", blocks.block_geo("hex8", (2, 2, 1), (0, 0, 1), (1, 1, 0.5)))
         energy = []
         for tie, bolt in (("surface_a='bar:top', surface_b='top:bottom'", ""), ("surface_a='top:bottom', surface_b='bar:top'", ""),
-                          ("surface_a='top:bottom', surface_b='bar:top'", "&bolt body='bar', point=0.3,0,0, normal=1,0,0, shortening=0 /")):
+                          ("surface_a='top:bottom', surface_b='bar:top'", "&bolt name='b', body='bar', point=0.3,0,0, normal=1,0,0, shortening=0 /")):
             file = self.solve("tied", [
                 "&scene /", MATERIAL % 0.3, *("&body name='%s', mesh='%s.geo', volume='block', material='steel' /" % (b, b)
                                               for b in ("bar", "top")),
