@@ -45,15 +45,15 @@ contains
       call body%material(1)%project_dilatation()
     case (8:12)
       i = number - 7
-      name = 'all cells flat 1:'//digits(flat(i))
+      name = 'all cells flat 1:'//digits_of(flat(i))
       body%mesh%x(3, :) = body%mesh%x(3, :)/flat(i)
     case (13:16)
       i = number - 11
-      name = 'one layer of cells flat 1:'//digits(flat(i))
+      name = 'one layer of cells flat 1:'//digits_of(flat(i))
       call thin_layer(body, cells, flat(i))
     case (17:19)
       i = number - 16
-      name = 'needles 1:'//digits(10**i)//' among the elements'
+      name = 'needles 1:'//digits_of(10**i)//' among the elements'
       if (i == 3) name = 'needles 1:5 among the elements'
       if (kind == element_tet10) then
         call move_corners(body, cells, cells, 20, [merge(0.8_dp, 1 - 0.1_dp**i, i == 3), 0.0_dp, 0.0_dp], .false.)
@@ -62,40 +62,40 @@ contains
       end if
     case (20:22)
       i = number - 19
-      name = 'modulus 1:1e'//digits(power(i))//' in two halves'
-      body%material(1)%modulus_formula = 'x > 0.5 ? 1e'//digits(power(i))//' : 1'
+      name = 'modulus 1:1e'//digits_of(power(i))//' in two halves'
+      body%material(1)%modulus_formula = 'x > 0.5 ? 1e'//digits_of(power(i))//' : 1'
     case (23:25)
       i = number - 22
-      name = 'modulus 1:1e'//digits(power(i))//', stiff grains across elements'
-      body%material(1)%modulus_formula = 'sin(12*x)*sin(14*y)*sin(13*z) > 0.2 ? 1e'//digits(power(i))//' : 1'
+      name = 'modulus 1:1e'//digits_of(power(i))//', stiff grains across elements'
+      body%material(1)%modulus_formula = 'sin(12*x)*sin(14*y)*sin(13*z) > 0.2 ? 1e'//digits_of(power(i))//' : 1'
     case (26:28)
       i = number - 25
-      name = 'modulus 1:1e'//digits(power(i))//', graded'
-      body%material(1)%modulus_formula = '10^('//digits(power(i))//'*x)'
+      name = 'modulus 1:1e'//digits_of(power(i))//', graded'
+      body%material(1)%modulus_formula = '10^('//digits_of(power(i))//'*x)'
     case (29:31)
       i = number - 28
-      name = 'orthotropy '//digits(ratio(i))//':1:1'
+      name = 'orthotropy '//digits_of(ratio(i))//':1:1'
       call body%material(1)%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp, 0.4_dp], [1.0_dp, 0.0_dp, 0.0_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (32:34)
       i = number - 31
-      name = 'orthotropy '//digits(ratio(i))//':1:1, oblique'
+      name = 'orthotropy '//digits_of(ratio(i))//':1:1, oblique'
       call body%material(1)%init_orthotropic('m', [real(ratio(i), dp), 1.0_dp, 1.0_dp], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp, 0.4_dp], [1.0_dp, 0.5_dp, 0.3_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (35:37)
       i = number - 34
-      name = 'orthotropy 1:1:1/'//digits(ratio(i))
+      name = 'orthotropy 1:1:1/'//digits_of(ratio(i))
       call body%material(1)%init_orthotropic('m', [1.0_dp, 1.0_dp, 1.0_dp/ratio(i)], [0.3_dp, 0.3_dp, 0.3_dp], &
         [0.4_dp, 0.4_dp/ratio(i), 0.4_dp/ratio(i)], [1.0_dp, 0.0_dp, 0.0_dp], [0.0_dp, 1.0_dp, 0.0_dp], error)
     case (38:40)
       call make_plate(number - 37)
-      name = 'plate 1:'//digits(aspect_of(number - 37))//', held at a side, compact cells'
+      name = 'plate 1:'//digits_of(aspect_of(number - 37))//', held at a side, compact cells'
     case (41:43)
       call make_beam(number - 40)
-      name = 'beam 1:'//digits(aspect_of(number - 40))//', held at an end, compact cells'
+      name = 'beam 1:'//digits_of(aspect_of(number - 40))//', held at an end, compact cells'
     case (44:46)
       i = number - 43
-      name = 'plate 1:'//digits(aspect_of(i))//', held at a side, cells flat 1:'//digits(aspect_of(i))
+      name = 'plate 1:'//digits_of(aspect_of(i))//', held at a side, cells flat 1:'//digits_of(aspect_of(i))
       body%mesh%x(3, :) = body%mesh%x(3, :)/aspect_of(i)
       call hold_side(body)
     case default
@@ -144,12 +144,12 @@ contains
   end function no_body
 
   !> A number as text.
-  function digits(number) result(text)
+  function digits_of(number) result(text)
     !> The number.
     integer, intent(in) :: number
     character(:), allocatable :: text
     character(12) :: buffer
     write (buffer, '(i0)') number
     text = trim(buffer)
-  end function digits
+  end function digits_of
 end module multigrid_cases

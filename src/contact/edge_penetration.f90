@@ -103,7 +103,7 @@ contains
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
                    high => merge(1.0_dp, s(min(k + 1, size(s))), k == n_crossings))
           is_inside = n_crossings == 0
-          if (k > 0) is_inside = enters(k)
+          if (k > 0) is_inside = enters(max(k, 1))
           if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
           ! No point is deeper than it is far from a crossing.
           if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle

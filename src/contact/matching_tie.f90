@@ -81,7 +81,7 @@ contains
         pair%facet_a(q) = f
         pair%xi_a(:, q) = reference_node(d - 1, surface_a%kind(f), j)
         pair%facet_b(q) = g
-        k = nearest(pair%position(:, q), mesh_b%x(:, surface_b%node(:kind_nodes(surface_b%kind(g)), g)))
+        k = closest_of(pair%position(:, q), mesh_b%x(:, surface_b%node(:kind_nodes(surface_b%kind(g)), g)))
         pair%xi_b(:, q) = reference_node(d - 1, surface_b%kind(g), k)
         pair%weight(q) = norm2(vector)/kind_nodes(surface_a%kind(f))
         pair%row_weight(row(q)) = pair%row_weight(row(q)) + pair%weight(q)
@@ -131,11 +131,11 @@ contains
   end function reference_node
 
   !> Number of the nearest of some points.
-  pure integer function nearest(x, points) result(k)
+  pure integer function closest_of(x, points) result(k)
     !> A point (dimension) [length].
     real(dp), intent(in) :: x(:)
     !> The points (dimension, n_points) [length].
     real(dp), intent(in) :: points(:, :)
     k = minloc(norm2(points - spread(x, 2, size(points, 2)), dim=1), dim=1)
-  end function nearest
+  end function closest_of
 end module dotyk_contact_matching_tie

@@ -226,6 +226,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     real(dp) :: began
+    logical :: was_ahead
     began = wall_time()
     now = run
     if (solution%state%ended == ended_time) then
@@ -238,7 +239,8 @@ contains
       solution%round = 1
     end if
     do
-      if (.not. allocated(solution%ahead)) then
+      was_ahead = allocated(solution%ahead)
+      if (.not. was_ahead) then
         call monitor%begin_phase(phase_iterate)
         call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
         if (allocated(error)) return
@@ -256,7 +258,8 @@ contains
                            solution%budget, error)
       if (allocated(error)) return
       if (allocated(solution%ahead)) deallocate (solution%ahead)
-      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
+      ! A case that was solved ahead is not lost because others were interrupted.
+      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. was_ahead) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
       if (.not. asks_for_more(goal, solution%round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), &

@@ -299,7 +299,8 @@ contains
     !$omp end parallel
     ! Smoothers use all threads for one body.
     do b = 1, size(body)
-      if (.not. allocated(slot(b)%multigrid) .or. allocated(failed(b)%error) .or. interrupted()) cycle
+      if (.not. allocated(slot(b)%multigrid) .or. allocated(failed(b)%error)) cycle
+      if (interrupted()) exit
       call slot(b)%multigrid%prepare(body(b), failed(b)%error)
     end do
     call stop_if_interrupted(error)

@@ -9,6 +9,7 @@ module dotyk_control_recovery_ahead
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_load_cases, only: take_case
   use dotyk_elasticity_stress, only: element_stress
+  use dotyk_ranks_exchange, only: share_errors
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -70,6 +71,7 @@ contains
     !$omp end parallel do
     call expect_progress(0.0_dp)
     call set_blas_threads(1)
+    call share_errors(problem%ranks%owner, failed)
     do b = 1, size(failed)
       if (allocated(failed(b)%error) .and. .not. allocated(error)) call move_alloc(failed(b)%error, error)
     end do

@@ -64,7 +64,8 @@ contains
     do b = 1, size(body)
       if (.not. classes%is_representative(b)) cycle
       if (multigrid_obstacle(body(b)) /= obstacle_none) cycle
-      large(b) = response == response_multigrid .or. response == response_auto .and. is_worth_multigrid(body(b))
+      large(b) = response == response_multigrid
+      if (response == response_auto) large(b) = is_worth_multigrid(body(b))
     end do
     if (.not. any(large)) return
     form(:) = merge(form_multigrid, form_whole, large(classes%first))

@@ -72,6 +72,7 @@ contains
       call begin_case(input, k, case, scene, monitor, error, ahead)
       if (allocated(error)) exit
       call tell_ahead(ahead, scene, monitor, before)
+      if (allocated(pressure)) deallocate (pressure)
       if (.not. allocated(ahead)) &
         call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
       if (allocated(error)) exit
@@ -90,7 +91,8 @@ contains
       n_written = k
       if (.not. solution%state%has_converged()) code = exit_not_converged
       if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
-      if (solution%state%was_interrupted()) exit
+      ! Cases that were solved ahead are told all the same.
+      if (solution%state%was_interrupted() .and. k >= solved%last) exit
     end do
     if (needs_factors) return
     is_kept = .false.

@@ -84,8 +84,11 @@ contains
       if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
         call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       call scene%neutral%start(scene%qp, solution%state)
-      if (allocated(ahead)) call solution%take_ahead(ahead)
-      if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
+      if (allocated(ahead)) then
+        call solution%take_ahead(ahead)
+      else if (allocated(pressure)) then
+        call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
+      end if
       do
         if ((may_return .or. may_rebuild) .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
           needs_factors = may_rebuild

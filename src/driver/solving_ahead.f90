@@ -3,6 +3,7 @@
 module dotyk_driver_solving_ahead
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_base_timer, only: wall_time
   use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t, first_tolerance, solution_goal_t
@@ -16,8 +17,10 @@ module dotyk_driver_solving_ahead
   use dotyk_driver_warm_start, only: initial_pressures, start_from_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_ranks_communication, only: n_local_ranks
+  use dotyk_ranks_exchange, only: agree_on_error, greatest
   use dotyk_scheme_monitor, only: phase_estimate, phase_iterate, phase_recover
-  use dotyk_scheme_solver_state, only: ended_converged, ended_stalled, solver_state_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_stalled, solver_state_t
   implicit none
   private
 
@@ -25,6 +28,8 @@ module dotyk_driver_solving_ahead
   type, public :: cases_ahead_t
     !> The first and the last one; none where the last is before the first.
     integer :: first = 1, last = 0
+    !> Cases up to this one are solved alone.
+    integer, private :: last_alone = 1
     !> first .. last.
     type(case_ahead_t), allocatable :: case(:)
   contains
@@ -34,10 +39,12 @@ module dotyk_driver_solving_ahead
 
   !> Cases together at most: of more, the entries of factors and the meshes are read hardly less often.
   integer, parameter :: most_cases = 10
-  !> Memory of a case, its part in the passes of the estimates included [bytes/node].
-  real(dp), parameter :: bytes_of_node = 500
+  !> Memory of a case, its part in the passes of the estimates included [bytes/node, bytes/element].
+  real(dp), parameter :: bytes_of_node = 600, bytes_of_element = 350
   !> Fraction of the memory of the factors that cases take together at most, and what they may take in any case [bytes].
   real(dp), parameter :: of_factors = 0.25_dp, always = 64.0e6_dp
+  !> Fraction of the memory that is left which they take at most [].
+  real(dp), parameter :: of_memory = 0.25_dp
 
 contains
 
@@ -60,12 +67,15 @@ contains
     type(solution_goal_t) :: goal
     type(error_t), allocatable :: error
     integer :: j, n
+    logical :: is_interrupted
     self%first = k
     self%last = k - 1
+    if (k <= self%last_alone) return
     n = n_together(input, k, scene)
     if (n < 2) return
     goal = goal_of(input)
     allocate (some(n))
+    is_interrupted = .false.
     do j = 1, n
       if (j == 1) then
         call solve_one(input, k, goal, run, scene, monitor, solution%state, some(1))
@@ -73,10 +83,13 @@ contains
         call solve_one(input, k + j - 1, goal, run, scene, monitor, some(j - 1)%state, some(j))
       end if
       if (.not. allocated(some(j)%body)) exit
+      is_interrupted = some(j)%state%was_interrupted()
+      if (is_interrupted) exit
     end do
     ! The one after them is solved alone, and tells what is wrong with it.
-    n = j - 1
-    if (n < 2) return
+    if (j <= n .and. .not. is_interrupted) self%last_alone = k + j - 1
+    n = min(n, merge(j, j - 1, is_interrupted))
+    if (n < 2 .and. .not. is_interrupted) return
     self%case = some(:n)
     deallocate (some)
     call monitor%begin_phase(phase_recover)
@@ -86,6 +99,7 @@ contains
       call estimate_ahead(scene%problem, scene%qp%pair_first_row, solution%kept, self%case, error)
     end if
     call monitor%end_phase()
+    call agree_on_error(error)
     if (.not. allocated(error)) self%last = k + n - 1
   end subroutine ahead_solve
 
@@ -111,17 +125,28 @@ contains
     !> Factorized, unless this is the first case.
     type(scene_t), intent(in) :: scene
     type(solution_goal_t) :: goal
-    real(dp) :: nodes, rest
+    type(memory_t) :: memory
+    real(dp) :: bytes, rest, allowed, less(1)
     integer :: b
     n = 1
     if (k == 1 .or. .not. scene%is_factorized) return
     if (scene%has_multigrid() .or. scene%is_split() .or. scene%neutral%has_any()) return
     goal = goal_of(input)
     if (.not. goal%needs_displacements()) return
-    nodes = sum([(real(scene%problem%body(b)%mesh%n_nodes(), dp), b=1, size(scene%problem%body))])
+    ! The same on all ranks.
+    bytes = 0
+    do b = 1, size(scene%problem%body)
+      associate (mesh => scene%problem%body(b)%mesh)
+        bytes = bytes + bytes_of_node*mesh%n_whole_nodes() + bytes_of_element*mesh%n_whole_elements()
+      end associate
+    end do
+    memory = memory_now()
+    less = -huge(less)
+    if (memory%is_known) less = -of_memory*memory%left/n_local_ranks()
+    call greatest(less)
+    allowed = min(max(always, of_factors*sum(real(scene%size_of%bytes, dp))), -less(1))
     rest = input%n_cases() - k + 1
-    n = int(min(rest, real(most_cases, dp), &
-                max(always, of_factors*sum(real(scene%size_of%bytes, dp)))/(bytes_of_node*nodes)))
+    n = int(min(rest, real(most_cases, dp), allowed/bytes))
   end function n_together
 
   !> The contact of one case; without displacements on return where it is to be solved alone.
@@ -170,6 +195,7 @@ contains
     ahead%n_sweeps = scene%compliance%n_sweeps
     ahead%seconds = wall_time() - began
     if (allocated(error) .or. .not. allocated(ahead%state%m)) return
-    if (any(ahead%state%ended == [ended_converged, ended_stalled])) call move_ahead(scene%problem, ahead)
+    if (any(ahead%state%ended == [ended_converged, ended_stalled, ended_interrupted])) &
+      call move_ahead(scene%problem, ahead)
   end subroutine solve_one
 end module dotyk_driver_solving_ahead

@@ -14,6 +14,8 @@ module dotyk_elasticity_body_actions
   type, public :: body_actions_t
     !> Prescribed displacements along the nodal axes; zero where not allocated (dim, n_nodes) [length].
     real(dp), allocatable :: prescribed(:, :)
+    !> Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
+    real(dp) :: rigid_motion(6) = 0
     !> Temperature and initial stress.
     type(initial_state_t) :: initial
     !> Nodal forces; zero where not allocated (dim, n_nodes) [force].
@@ -61,6 +63,7 @@ contains
     !> The parcel.
     type(parcel_t), intent(inout) :: parcel
     call parcel%carry(self%prescribed)
+    call parcel%carry_fixed(6, self%rigid_motion)
     call self%initial%carry(parcel)
     call parcel%carry(self%load)
     call self%applied%carry(parcel)

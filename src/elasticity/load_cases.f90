@@ -36,6 +36,7 @@ contains
       ! What is zero takes no memory.
       if (any(abs(body%constraint%prescribed) > 0)) kept%prescribed = body%constraint%prescribed
       if (any(abs(body%load) > 0)) kept%load = body%load
+      kept%rigid_motion = body%constraint%rigid%motion
       kept%initial = body%initial
       kept%applied = body%applied
       if (allocated(body%density)) kept%density = body%density
@@ -56,6 +57,7 @@ contains
       body%constraint%prescribed = 0
       if (allocated(given%prescribed)) body%constraint%prescribed = given%prescribed
       if (allocated(given%load)) body%load = given%load
+      body%constraint%rigid%motion = given%rigid_motion
       body%initial = given%initial
       body%applied = given%applied
       if (allocated(given%density)) body%density = given%density

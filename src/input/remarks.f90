@@ -51,16 +51,15 @@ contains
     associate (load => case%load)
       first = pack([(i, i=1, size(load))], [(is_first(i), i=1, size(load))])
       if (size(first) > most_compared) return
-      first = [first, size(load) + 1]
     end associate
     n = 0
-    do j = 2, size(first) - 1
+    do j = 2, size(first)
       do i = 1, j - 1
         associate (one => case%load(first(i)), other => case%load(first(j)))
           if (.not. (is_same(one, other) .and. n < most_lines)) cycle
           if (.not. any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, case%n_cases())])) cycle
-          if (.not. share_a_body(case%load(first(i):first(i + 1) - 1)%body, &
-                                 case%load(first(j):first(j + 1) - 1)%body)) cycle
+          if (.not. share_a_body(case%load(first(i):last_of(first(i)))%body, &
+                                 case%load(first(j):last_of(first(j)))%body)) cycle
           n = n + 1
           call add(case, 'warning: the &load of line '//to_text(other%line)//' is that of line '// &
                    to_text(one%line)//' once more: it acts twice')
@@ -78,6 +77,17 @@ contains
       is_first = .not. case%load(i)%of_mass
       if (i > 1 .and. is_first) is_first = case%load(i)%line /= case%load(i - 1)%line
     end function is_first
+
+    !> The last load of a &load: one for each of its bodies.
+    pure integer function last_of(i) result(last)
+      !> Its first load.
+      integer, intent(in) :: i
+      last = i
+      do while (last < size(case%load))
+        if (case%load(last + 1)%line /= case%load(i)%line .or. case%load(last + 1)%of_mass) exit
+        last = last + 1
+      end do
+    end function last_of
 
     !> Whether two lists of bodies have one in common.
     pure logical function share_a_body(one, other) result(share)

@@ -76,7 +76,8 @@ contains
       if (part > nearly_full) self%last = self%n
     end if
     is_full = all(self%last == self%n)
-    shared_out = .not. (omp_in_parallel() .or. self%n < worth_threads .or. omp_get_max_threads() == 1)
+    shared_out = .not. omp_in_parallel() .and. self%n >= worth_threads
+    if (shared_out) shared_out = omp_get_max_threads() > 1
     threads = 1
     if (shared_out) then
       threads = blas_threads()

@@ -20,6 +20,8 @@ module dotyk_log_tie_tables
   real(dp), parameter :: nearly_all = 0.999_dp
   !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
   real(dp), parameter :: most_turned = 0.02_dp
+  !> Nodes of a cut that are compared with those of another one, about, at most.
+  integer, parameter :: most_compared = 1000
   !> Cuts whose normal is farther off the shank get a word: at this angle it carries 0.4 % more [degrees].
   real(dp), parameter :: most_oblique = 5
 
@@ -115,18 +117,20 @@ contains
     !> Another one.
     type(tied_surfaces_t), intent(in) :: other
     real(dp) :: apart, near
-    integer :: i, j
+    integer :: i, j, step_i, step_j
     near = huge(near)
-    do i = 1, size(tie%around_axis, 2)
-      do j = 1, size(other%around_axis, 2)
+    step_i = 1 + size(tie%around_axis, 2)/most_compared
+    step_j = 1 + size(other%around_axis, 2)/most_compared
+    do i = 1, size(tie%around_axis, 2), step_i
+      do j = 1, size(other%around_axis, 2), step_j
         near = min(near, norm2(tie%around_axis(:2, i) - other%around_axis(:2, j)))
       end do
     end do
     ! Where nodes do not fit, the cut goes on for a facet.
     near = near + max(tie%facet_size, other%facet_size)
     turn = abs(tie%angle)
-    do i = 1, size(tie%around_axis, 2)
-      do j = 1, size(other%around_axis, 2)
+    do i = 1, size(tie%around_axis, 2), step_i
+      do j = 1, size(other%around_axis, 2), step_j
         if (norm2(tie%around_axis(:2, i) - other%around_axis(:2, j)) > near) cycle
         apart = modulo(tie%around_axis(3, i) - other%around_axis(3, j), abs(tie%angle))
         turn = min(turn, apart, abs(tie%angle) - apart)

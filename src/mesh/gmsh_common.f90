@@ -4,7 +4,7 @@ module dotyk_mesh_gmsh_common
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: to_text
   use dotyk_mesh_element, only: kind_of_gmsh_type
-  use dotyk_mesh_gmsh_type, only: gmsh_type_nodes, gmsh_type_name, gmsh_type_help
+  use dotyk_mesh_gmsh_type, only: gmsh_type_nodes, gmsh_type_name
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
   implicit none
   private
@@ -113,7 +113,8 @@ contains
     kind = kind_of_gmsh_type(int(type))
     if (kind == 0) &
       call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))//' (gmsh type '// &
-                       to_text(type)//'): '//gmsh_type_help(int(type)), position)
+                       to_text(type)//'): only elements of order 1 and 2 are supported: mesh with '// &
+                       'Mesh.ElementOrder = 1 or 2', position)
   end subroutine type_kind
 
   !> Read the four numbers at the head of $Nodes and $Elements: blocks, items, least and largest tag.

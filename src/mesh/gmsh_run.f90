@@ -83,7 +83,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(geometry_sources_t) :: sources
     character(:), allocatable :: base, script
-    logical :: found
+    logical :: found, is_lost
     meshing%remark = ''
     call sources%find(geo_file, error)
     if (allocated(error)) return
@@ -91,7 +91,9 @@ contains
       call set_error(error, geo_file//': --no-shell forbids programs: '//sources%command//' starts one')
       return
     end if
-    if (.not. (is_cad_file(geo_file) .or. is_med_file(geo_file)) .and. loses_statements(geo_file)) then
+    is_lost = .false.
+    if (.not. (is_cad_file(geo_file) .or. is_med_file(geo_file))) is_lost = loses_statements(geo_file)
+    if (is_lost) then
       call set_error(error, geo_file//': its last line has no end of line and several statements, of which gmsh '// &
                      'would read the first: end the file with a newline')
       return

@@ -3,7 +3,7 @@
 module dotyk_mesh_gmsh_type
   implicit none
   private
-  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name, gmsh_type_help
+  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name
 
   !> Type number of a point, which is never kept.
   integer, parameter, public :: gmsh_point = 15
@@ -99,13 +99,4 @@ contains
     name = 'unknown type'
     if (index > 0) name = trim(types(index)%name)
   end function gmsh_type_name
-
-  !> Advice for a type that is not supported.
-  pure function gmsh_type_help(number) result(help)
-    !> Type number of gmsh.
-    integer, intent(in) :: number
-    !> Advice.
-    character(:), allocatable :: help
-    help = 'only elements of order 1 and 2 are supported: mesh with Mesh.ElementOrder = 1 or 2'
-  end function gmsh_type_help
 end module dotyk_mesh_gmsh_type

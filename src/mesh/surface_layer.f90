@@ -162,16 +162,14 @@ contains
     integer, allocatable, intent(out) :: component(:)
     !> Number of parts.
     integer, intent(out) :: n
-    integer :: order(size(root)), i
+    integer :: order(size(root)), i, last
     call sort_order(root, order)
     allocate (component(size(root)))
     n = 0
+    last = 0
     do i = 1, size(root)
-      if (i == 1) then
-        n = 1
-      else if (root(order(i)) /= root(order(i - 1))) then
-        n = n + 1
-      end if
+      if (n == 0 .or. root(order(i)) /= last) n = n + 1
+      last = root(order(i))
       component(order(i)) = n
     end do
   end subroutine number_components

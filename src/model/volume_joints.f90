@@ -50,7 +50,7 @@ contains
     !> What the directories of all ranks tell.
     type(key_answers_t), intent(out) :: answers
     type(tag_links_t) :: part_links, piece_links
-    integer(int64), allocatable :: got(:), back(:), parts(:), pieces(:), all(:)
+    integer(int64), allocatable :: got(:), back(:), parts(:), pieces(:)
     integer(int64) :: n_from(n_ranks()), n_back(n_ranks())
     integer, allocatable :: order(:), answer(:), node_root(:, :)
     integer :: i

@@ -57,8 +57,8 @@ module dotyk_scheme_active_set
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, &
-                             error, start_inside)
+  subroutine find_active_set(qp, compliance, theta, max_iterations, monitor, system, now, active, state, error, &
+                             start_inside)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows, unless the linear system needs no entries.
@@ -67,8 +67,6 @@ contains
     real(dp), intent(in) :: theta(:)
     !> Active sets at most.
     integer, intent(in) :: max_iterations
-    !> For the monitor [].
-    real(dp), intent(in) :: tolerance
     !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> That of the last active set on return.

@@ -108,7 +108,7 @@ contains
     type(history_t) :: earlier
     logical, allocatable :: working(:), violated(:)
     type(solver_settings_t) :: left
-    logical :: warm, explains
+    logical :: warm, explains, may_repeat
     integer :: round
 
     warm = allocated(state%m)
@@ -149,7 +149,9 @@ contains
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
       end if
       if (allocated(error)) then
-        if (error%code == exit_not_solvable .and. is_network(system) .and. round < most_rounds) then
+        may_repeat = error%code == exit_not_solvable .and. round < most_rounds
+        if (may_repeat) may_repeat = is_network(system)
+        if (may_repeat) then
           if (explains) call explain_failure(qp, state, error)
           if (.not. allocated(error)) exit
           ! It may be singular where the factor of the whole system is not.
@@ -298,8 +300,8 @@ contains
         call system%solve(qp, compliance, 0*now%lambda, qp%coarse%resultant, now%lambda, now%alpha)
       state%ended = ended_converged
     else
-      call find_active_set(qp, compliance, theta, settings%max_iterations, settings%tolerance, monitor, system, now, &
-                           active, state, error, start_inside=.not. warm .and. has_many_modes(qp))
+      call find_active_set(qp, compliance, theta, settings%max_iterations, monitor, system, now, active, &
+                           state, error, start_inside=.not. warm .and. has_many_modes(qp))
     end if
     if (.not. allocated(error) .and. state%ended /= ended_rigid_constraint) &
       call finish(qp, compliance, theta, settings%tolerance, system, now, state)

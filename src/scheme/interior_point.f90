@@ -86,7 +86,7 @@ contains
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: row(:)
     real(dp) :: least
-    logical :: converged, is_kept
+    logical :: converged, is_done, is_kept
     integer :: i, n, more
     least = least_product
     if (present(accuracy)) least = accuracy
@@ -113,7 +113,9 @@ contains
                          kept)
       end if
     end if
-    if (.not. (converged .or. allocated(error) .or. interrupted())) then
+    is_done = converged .or. allocated(error)
+    if (.not. is_done) is_done = interrupted()
+    if (.not. is_done) then
       call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
       if (.not. allocated(error)) &
         call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, more, converged, error, &
