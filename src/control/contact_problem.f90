@@ -31,6 +31,8 @@ module dotyk_control_contact_problem
     real(dp), allocatable :: at_rows(:, :)
     !> What is left of the equilibrium along them, as a fraction of the contact forces of the body [].
     real(dp) :: left_over = 0
+    !> Loads along them that contact does not resist, where they are more than noise of its forces [force].
+    real(dp) :: lost_load = 0
     !> Number of neutral modes that are not held.
     integer :: n_free = 0
     !> Whether the body has moved by several elements along neutral modes that are not held.

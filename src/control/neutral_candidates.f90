@@ -30,11 +30,16 @@ module dotyk_control_neutral_candidates
     real(dp) :: element_size = 0
   end type candidate_t
 
-  public :: find_candidates, floats, left_over, moved_beyond_others
+  public :: find_candidates, find_left_over, floats, moved_beyond_others
 
   !> Motions along neutral modes that are larger than all other displacements by this factor have no cause but the
   !> errors of the mesh.
   real(dp), parameter :: without_cause = 3
+  !> Loads of which contact resists less than half are lost [].
+  real(dp), parameter :: most_resisted = 0.5_dp
+  !> Fraction of the contact forces up to which they are within the uncertainty of the normals, as weights are beside the
+  !> forces of a press fit [].
+  real(dp), parameter :: least_lost = 1.0e-3_dp
 
 contains
 
@@ -261,27 +266,41 @@ contains
     end do
   end function largest
 
-  !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
-  pure real(dp) function left_over(neutral, shape, lambda) result(fraction)
-    !> Neutral modes of the body; there is one.
-    type(neutral_body_t), intent(in) :: neutral
+  !> What is left of the equilibrium of a body along its neutral modes that are held.
+  pure subroutine find_left_over(neutral, shape, lambda)
+    !> Neutral modes of the body; there is one. Get what is left.
+    type(neutral_body_t), intent(inout) :: neutral
     !> Modes of the body (dimension, n_nodes, n_modes) [].
     real(dp), intent(in) :: shape(:, :, :)
     !> Contact forces of the rows of the body (n) [force].
     real(dp), intent(in) :: lambda(:)
-    real(dp) :: along(neutral%n), u(size(shape, 1)), most
-    integer :: i, k
-    fraction = 0
+    real(dp) :: along(neutral%n), load
+    neutral%left_over = 0
+    neutral%lost_load = 0
     along = neutral%resultant - matmul(lambda, neutral%at_rows)
-    if (.not. norm2(along) > 0) return
-    most = 0
-    do i = 1, size(shape, 2)
-      u = 0
-      do k = 1, neutral%n
-        u = u + along(k)*shape(:, i, k)
+    if (norm2(along) > 0) neutral%left_over = force_along(along)/max(tiny(load), sum(lambda))
+    if (.not. norm2(neutral%resultant) > 0) return
+    if (dot_product(along, neutral%resultant) < most_resisted*sum(neutral%resultant**2)) return
+    load = force_along(neutral%resultant)
+    if (load > least_lost*sum(lambda)) neutral%lost_load = load
+
+  contains
+
+    !> The force at the farthest node that does the work of a resultant on its own direction [force].
+    pure real(dp) function force_along(resultant)
+      !> Along the modes (n) [force].
+      real(dp), intent(in) :: resultant(:)
+      real(dp) :: u(size(shape, 1)), most
+      integer :: i, k
+      most = 0
+      do i = 1, size(shape, 2)
+        u = 0
+        do k = 1, size(resultant)
+          u = u + resultant(k)*shape(:, i, k)
+        end do
+        most = max(most, norm2(u))
       end do
-      most = max(most, norm2(u))
-    end do
-    fraction = sum(along**2)/most/max(tiny(most), sum(lambda))
-  end function left_over
+      force_along = sum(resultant**2)/most
+    end function force_along
+  end subroutine find_left_over
 end module dotyk_control_neutral_candidates

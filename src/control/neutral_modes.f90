@@ -13,8 +13,8 @@ module dotyk_control_neutral_modes
   use dotyk_base_kinds, only: dp
   use dotyk_control_common_motions, only: keep_common_motions
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, left_over, &
-    moved_beyond_others
+  use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, find_left_over, &
+    floats, moved_beyond_others
   use dotyk_control_slave_normals, only: find_deviations
   use dotyk_linalg_dense, only: complete_basis
   use dotyk_scheme_centrality, only: point_t
@@ -224,8 +224,8 @@ contains
       state%alpha = qp%coarse%scale*amplitudes_of(self%motion, self%candidate, qp%coarse)
   end subroutine neutral_start
 
-  !> Judge a solution: bodies that have moved by several elements along neutral modes, or contact forces that are far
-  !> from equilibrium along those that are held, make it none.
+  !> Judge a solution: bodies that have moved by several elements along neutral modes, loads along those that are held
+  !> which contact does not resist, or contact forces far from equilibrium there make it none.
   subroutine neutral_judge(self, problem, qp, state)
     class(neutral_modes_t), intent(in) :: self
     !> Bodies and their modes; gets the residuals of those that are held.
@@ -239,8 +239,7 @@ contains
     do b = 1, size(self%candidate)
       if (problem%neutral(b)%n == 0) cycle
       associate (row => qp%block(b)%row)
-        problem%neutral(b)%left_over = left_over(problem%neutral(b), problem%modes(b)%shape, &
-                                                 qp%weight(row)*state%m(row))
+        call find_left_over(problem%neutral(b), problem%modes(b)%shape, qp%weight(row)*state%m(row))
       end associate
     end do
     problem%neutral%moved_far = self%moved_far(state%alpha)
@@ -248,7 +247,8 @@ contains
       self%is_tied .and. moved_beyond_others(self%candidate, problem, qp, state%y, state%alpha)
     problem%neutral%n_free = self%candidate%n - self%candidate%n_held
     if (state%ended /= ended_converged) return
-    if (any(problem%neutral%left_over > largest_left_over)) state%ended = ended_unbalanced
+    if (any(problem%neutral%left_over > largest_left_over .or. problem%neutral%lost_load > 0)) &
+      state%ended = ended_unbalanced
     if (any(problem%neutral%moved_far)) state%ended = ended_slid
   end subroutine neutral_judge
 

@@ -2,7 +2,7 @@
 !> comes nearer: the duality gap, and the numbers of Theorem 3 and Theorem 4 (docs/theory.md). Without contact rows, D =
 !> 0, they are those of Theorem 2 for equation (27) and the iteration (28).
 module dotyk_scheme_bounds
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   implicit none
   private
@@ -126,8 +126,11 @@ contains
     class(iteration_constants_t), intent(in) :: self
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
+    real(dp) :: limit
     q = ieee_value(q, ieee_quiet_nan)
-    if (gamma > 0 .and. gamma < self%gamma_limit_of_paper()) q = sqrt(1 - self%gain_of_paper(gamma))
+    limit = self%gamma_limit_of_paper()
+    if (ieee_is_nan(gamma) .or. ieee_is_nan(limit)) return
+    if (gamma > 0 .and. gamma < limit) q = sqrt(1 - self%gain_of_paper(gamma))
   end function constants_contraction_of_paper
 
   !> 1 - q^2 of equation (40).

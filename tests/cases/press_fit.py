@@ -161,7 +161,7 @@ class PressFit(dotyk_case.Case):
             # Rows of both halves at the cut know the axis that is held to that.
             self.assertAlmostEqual(cut[place] / pressure, 1, delta=1e-5, msg=place)
 
-    def lever(self, arm, lines, dimension=3):
+    def lever(self, arm, lines, dimension=3, code=0):
         """A lever with an eye of radius 1, or a ring where it has no arm, on a pin larger by `SHRINK`; the nodes of pin and
         eye do not meet. Returns the largest displacement, and the pressures by nodes."""
         geo = """SetFactory("OpenCASCADE");
@@ -204,7 +204,7 @@ Physical Curve("joint") = {joint[]};
 &contact name='fit', surface_a='pin:joint', surface_b='lever:joint' /
 %s
 """ % ("" if dimension == 3 else ", analysis='plane_strain'", "\n".join(lines)))
-        log = self.dotyk("lever.nml")
+        log = self.dotyk("lever.nml", code=code)
         file = self.results("lever.vtkhdf")
         u = file["VTKHDF/PointData/displacement"][:]
         return np.max(np.linalg.norm(u, axis=1)), file["dotyk/contact/fit/pressure"][:], log
@@ -220,6 +220,17 @@ Physical Curve("joint") = {joint[]};
         # What the mesh excites is 1e-6 of the contact forces, wherever it is held.
         self.assertAlmostEqual(largest / of_twin, 1, delta=1e-3)
         np.testing.assert_allclose(pressure, pressure_of_twin, rtol=1e-5)
+
+    def test_load_that_nothing_resists(self):
+        """A moment about the pin is lost on a lever that may swing: half a percent of the contact forces is no noise of the
+        normals."""
+        held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
+        force = 2 * np.pi * np.mean(self.lever(8.0, held)[1])
+        for part, code in (0.005, 1), (0.0005, 0):
+            with self.subTest(part=part):
+                load = "&load body='lever', surface='tip', force=0,%r,0 /" % (part * force)
+                log = self.lever(8.0, held + [load], code=code)[2]
+                self.assertEqual("the loads of 'lever' have" in log and "contact does not resist" in log, code == 1)
 
     def test_rigid_ring_held_beside_its_axis(self):
         """A pin in a rigid ring that may rotate about a point beside the pin: the ring has no spin of its own, and the two
