@@ -16,11 +16,9 @@ module dotyk_control_common_motions
   private
   public :: keep_common_motions
 
-  !> Neutral modes may change by this cosine at least: normals are uncertain by more.
-  real(dp), parameter :: nearly_same = 0.98_dp
-  !> By this one where the other body has no neutral modes: its motions are all that the pair has in common, and what is
-  !> out of balance along the modes that are held is larger by no more than the inverse of the cosine.
-  real(dp), parameter :: of_other_kind = 0.7_dp
+  !> Neutral modes may change by this cosine at least: what is out of balance along those that are held is larger by no
+  !> more than its inverse. Bodies whose centroids are apart tilt about different points.
+  real(dp), parameter :: least_cosine = 0.1_dp
   !> Motions of space are dependent below this fraction.
   real(dp), parameter :: dependent = 1.0e-9_dp
 
@@ -114,7 +112,7 @@ contains
       allocate (cosine(n), turn(n, n))
       call right_singular_vectors(matmul(transpose(candidate(to)%basis(:, :n)), basis(:, :n)), cosine, turn, error)
       if (allocated(error)) return
-      if (minval(cosine) < merge(nearly_same, of_other_kind, candidate(from)%n > 0)) return
+      if (minval(cosine) < least_cosine) return
       candidate(to)%basis = basis
     end subroutine take_motions
   end subroutine keep_common_motions

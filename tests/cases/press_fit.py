@@ -221,6 +221,14 @@ Physical Curve("joint") = {joint[]};
         self.assertAlmostEqual(largest / of_twin, 1, delta=1e-3)
         np.testing.assert_allclose(pressure, pressure_of_twin, rtol=1e-5)
 
+    def test_lever_and_pin_without_supports(self):
+        """The two have all motions but the swing in common: pressures are those of a pin on weak springs."""
+        held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
+        bore = ["&spring body='pin', surface='bore', fix='xyz', modulus=1e-3 /"]
+        _, pressure, _ = self.lever(8.0, [])
+        np.testing.assert_allclose(pressure, self.lever(8.0, bore)[1], rtol=1e-4)
+        self.assertGreater(np.max(np.abs(pressure / self.lever(8.0, held)[1] - 1)), 1e-3)
+
     def test_load_that_nothing_resists(self):
         """A moment about the pin is lost on a lever that may swing: half a percent of the contact forces is no noise of the
         normals."""
