@@ -37,8 +37,8 @@ module dotyk_control_neutral_candidates
   real(dp), parameter :: without_cause = 3
   !> Loads of which contact resists less than half are lost [].
   real(dp), parameter :: most_resisted = 0.5_dp
-  !> Fraction of the contact forces up to which they are within the uncertainty of the normals, as weights are beside the
-  !> forces of a press fit [].
+  !> Fraction of the contact forces up to which they are within the uncertainty of the normals, as weights are beside
+  !> the forces of a press fit [].
   real(dp), parameter :: least_lost = 1.0e-3_dp
 
 contains

@@ -18,8 +18,8 @@ module dotyk_log_force_tables
 
   !> Greatest number of contact pairs, supports or bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20
-  !> Vertices less of which is covered get a word: on straight edges of the master across facets it is half, at corners a
-  !> quarter [].
+  !> Vertices less of which is covered get a word: on straight edges of the master across facets it is half, at corners
+  !> a quarter [].
   real(dp), parameter :: well_covered = 0.2_dp
 
 contains
