@@ -115,8 +115,8 @@ contains
     b = maxloc(problem%neutral%lost_load, 1)
     if (any(problem%neutral%lost_load > 0)) &
       call log%line('  out of balance   the loads of '//quoted(problem%body(b)%name)//' have '// &
-                    to_text(problem%neutral(b)%lost_load, 4)//' along a motion that is held, which contact does not '// &
-                    'resist: hold the body against it by a &support, or a weak &spring')
+                    to_text(problem%neutral(b)%lost_load, 4)//' along a motion that is held, which contact does '// &
+                    'not resist: hold the body against it by a &support, or a weak &spring')
     allocate (name(count(problem%neutral%moved_far)))
     if (size(name) == 0) return
     n = 0
