@@ -25,7 +25,7 @@ contains
     if (.not. allocated(problem%found%group)) return
     associate (found => problem%found)
       do k = 1, size(found%group)
-        call show_group(log, found%group(k))
+        call show_group(log, found%group(k), problem%n_ties() > 0)
       end do
       if (found%n_empty > 0) &
         call log%line('  found            '//counted(found%n_empty, 'pair')// &
@@ -61,11 +61,13 @@ contains
   end subroutine show_found
 
   !> The pairs of one group.
-  subroutine show_group(log, group)
+  subroutine show_group(log, group, has_ties)
     !> The log.
     type(log_t), intent(inout) :: log
     !> The group.
     type(group_report_t), intent(in) :: group
+    !> Whether bodies are tied.
+    logical, intent(in) :: has_ties
     character(:), allocatable :: text
     integer :: k
     text = '  found            '//counted(group%n_pairs, 'pair')//' of '
@@ -85,8 +87,10 @@ contains
       if (group%n_excluded > 0) then
         call log%line('    warning: exclude removes all pairs')
       else
-        call log%line('    warning: no faces are within the search distance (search_radius, or 10 % of the smaller '// &
-                      'body): check the positions of the bodies, or give a search_radius')
+        call log%line('    warning: no faces'//trim(merge(' but those of tied bodies', '                         ', &
+                                                          has_ties))//' are within the search distance '// &
+                      '(search_radius, or 10 % of the smaller body): check the positions of the bodies, or give a '// &
+                      'search_radius')
       end if
     end if
     do k = 1, size(group%unused)

@@ -39,6 +39,12 @@ contains
         alone(list%contact(k)%body_a) = .false.
         alone(list%contact(k)%body_b) = .false.
       end do
+      ! The nearest one of a tied body is the one that it is tied to.
+      if (allocated(case%tie)) then
+        do k = 1, size(case%tie)
+          alone([case%tie(k)%body_a, case%tie(k)%body_b]) = .false.
+        end do
+      end if
       do b = 1, size(faces)
         if (.not. alone(b)) cycle
         call find_nearest(case, group, faces, b, found(n + 1))
