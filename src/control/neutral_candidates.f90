@@ -252,7 +252,7 @@ contains
   pure real(dp) function largest(shape, amplitude)
     !> Rigid body modes (dimension, n_nodes, n) [].
     real(dp), intent(in) :: shape(:, :, :)
-    !> Their amplitudes (n) [length].
+    !> Amplitudes of the first ones (n_amplitudes <= n) [length].
     real(dp), intent(in) :: amplitude(:)
     real(dp) :: u(size(shape, 1))
     integer :: i, k
@@ -290,17 +290,7 @@ contains
     pure real(dp) function force_along(resultant)
       !> Along the modes (n) [force].
       real(dp), intent(in) :: resultant(:)
-      real(dp) :: u(size(shape, 1)), most
-      integer :: i, k
-      most = 0
-      do i = 1, size(shape, 2)
-        u = 0
-        do k = 1, size(resultant)
-          u = u + resultant(k)*shape(:, i, k)
-        end do
-        most = max(most, norm2(u))
-      end do
-      force_along = sum(resultant**2)/most
+      force_along = sum(resultant**2)/largest(shape, resultant)
     end function force_along
   end subroutine find_left_over
 end module dotyk_control_neutral_candidates

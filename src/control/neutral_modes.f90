@@ -122,7 +122,8 @@ contains
   !> Whether there are neutral modes, held or not: the contact may be solved again because of them.
   pure logical function neutral_has_any(self) result(has_any)
     class(neutral_modes_t), intent(in) :: self
-    has_any = any(self%candidate%n > 0)
+    has_any = .false.
+    if (allocated(self%candidate)) has_any = any(self%candidate%n > 0)
   end function neutral_has_any
 
   !> Bodies that move by several elements along neutral modes that are not held.
