@@ -67,6 +67,7 @@ contains
       at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
                                            [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
       at_contact(b)%resultant = modes(b)%resultant
+      at_contact(b)%mean_square = 1.0_dp/max(1, body(b)%mesh%n_nodes())
       if (.not. modes(b)%is_near_null()) cycle
       at_contact(b)%stiffness = modes(b)%stiffness
       at_contact(b)%lift_resultant = modes(b)%lift_resultant

@@ -21,24 +21,6 @@ module dotyk_control_contact_problem
     real(dp), allocatable :: displacement(:, :)
   end type isolated_body_t
 
-  !> Neutral modes of a body that are held (`dotyk_control_neutral_modes`).
-  type, public :: neutral_body_t
-    !> Their number: the first ones of the body.
-    integer :: n = 0
-    !> Resultants of the loads on them (n) [force].
-    real(dp), allocatable :: resultant(:)
-    !> Rows of the body along them (rows of the body, n) [].
-    real(dp), allocatable :: at_rows(:, :)
-    !> What is left of the equilibrium along them, as a fraction of the contact forces of the body [].
-    real(dp) :: left_over = 0
-    !> Loads along them that contact does not resist, where they are more than noise of its forces [force].
-    real(dp) :: lost_load = 0
-    !> Number of neutral modes that are not held.
-    integer :: n_free = 0
-    !> Whether the body has moved by several elements along neutral modes that are not held.
-    logical :: moved_far = .false.
-  end type neutral_body_t
-
   !> Surfaces of two bodies that are tied together.
   type, public :: tied_surfaces_t
     !> Name of the tie.
@@ -97,8 +79,6 @@ module dotyk_control_contact_problem
     type(pair_report_t) :: found
     !> Bodies that touch no other (n_bodies).
     type(isolated_body_t), allocatable :: isolated(:)
-    !> Neutral modes of the bodies (n_bodies).
-    type(neutral_body_t), allocatable :: neutral(:)
     !> BLAS threads of each solve.
     integer :: n_blas = 1
   contains

@@ -2,63 +2,61 @@
 !> how the rows of rigid body modes change where they are taken.
 module dotyk_control_slave_normals
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: build_operator, contact_operator_t
+  use dotyk_contact_operator, only: build_operator, contact_block_t, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_element, only: element_line2, element_quad4, element_tri3, kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_scheme_coarse_space, only: contact_modes_t, mode_block_t
-  use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_neutral_modes, only: flat
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   implicit none
   private
   public :: find_deviations
 
+  !> Deviations of normals below this are rounding errors [].
+  real(dp), parameter :: flat = 1.0e-8_dp
   !> Facets at a vertex belong to one smooth surface if their normals differ by less than 40 degrees.
   real(dp), parameter :: smooth_cosine = 0.766_dp
 
 contains
 
-  !> How the rows of the modes change where the normals of the slave surfaces are taken.
-  subroutine find_deviations(problem, qp, modes, deviation, angle)
+  !> How uncertain the rows of the modes are: their change where the normals of the slave surfaces are taken.
+  subroutine find_deviations(problem, block, modes, coarse)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
     !> The modes at the contact nodes (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
-    !> D by bodies, in the scale of the modes of the QP, 0 for rows of ties; not allocated where no normal
-    !> deviates (n_bodies) [].
-    type(mode_block_t), allocatable, intent(out) :: deviation(:)
-    !> Deviation of the normals of each row (n_rows) [].
-    real(dp), allocatable, intent(out) :: angle(:)
+    !> Gets `deviation`, 0 for rows of ties, unless all normals agree or all bodies are held.
+    type(coarse_space_t), intent(inout) :: coarse
     type(contact_pair_t), allocatable :: pair(:)
     type(contact_operator_t) :: operator
+    logical :: differ
     integer :: b, j, k
-    allocate (angle(qp%n_rows), source=0.0_dp)
+    if (coarse%n == 0) return
     allocate (pair(size(problem%pair)))
+    differ = .false.
     do k = 1, size(pair)
       pair(k) = problem%pair(k)
       call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
-      associate (of_pair => angle(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
-        call pair(k)%average%multiply(norm2(pair(k)%normal - problem%pair(k)%normal, 1), of_pair)
-      end associate
+      differ = differ .or. any(norm2(pair(k)%normal - problem%pair(k)%normal, 1) > flat)
     end do
-    if (.not. any(angle > flat)) return
-    call build_operator(qp%dimension, size(problem%body), pair, problem%surface_a, problem%surface_b, operator)
-    allocate (deviation(size(modes)))
+    if (.not. differ) return
+    call build_operator(size(problem%body(1)%mesh%x, 1), size(problem%body), pair, problem%surface_a, &
+                        problem%surface_b, operator)
+    allocate (coarse%deviation(size(modes)))
     do b = 1, size(modes)
-      associate (of_body => deviation(b), n => size(modes(b)%resultant), n_contact => size(operator%block(b)%row))
-        allocate (of_body%value(size(qp%block(b)%row), n), source=0.0_dp)
+      associate (of_body => coarse%deviation(b), n => size(modes(b)%resultant), n_contact => size(operator%block(b)%row))
+        allocate (of_body%value(size(block(b)%row), n), source=0.0_dp)
         do j = 1, n
           ! Rows of ties come behind those of contact.
           if (n_contact == 0) cycle
-          associate (scale => qp%coarse%scale(qp%coarse%first(b) + j - 1))
+          associate (scale => coarse%scale(coarse%first(b) + j - 1))
             call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:n_contact, j))
           end associate
         end do
-        of_body%value(:n_contact, :) = of_body%value(:n_contact, :) - qp%coarse%block(b)%value(:n_contact, :)
+        of_body%value(:n_contact, :) = of_body%value(:n_contact, :) - coarse%block(b)%value(:n_contact, :)
       end associate
     end do
   end subroutine find_deviations

@@ -10,6 +10,7 @@ module dotyk_driver_load_case
   use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_slave_normals, only: find_deviations
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_load_cases, only: take_case
   use dotyk_input_case, only: case_t
@@ -148,7 +149,7 @@ contains
   subroutine solve_free(scene, error, ahead)
     !> With factors, rows of the QP and compliance.
     type(scene_t), intent(inout) :: scene
-    !> Allocated where a mode at the contact rows is not finite, or the modes of a body cannot be decomposed.
+    !> Allocated where a mode at the contact rows is not finite.
     type(error_t), allocatable, intent(out) :: error
     !> As in `next_case`.
     type(case_ahead_t), intent(inout), optional :: ahead
@@ -178,10 +179,9 @@ contains
       end if
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes)
+      if (.not. scene%is_split()) call find_deviations(problem, qp%block, modes, coarse)
       call qp%set_loads(scene%operator%gap, free%initial_penetration, free%load_displacement, free%energy, &
                         free%norm_square, coarse)
-      call scene%neutral%find(problem, scene%theta, modes, qp, error)
-      if (allocated(error)) return
       do b = 1, size(compliance%body)
         call move_alloc(free%u_0(b)%value, compliance%body(b)%free)
         call move_alloc(free%left(b)%value, compliance%body(b)%left)

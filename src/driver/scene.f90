@@ -5,7 +5,6 @@ module dotyk_driver_scene
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, operator_slot_t
-  use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_model_contact_cases, only: pair_conditions_t
@@ -41,8 +40,6 @@ module dotyk_driver_scene
     type(contact_qp_t) :: qp
     !> Its compliance.
     type(body_compliance_t) :: compliance
-    !> Modes that contact hardly resists.
-    type(neutral_modes_t) :: neutral
     !> Bodies that all ranks compute together.
     type(split_scene_t) :: split
   contains

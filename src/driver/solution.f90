@@ -1,9 +1,9 @@
-!> The solution of a load case: factorization where it is the first one, and the contact solved as often as intermediate
-!> results and neutral modes ask for.
+!> The solution of a load case: factorization where it is the first one, and the contact solved, continued where
+!> intermediate results were written.
 module dotyk_driver_solution
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_text, only: to_text
   use dotyk_base_options, only: response_auto
   use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
@@ -83,7 +83,6 @@ contains
       call solution%begin(scene%theta)
       if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
         call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
-      call scene%neutral%start(scene%qp, solution%state)
       if (allocated(ahead)) then
         call solution%take_ahead(ahead)
       else if (allocated(pressure)) then
@@ -101,16 +100,9 @@ contains
         end if
         call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), monitor, solution, error)
         call monitor%end_phase()
-        if (allocated(error) .and. scene%is_split()) call name_held_body(case, scene, error)
         if (allocated(error)) exit factors
         if (solution%state%ended == ended_time) then
           call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
-          cycle
-        end if
-        if (scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) then
-          call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
-          call solution%begin(scene%theta)
-          call scene%neutral%start(scene%qp, solution%state)
           cycle
         end if
         if (any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
@@ -141,23 +133,6 @@ contains
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
   end subroutine solve_scene
-
-  !> Name the body whose modes the program holds, which the split scheme does not know how to.
-  subroutine name_held_body(case, scene, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The scene, factorized.
-    type(scene_t), intent(in) :: scene
-    !> Gets the name with its line.
-    type(error_t), allocatable, intent(inout) :: error
-    integer :: b
-    do b = 1, size(scene%problem%neutral)
-      if (scene%problem%neutral(b)%n == 0) cycle
-      call add_context(error, case%file//':'//to_text(case%body(b)%line)//': body '// &
-                       quoted(scene%problem%body(b)%name)//': ')
-      return
-    end do
-  end subroutine name_held_body
 
   !> Say why p-multigrid is given up.
   subroutine say_why(reason, fits, monitor)

@@ -130,7 +130,7 @@ contains
     integer :: b
     n = 1
     if (k == 1 .or. .not. scene%is_factorized) return
-    if (scene%has_multigrid() .or. scene%is_split() .or. scene%neutral%has_any()) return
+    if (scene%has_multigrid() .or. scene%is_split()) return
     goal = goal_of(input)
     if (.not. goal%needs_displacements()) return
     ! The same on all ranks.
@@ -179,13 +179,11 @@ contains
       ! Bolts that are tightened leave their shortening to the next case.
       if (any(scene%problem%tie%slides)) return
     end if
-    if (scene%neutral%has_any()) return
     call initial_pressures('', input, k, scene%problem, monitor%log, before, pressure, error)
     if (allocated(error)) return
     now = run
     now%settings%tolerance = first_tolerance(goal, run%settings%tolerance)
     if (scene%problem%n_ties() > 0) call tie_bodies(scene%problem, run%scheme, now%scheme)
-    call scene%neutral%start(scene%qp, ahead%state)
     if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, ahead%state)
     call monitor%hold_notes()
     call monitor%begin_phase(phase_iterate)

@@ -1,38 +1,38 @@
-!> Indeterminate rigid body modes in the log: bodies that move alike share a line.
+!> Rigid body motions that contact does not determine in the log: bodies that move alike share a line.
 module dotyk_log_indeterminate
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
+  use dotyk_scheme_proximal_motion, only: largest_rest
+  use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: note_indeterminate, note_neutral, names_in_short, without_places, kinds_of_motion
+  public :: note_undetermined, note_rest, names_in_short, without_places, kinds_of_motion
 
   !> Greatest number of names or lines; more are summed up.
   integer, parameter :: most_named = 20
 
 contains
 
-  !> Say which rigid body modes neither loads nor contact determine.
-  subroutine note_indeterminate(problem, amplitude, log)
+  !> Say which motions contact does not determine.
+  subroutine note_undetermined(problem, amplitude, log)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
-    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body [length].
+    !> The motions as columns: amplitudes of the modes of all bodies, body after body [length].
     type(mode_columns_t), intent(in) :: amplitude
     !> The log.
     type(log_t), intent(inout) :: log
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
     type(mode_block_t), allocatable :: of_body(:)
     character(:), allocatable :: text
-    logical :: is_open(size(problem%body)), alike(size(problem%body)), is_held(size(problem%body))
-    integer :: b, n_lines, first(size(problem%body) + 1), class(size(problem%body)), kind(size(problem%body))
+    logical :: is_open(size(problem%body)), alike(size(problem%body))
+    integer :: b, n_lines, class(size(problem%body)), kind(size(problem%body))
     if (amplitude%n == 0) return
-    first = first_mode(problem%modes)
-    call amplitude%by_bodies(first, of_body)
-    is_held = .false.
-    if (allocated(problem%neutral)) is_held = problem%neutral%n > 0
+    call amplitude%by_bodies(first_mode(problem%modes), of_body)
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
@@ -43,8 +43,8 @@ contains
       kinds(b)%s = kinds_of_motion(motion(b)%s)
     end do
     is_open = [(len(motion(b)%s) > 0, b=1, size(motion))]
-    call find_classes(short, is_held, class)
-    call find_classes(kinds, is_held, kind)
+    call find_classes(short, class)
+    call find_classes(kinds, kind)
     n_lines = 0
     do b = 1, size(motion)
       if (.not. is_open(b)) cycle
@@ -58,19 +58,10 @@ contains
         if (count(alike) == 1) text = motion(b)%s
       end if
       is_open = is_open .and. .not. alike
-      if (is_held(b)) then
-        if (count(any(abs(of_body(b)%value) > 0, dim=1)) > problem%neutral(b)%n) then
-          text = text//' (contact resists a part of it by no more than its normals are uncertain, nothing resists '// &
-                 'the rest; minimum-norm solution)'
-        else
-          text = text//' (contact resists it by no more than its normals are uncertain; minimum-norm solution)'
-        end if
-      else
-        text = text//' (neither loads nor contact determine it; minimum-norm solution)'
-      end if
-      call log%line('  indeterminate    '//names_in_short(pack_names(alike))//': '//text)
+      call log%line('  undetermined     '//names_in_short(pack_names(alike))//': '//text// &
+                    ' (not determined by contact; least motion taken)')
     end do
-    if (any(is_open)) call log%line('  indeterminate    rigid body modes of '//to_text(count(is_open))//' more')
+    if (any(is_open)) call log%line('  undetermined     motions of '//to_text(count(is_open))//' more')
   contains
     !> Bodies whose motion no other one shares.
     function is_single()
@@ -96,46 +87,42 @@ contains
         name(n)%s = problem%body(i)%name
       end do
     end function pack_names
-  end subroutine note_indeterminate
+  end subroutine note_undetermined
 
-  !> Say what is left of equilibrium along neutral modes that are held, and which bodies have moved far along others.
-  subroutine note_neutral(problem, log)
-    !> Bodies and their neutral modes.
+  !> Say which forces rest on the weak springs of the scheme.
+  subroutine note_rest(problem, state, log)
+    !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
+    !> How the scheme ended.
+    type(solver_state_t), intent(in) :: state
     !> The log.
     type(log_t), intent(inout) :: log
-    type(text_t), allocatable :: name(:)
-    integer :: b, n
-    if (.not. allocated(problem%neutral)) return
-    b = maxloc(problem%neutral%left_over, 1)
-    if (any(problem%neutral%left_over > 0)) &
-      call log%line('  out of balance   along motions that are held, the forces on '//quoted(problem%body(b)%name)// &
-                    ' by '//to_text(100*problem%neutral(b)%left_over, 2)//' % of its contact forces'// &
-                    trim(merge(', other bodies less', '                   ', count(problem%neutral%n > 0) > 1)))
-    b = maxloc(problem%neutral%lost_load, 1)
-    if (any(problem%neutral%lost_load > 0)) &
-      call log%line('  out of balance   the loads of '//quoted(problem%body(b)%name)//' have '// &
-                    to_text(problem%neutral(b)%lost_load, 4)//' along a motion that is held, which contact does '// &
-                    'not resist: hold the body against it by a &support, or a weak &spring')
-    allocate (name(count(problem%neutral%moved_far)))
-    if (size(name) == 0) return
-    n = 0
-    do b = 1, size(problem%neutral)
-      if (.not. problem%neutral(b)%moved_far) cycle
-      n = n + 1
-      name(n)%s = problem%body(b)%name
-    end do
-    call log%line('  large sliding    '//names_in_short(name)//': by several elements, or farther than anything '// &
-                  'else moves, along a motion that contact resists by no more than its normals are uncertain; hold '// &
-                  'it by a support or a weak &spring')
-  end subroutine note_neutral
+    character(:), allocatable :: text
+    real(dp) :: force(3)
+    integer :: b, i, first(size(problem%body) + 1)
+    if (.not. allocated(state%rest)) return
+    if (.not. any(state%rest > 0)) return
+    b = maxloc(state%rest, 1)
+    text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)//' rest on weak springs'
+    if (count(state%rest > 0) > 1) text = text//' (of '//to_text(count(state%rest > 0))//' bodies the largest)'
+    if (state%rest(b) > largest_rest) then
+      first = first_mode(problem%modes)
+      associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b + 1) - 1))
+        force = 0
+        do i = 1, size(modes%shape, 1)
+          force(i) = sum(matmul(modes%shape(i, :, :), along))
+        end do
+        text = text//': '//vector_text(force)//' along '//modes%combination_text(along)// &
+               ', which contact does not resist; constrain it with a &support or a &spring'
+      end associate
+    end if
+    call log%line('  '//merge('out of balance   ', 'on springs       ', state%rest(b) > largest_rest)//text)
+  end subroutine note_rest
 
-  !> Bodies with the same text, held alike: classes by their first members.
-  pure subroutine find_classes(texts, is_held, class)
+  !> Bodies with the same text: classes by their first members.
+  pure subroutine find_classes(texts, class)
     !> Texts (n).
     type(text_t), intent(in) :: texts(:)
-    !> Whether modes are held (n).
-    logical, intent(in) :: is_held(:)
     !> First body of the class of each (n).
     integer, intent(out) :: class(:)
     integer :: member(size(texts)), i, k, n
@@ -143,7 +130,7 @@ contains
     do i = 1, size(texts)
       class(i) = i
       do k = 1, n
-        if (len(texts(member(k))%s) /= len(texts(i)%s) .or. (is_held(member(k)) .neqv. is_held(i))) cycle
+        if (len(texts(member(k))%s) /= len(texts(i)%s)) cycle
         if (texts(member(k))%s /= texts(i)%s) cycle
         class(i) = member(k)
         exit

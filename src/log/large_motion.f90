@@ -23,7 +23,7 @@ contains
   subroutine show_large_motion(log, problem, solution)
     !> The log.
     type(log_t), intent(inout) :: log
-    !> Bodies, their ranks and neutral modes.
+    !> Bodies and their ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -49,30 +49,17 @@ contains
       call log%line('  large motion     '//quoted(problem%body(b)%name)//' moves by '//to_text(ratio(b), 3)// &
                     ' times its size'//others(count(ratio > large_displacement) - 1)// &
                     '; contact was searched where the bodies are placed')
-    if (ratio(b) > large_displacement) call show_neutral(b)
     b = maxloc(angle, dim=1)
     if (angle(b) > large_rotation) &
       call log%line('  large motion     '//quoted(problem%body(b)%name)//' rotates by '//to_text(angle(b), 3)// &
                     ' rad'//others(count(angle > large_rotation) - 1)// &
                     '; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
-    if (angle(b) > large_rotation) call show_neutral(b)
     b = maxloc(stretch, dim=1)
     if (stretch(b) > large_strain) &
       call log%line('  large strain     '//quoted(problem%body(b)%name)//': an element is stretched or '// &
                     'shortened by '//to_text(100*stretch(b), 2)//' %'//others(count(stretch > large_strain) - 1)// &
                     '; check loads, positions and units, or a singular corner: the theory is linear')
-
-  contains
-
-    !> Say that contact hardly resists some motions of a body: its large motion may be mesh noise.
-    subroutine show_neutral(b)
-      !> The body.
-      integer, intent(in) :: b
-      if (problem%neutral(b)%n_free > 0) &
-        call log%line('                   contact resists '//counted(problem%neutral(b)%n_free, 'motion')// &
-                      ' of it by no more than its normals are uncertain: hold it by a support')
-    end subroutine show_neutral
   end subroutine show_large_motion
 
   !> Largest relative change of the distance of two corners of an element [].

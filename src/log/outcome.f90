@@ -9,7 +9,7 @@ module dotyk_log_outcome
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
-  use dotyk_log_indeterminate, only: note_indeterminate, note_neutral
+  use dotyk_log_indeterminate, only: note_rest, note_undetermined
   use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_rigid_constraint, &
@@ -49,8 +49,8 @@ contains
     real(dp) :: largest
     !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
     real(dp), parameter :: largest_rotation = 1
-    call note_indeterminate(problem, state%indeterminate, log)
-    call note_neutral(problem, log)
+    call note_undetermined(problem, state%indeterminate, log)
+    call note_rest(problem, state, log)
     if (.not. allocated(state%alpha)) return
     call note_rotations(problem%body, problem%modes, state%alpha, log, largest)
     if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated

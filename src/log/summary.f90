@@ -16,7 +16,7 @@ module dotyk_log_summary
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, &
+    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, &
     ended_solves, ended_unbalanced, ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
@@ -321,8 +321,6 @@ contains
       text = 'not valid: rotation of a body beyond small displacements; ended'
     case (ended_penetration)
       text = 'not valid: bodies penetrate each other; ended'
-    case (ended_slid)
-      text = 'not valid: a body moves by several elements along a motion that hardly any contact resists; ended'
     case (ended_unverified)
       text = 'not converged: stop_rule met by an iterate without a useful error bound; ended'
     case (ended_rounds)

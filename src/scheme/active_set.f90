@@ -32,7 +32,8 @@ module dotyk_scheme_active_set
     real(dp), allocatable :: lambda(:), y(:), alpha(:)
   end type iterate_t
 
-  public :: find_active_set, rest_on_winkler_foundation, update_penetrations, reference_norm, is_balanced
+  public :: find_active_set, foundation_stiffness, rest_on_winkler_foundation, update_penetrations, reference_norm, &
+    is_balanced
 
   !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active
   !> set.
@@ -57,10 +58,12 @@ module dotyk_scheme_active_set
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(qp, compliance, theta, max_iterations, monitor, system, now, active, state, error, &
-                             start_inside)
-    !> Contact rows, initial penetrations, rigid body modes.
+  subroutine find_active_set(qp, with_springs, compliance, theta, max_iterations, monitor, system, now, active, state, &
+                             error, start_inside)
+    !> Contact rows, initial penetrations, rigid body modes: what bounds and energies are those of.
     type(contact_qp_t), intent(in) :: qp
+    !> The same with springs on the modes: what is solved (`dotyk_scheme_proximal_motion`).
+    type(contact_qp_t), intent(in) :: with_springs
     !> Formed at all rows, unless the linear system needs no entries.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
@@ -106,7 +109,7 @@ contains
         call monitor%finish()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error, &
+        call find_inside(with_springs, compliance, theta, system, is_rigid, now, active, steps, error, &
                          starts_near=k == 1 .and. any(now%lambda > 0))
         if (allocated(error)) return
         if (k > 1) then
@@ -124,7 +127,7 @@ contains
         state%overlap = qp%initial_penetration(place)
         return
       end if
-      call system%init(qp, compliance, theta, active, error)
+      if (.not. system%is_for(qp, theta, active)) call system%init(with_springs, compliance, theta, active, error)
       ! The set before rows joined is a solution.
       if (allocated(error) .and. joined) then
         deallocate (error)
@@ -132,7 +135,7 @@ contains
       end if
       if (allocated(error)) return
       last = now
-      call solve_active(qp, compliance, system, now)
+      call solve_active(with_springs, compliance, system, now)
       if (cycles) then
         inside = now
         inside_active = active
@@ -151,7 +154,7 @@ contains
       largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
       next = next .and. .not. is_rigid
-      call add_support(qp, theta, now, next)
+      call add_support(with_springs, theta, now, next)
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         state%ended = ended_converged
@@ -169,7 +172,7 @@ contains
     if (joined .and. .not. is_shared) then
       now = unjoined
       active = unjoined_active
-      call system%init(qp, compliance, theta, active, error)
+      call system%init(with_springs, compliance, theta, active, error)
     end if
     if (interrupted() .and. state%ended == ended_limit) state%ended = ended_interrupted
     call monitor%finish()
@@ -177,7 +180,7 @@ contains
     if (any(state%ended == [ended_limit, ended_cycling]) .and. allocated(inside%lambda)) then
       now = inside
       active = inside_active
-      call system%init(qp, compliance, theta, active, error)
+      call system%init(with_springs, compliance, theta, active, error)
     end if
   end subroutine find_active_set
 

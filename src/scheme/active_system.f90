@@ -34,6 +34,8 @@ module dotyk_scheme_active_system
   contains
     !> Set `row` and `layer`.
     procedure :: take_points => system_take_points
+    !> Whether it is prepared for an active set.
+    procedure :: is_for => system_is_for
     !> Free the components of this type.
     procedure :: forget => system_forget
     !> Prepare the system of an active set; another one may stand there before.
@@ -121,6 +123,22 @@ contains
     self%row = pack([(i, i=1, size(active))], active)
     self%layer = theta(self%row)/qp%weight(self%row)
   end subroutine system_take_points
+
+  !> Whether the system is prepared for an active set.
+  pure logical function system_is_for(self, qp, theta, active) result(is_for)
+    !> The system.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it may have been made for.
+    type(contact_qp_t), intent(in) :: qp
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The active set (n_rows).
+    logical, intent(in) :: active(:)
+    is_for = .false.
+    if (.not. allocated(self%row)) return
+    if (size(self%row) /= count(active)) return
+    is_for = all(active(self%row)) .and. .not. any(abs(self%layer - theta(self%row)/qp%weight(self%row)) > 0)
+  end function system_is_for
 
   !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
   !> that is a small fraction of the diagonal [length/force].

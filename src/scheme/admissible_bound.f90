@@ -19,9 +19,11 @@ contains
   !> that solve the active system with its theta, so that B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
-  real(dp) function admissible_bound(qp, compliance, theta, system, lambda, y, rounding) result(bound)
+  real(dp) function admissible_bound(qp, with_springs, compliance, theta, system, lambda, y, rounding) result(bound)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> The same with springs on the modes: what the system is that of.
+    type(contact_qp_t), intent(in) :: with_springs
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
@@ -47,7 +49,7 @@ contains
       mu = 0
       zero = 0
       residual = y(row) - theta(row)/weight(row)*lambda(row)
-      call system%solve(qp, compliance, -residual, zero, mu, beta)
+      call system%solve(with_springs, compliance, -residual, zero, mu, beta)
       allocate (all_mu(size(y)), source=0.0_dp)
       all_mu(row) = -mu
       call compliance%multiply(qp, all_mu, z)

@@ -25,8 +25,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute values that these resultants are made up of (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> The first ones are held: they are zero, and all are another basis than the rigid body modes of the body.
-    integer :: n_held = 0
+    !> Mean square displacement of all nodes of the body: the same for all its orthonormal modes [].
+    real(dp) :: mean_square = 1
   end type contact_modes_t
 
   !> A dense block of one body.
@@ -51,10 +51,13 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: resultant_size(:)
     !> Amplitudes of the modes of the bodies per amplitude of these (n).
     real(dp), allocatable :: scale(:)
+    !> Mean square displacement of the nodes of the body by each mode (n) [].
+    real(dp), allocatable :: mean_square(:)
     !> G by bodies (n_bodies).
     type(mode_block_t), allocatable :: block(:)
-    !> Whether modes of a body are another basis than its rigid body modes, some of them held.
-    logical :: holds_modes = .false.
+    !> How uncertain G is: its change where the normals of the slave surfaces are taken for those of the master
+    !> surfaces; not allocated where they agree (n_bodies).
+    type(mode_block_t), allocatable :: deviation(:)
     !> The two bodies of each row, 0 where there is no second one (2, n_rows).
     integer, allocatable :: body(:, :)
     !> Position of each row among the rows of these bodies (2, n_rows).
@@ -100,18 +103,20 @@ contains
       self%first(b + 1) = self%first(b) + size(modes(b)%resultant)
     end do
     self%n = self%first(size(block) + 1) - 1
-    allocate (self%scale(self%n), self%resultant(self%n))
+    allocate (self%scale(self%n), self%resultant(self%n), self%mean_square(self%n))
     do b = 1, size(block)
       associate (own => modes(b), first => self%first(b))
         allocate (self%block(b)%value(size(block(b)%row), size(own%resultant)))
         do j = 1, size(own%resultant)
           self%scale(first + j - 1) = 1
           self%resultant(first + j - 1) = own%resultant(j)
+          self%mean_square(first + j - 1) = own%mean_square
           if (size(block(b)%row) == 0) cycle
           ! A mode of a part without contact nodes moves none.
           most = maxval(abs(own%displacement(:, j)))
           if (most > rounding) self%scale(first + j - 1) = 1/most
           self%resultant(first + j - 1) = self%scale(first + j - 1)*own%resultant(j)
+          self%mean_square(first + j - 1) = self%scale(first + j - 1)**2*own%mean_square
           call block(b)%matrix%multiply(self%scale(first + j - 1)*own%displacement(:, j), self%block(b)%value(:, j))
           ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
           if (allocated(own%stiffness)) cycle
@@ -119,7 +124,6 @@ contains
         end do
       end associate
     end do
-    self%holds_modes = any(modes%n_held > 0)
     if (any([(allocated(modes(b)%stiffness), b=1, size(modes))])) call take_stiffness(self, modes)
   end subroutine coarse_init
 
@@ -260,21 +264,30 @@ contains
     end do
   end subroutine coarse_add_springs
 
-  !> Some rows of G as a dense matrix.
-  pure subroutine coarse_rows(self, row, g)
+  !> Some rows of G as a dense matrix, or how uncertain they are.
+  pure subroutine coarse_rows(self, row, g, uncertain)
     !> The coarse space.
     class(coarse_space_t), intent(in) :: self
     !> The rows (m).
     integer, intent(in) :: row(:)
-    !> G (m, n) [].
+    !> G, or `deviation` (m, n) [].
     real(dp), intent(out) :: g(:, :)
+    !> Whether `deviation` is asked for; not if absent.
+    logical, intent(in), optional :: uncertain
+    logical :: is_deviation
     integer :: i, k, b
     g = 0
+    is_deviation = .false.
+    if (present(uncertain)) is_deviation = uncertain
     do i = 1, size(row)
       do k = 1, 2
         b = self%body(k, row(i))
         if (b == 0) cycle
-        g(i, self%first(b):self%first(b + 1) - 1) = self%block(b)%value(self%place(k, row(i)), :)
+        if (is_deviation) then
+          g(i, self%first(b):self%first(b + 1) - 1) = self%deviation(b)%value(self%place(k, row(i)), :)
+        else
+          g(i, self%first(b):self%first(b + 1) - 1) = self%block(b)%value(self%place(k, row(i)), :)
+        end if
       end do
     end do
   end subroutine coarse_rows
@@ -297,8 +310,10 @@ contains
     class(coarse_space_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)
-    if (allocated(self%scale)) deallocate (self%scale)
-    if (allocated(self%stiffness)) deallocate (self%stiffness, self%lift, self%resultant_size)
+    if (allocated(self%scale)) deallocate (self%scale, self%mean_square)
+    if (allocated(self%deviation)) deallocate (self%deviation)
+    if (allocated(self%stiffness)) deallocate (self%stiffness)
+    if (allocated(self%lift)) deallocate (self%lift, self%resultant_size)
     if (allocated(self%resultant)) deallocate (self%resultant)
   end subroutine coarse_destroy
 end module dotyk_scheme_coarse_space

@@ -231,6 +231,7 @@ contains
     real(dp), intent(in) :: of_loads(:), alpha_of_loads(:)
     !> With groups and rows; gets the coarse space.
     type(condensed_qp_t), intent(inout) :: condensed
+    real(dp), allocatable :: rows(:, :)
     integer :: g
     associate (coarse => condensed%qp%coarse, group => condensed%group)
       call coarse%take_rows(condensed%qp%block, condensed%qp%n_rows)
@@ -241,8 +242,19 @@ contains
         coarse%block(g)%value = group(g)%rows
       end do
       coarse%n = coarse%first(size(group) + 1) - 1
-      coarse%holds_modes = qp%coarse%holds_modes
       allocate (coarse%scale(coarse%n), source=1.0_dp)
+      allocate (coarse%mean_square(coarse%n))
+      if (allocated(qp%coarse%deviation)) allocate (coarse%deviation(size(group)))
+      do g = 1, size(group)
+        associate (own => group(g), motion => group(g)%free(:size(group(g)%mode), :))
+          coarse%mean_square(coarse%first(g):coarse%first(g + 1) - 1) = matmul(qp%coarse%mean_square(own%mode), motion**2)
+          if (.not. allocated(coarse%deviation)) cycle
+          allocate (rows(size(own%contact), qp%coarse%n))
+          call qp%coarse%rows(own%contact, rows, uncertain=.true.)
+          coarse%deviation(g)%value = matmul(rows(:, own%mode), motion)
+          deallocate (rows)
+        end associate
+      end do
       coarse%resultant = of_groups(qp%coarse%resultant, lambda, alpha)
       if (.not. allocated(qp%coarse%stiffness)) return
       ! Ties that prescribed displacements or gaps open do work on soft motions, too, which is none of the loads.

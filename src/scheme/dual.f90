@@ -13,8 +13,8 @@ module dotyk_scheme_dual
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rounding, &
-    update_penetrations
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
+    rounding, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
@@ -25,6 +25,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
+  use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
@@ -268,8 +269,11 @@ contains
     !> As in `dual_solve`.
     type(error_t), allocatable, intent(out) :: error
     type(iterate_t) :: now
-    real(dp), allocatable :: guess(:)
+    type(contact_qp_t) :: with_springs
+    type(proximal_motion_t) :: motion
+    real(dp), allocatable :: guess(:), foundation(:)
     logical, allocatable :: active(:)
+    logical :: starts_inside, done
     if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
     if (warm) then
       now%lambda = qp%weight*state%m
@@ -284,6 +288,7 @@ contains
       if (.not. warm) call stop_if_interrupted(error)
       if (allocated(error)) return
     end if
+    starts_inside = .not. warm .and. has_many_modes(qp)
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
       if (has_many_modes(qp)) then
@@ -294,23 +299,38 @@ contains
       end if
       if (allocated(error)) return
     end if
-    if (qp%n_rows == 0) then
-      call system%init(qp, compliance, theta, active, error)
-      if (.not. allocated(error)) &
-        call system%solve(qp, compliance, 0*now%lambda, qp%coarse%resultant, now%lambda, now%alpha)
-      state%ended = ended_converged
-    else
-      call find_active_set(qp, compliance, theta, settings%max_iterations, monitor, system, now, active, &
-                           state, error, start_inside=.not. warm .and. has_many_modes(qp))
-    end if
-    if (.not. allocated(error) .and. state%ended /= ended_rigid_constraint) &
-      call finish(qp, compliance, theta, settings%tolerance, system, now, state)
+    foundation = foundation_stiffness(qp, theta)
+    call motion%init(qp, foundation, active, 0*now%alpha)
+    with_springs = qp
+    do
+      call motion%apply(qp, with_springs)
+      if (motion%has_changed) call system%forget()
+      if (qp%n_rows == 0) then
+        call system%init(with_springs, compliance, theta, active, error)
+        if (allocated(error)) return
+        call system%solve(with_springs, compliance, 0*now%lambda, with_springs%coarse%resultant, now%lambda, now%alpha)
+        state%ended = ended_converged
+      else
+        call find_active_set(qp, with_springs, compliance, theta, settings%max_iterations - state%history%n, monitor, &
+                             system, now, active, state, error, start_inside=starts_inside)
+        if (allocated(error) .or. state%ended == ended_rigid_constraint) return
+      end if
+      starts_inside = .false.
+      call motion%advance(qp, foundation, now%lambda, now%alpha, active, done)
+      if (done .or. state%ended /= ended_converged) exit
+    end do
+    state%imbalance = motion%imbalance/qp%coarse%scale
+    state%rest = motion%rest
+    call motion%find_undetermined(qp, foundation, active, state%indeterminate)
+    call finish(qp, with_springs, compliance, theta, settings%tolerance, system, now, state)
   end subroutine solve_working_set
 
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
-  subroutine finish(qp, compliance, theta, tolerance, system, now, state)
+  subroutine finish(qp, with_springs, compliance, theta, tolerance, system, now, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> The same with the springs of the last step.
+    type(contact_qp_t), intent(in) :: with_springs
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
@@ -330,16 +350,16 @@ contains
     state%m = now%lambda/qp%weight
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
-    if (state%ended /= ended_interrupted) state%indeterminate = system%null_mode
     call state%indeterminate%scale(qp%coarse%scale)
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
-    has_equilibrium = is_balanced(qp, theta, now%lambda, now%alpha)
+    has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
+                      .not. any(state%rest > largest_rest)
     if (has_equilibrium) then
       state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
-        admissible = admissible_bound(qp, compliance, theta, system, now%lambda, now%y, rounding)
+        admissible = admissible_bound(qp, with_springs, compliance, theta, system, now%lambda, now%y, rounding)
       ! A bound from half a solution is none.
       if (interrupted()) admissible = huge(norm)
       state%error_bound = min(state%error_bound, admissible)

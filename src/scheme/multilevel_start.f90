@@ -143,7 +143,7 @@ contains
     integer :: i
     call find_start(qp, compliance, theta, now, active, error)
     if (.not. allocated(error)) &
-      call find_active_set(qp, compliance, theta, most_steps, silent, system, now, active, state, error)
+      call find_active_set(qp, qp, compliance, theta, most_steps, silent, system, now, active, state, error)
     if (allocated(error)) return
     allocate (indentation(qp%n_rows))
     if (compliance%is_formed(qp)) then

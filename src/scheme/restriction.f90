@@ -217,16 +217,30 @@ contains
     allocate (place_of(n_groups))
     do b = 1, size(block)
       place_of(block(b)%row) = [(i, i=1, size(block(b)%row))]
-      deallocate (coarse%block(b)%value)
-      allocate (coarse%block(b)%value(size(block(b)%row), size(qp%coarse%block(b)%value, 2)), source=0.0_dp)
-      associate (fine => qp%coarse%block(b)%value, own => coarse%block(b)%value, row => qp%block(b)%row)
-        do i = 1, size(row)
-          if (group(row(i)) == 0) cycle
-          associate (at => place_of(group(row(i))))
-            own(at, :) = own(at, :) + fraction(row(i))*fine(i, :)
-          end associate
-        end do
-      end associate
+      call join(qp%block(b)%row, size(block(b)%row), qp%coarse%block(b)%value, coarse%block(b)%value)
+      if (allocated(coarse%deviation)) &
+        call join(qp%block(b)%row, size(block(b)%row), qp%coarse%deviation(b)%value, coarse%deviation(b)%value)
     end do
+  contains
+    !> Rows of one body.
+    subroutine join(row, n, fine, joined)
+      !> All rows of the body (n_fine).
+      integer, intent(in) :: row(:)
+      !> Number of its groups.
+      integer, intent(in) :: n
+      !> Modes at its rows (n_fine, n_modes) [].
+      real(dp), intent(in) :: fine(:, :)
+      !> At its groups (n, n_modes) [].
+      real(dp), allocatable, intent(inout) :: joined(:, :)
+      integer :: j
+      deallocate (joined)
+      allocate (joined(n, size(fine, 2)), source=0.0_dp)
+      do j = 1, size(row)
+        if (group(row(j)) == 0) cycle
+        associate (at => place_of(group(row(j))))
+          joined(at, :) = joined(at, :) + fraction(row(j))*fine(j, :)
+        end associate
+      end do
+    end subroutine join
   end subroutine join_modes
 end module dotyk_scheme_restriction

@@ -26,7 +26,6 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
-  integer, parameter, public :: ended_slid = 15  !< a body moves by several elements along a neutral mode
   integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
   integer, parameter, public :: ended_costly = 17  !< p-multigrid takes longer than factors: there is no solution
 
@@ -48,6 +47,9 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: alpha(:)
     !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.
     type(mode_columns_t) :: indeterminate
+    !> What springs carry for want of contact that would (`dotyk_scheme_proximal_motion`): forces on the rigid body modes
+    !> (as `alpha`) [force], and as a fraction of the forces on each body, 0 where it is rounding (n_bodies) [].
+    real(dp), allocatable :: imbalance(:), rest(:)
     !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
     !> can stop.
     real(dp), allocatable :: unbounded(:)
@@ -160,8 +162,6 @@ contains
       name = 'unverified'
     case (ended_penetration)
       name = 'penetration'
-    case (ended_slid)
-      name = 'large_sliding'
     case (ended_solves)
       name = 'solves'
     case default

@@ -72,7 +72,7 @@ contains
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    suits = qp%n_rows == 0 .or. .not. qp%coarse%holds_modes
+    suits = .true.
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
     end associate
   end function primal_suits

@@ -1,0 +1,379 @@
+!> Motions of floating bodies by the proximal point method (Rockafellar, SIAM J. Control Optim. 14, 1976), that is
+!> iterated Tikhonov regularization: the weak springs of engineers, whose feet follow the bodies.
+!>
+!> The QP gets the term `(alpha - alpha_k)^T T (alpha - alpha_k)/2` on the amplitudes of the rigid body modes, T a small
+!> fraction of the contact stiffness in the metric of the mean square displacement of each body, and is solved again
+!> with alpha_k moved up. A motion that contact resists by the stiffness k converges like `(T/(T + k))^n`; one that
+!> nothing resists keeps the least motion within all inequalities. Where a body goes on moving, its springs are
+!> weakened along that motion: it travels until it touches, or contact resists it more weakly than the springs did.
+!> When rows become active that stop it, the springs are as strong as before.
+!>
+!> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
+!> rounding, or no more than `largest_rest` of the forces on a body that goes on moving along a direction in which the
+!> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
+!> determine such a motion.
+module dotyk_scheme_proximal_motion
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_inverse_root, only: find_inverse_root
+  use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_mode_columns, only: mode_columns_t
+  implicit none
+  private
+
+  !> The springs.
+  type, public :: proximal_motion_t
+    !> T by bodies; of size 0 for bodies without modes, and for those whose modes have a stiffness (n_bodies).
+    type(mode_block_t), allocatable :: stiffness(:)
+    !> alpha_k: where the feet of the springs are (n_modes) [length].
+    real(dp), allocatable :: centre(:)
+    !> T (alpha_{k+1} - alpha_k) of the last step (n_modes) [force].
+    real(dp), allocatable :: imbalance(:)
+    !> Imbalance of each body as a fraction of the forces on it, where it is more than rounding (n_bodies) [].
+    real(dp), allocatable :: rest(:)
+    !> Number of steps so far.
+    integer :: n_steps = 0
+    !> Whether T is another one than in the last step.
+    logical :: has_changed = .true.
+    !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
+    real(dp), allocatable, private :: last(:)
+    !> Active rows of each body in the last step (n_bodies).
+    integer, allocatable, private :: n_active(:)
+  contains
+    procedure :: init => motion_init
+    procedure :: apply => motion_apply
+    procedure :: advance => motion_advance
+    procedure :: find_undetermined => motion_find_undetermined
+  end type proximal_motion_t
+
+  !> Stiffness of the springs as a fraction of that of the contact.
+  real(dp), parameter :: fraction = 1.0e-3_dp
+  !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
+  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-10_dp
+  !> A motion goes on if its imbalance does not fall to this fraction in a step: contact resists it by less than the
+  !> springs do.
+  real(dp), parameter :: slow = 0.5_dp
+  !> Imbalance, as a fraction of the greatest force, that is rounding; and that which is where it falls no more.
+  real(dp), parameter :: rounding = 1.0e-12_dp, largest_rounding = 1.0e-8_dp
+  !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
+  !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
+  real(dp), parameter :: uncertain = 0.5_dp
+  !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
+  real(dp), parameter :: no_resistance = 1.0e-6_dp
+  !> Forces along motions that contact does not determine are an error of the loads or of the mesh up to this fraction
+  !> of the forces on the body.
+  real(dp), parameter, public :: largest_rest = 0.01_dp
+  !> Steps at most.
+  integer, parameter :: most_steps = 60
+  !> Motions of several bodies together are looked for among so many modes at most; the eigenvectors of more would take
+  !> longer than the contact.
+  integer, parameter :: most_modes = 300
+
+contains
+
+  !> The first springs, with their feet at given amplitudes.
+  subroutine motion_init(self, qp, foundation, active, alpha)
+    class(proximal_motion_t), intent(out) :: self
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> Rows that are expected to be active (n_rows).
+    logical, intent(in) :: active(:)
+    !> (n_modes) [length]
+    real(dp), intent(in) :: alpha(:)
+    integer :: b
+    associate (n_bodies => size(qp%block))
+      allocate (self%stiffness(n_bodies), self%n_active(n_bodies))
+      allocate (self%rest(n_bodies), source=0.0_dp)
+      allocate (self%last(n_bodies), source=-1.0_dp)
+      do b = 1, n_bodies
+        self%stiffness(b)%value = springs_of(qp, b, foundation, active)
+        self%n_active(b) = count(active(qp%block(b)%row))
+      end do
+    end associate
+    self%centre = alpha
+    self%imbalance = 0*alpha
+  end subroutine motion_init
+
+  !> The first springs of a body.
+  pure function springs_of(qp, b, foundation, active) result(stiffness)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> The body.
+    integer, intent(in) :: b
+    !> Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> Rows that the stiffness of the contact is that of; all of the body if it has none of them (n_rows).
+    logical, intent(in) :: active(:)
+    !> (modes of the body, the same) [force/length]
+    real(dp), allocatable :: stiffness(:, :)
+    real(dp) :: contact
+    integer :: j
+    associate (row => qp%block(b)%row, first => qp%coarse%first(b), n => qp%coarse%first(b + 1) - qp%coarse%first(b))
+      if (qp%coarse%has_stiffness(b) .or. n == 0) then
+        allocate (stiffness(0, 0))
+        return
+      end if
+      contact = sum(foundation(row), mask=active(row))
+      if (.not. contact > 0) contact = sum(foundation(row))
+      if (.not. (contact > 0 .and. contact <= huge(contact))) contact = 1
+      allocate (stiffness(n, n), source=0.0_dp)
+      do j = 1, n
+        stiffness(j, j) = fraction*contact*qp%coarse%mean_square(first + j - 1)
+      end do
+    end associate
+  end function springs_of
+
+  !> The QP with the springs, of which nothing else may change between the steps.
+  subroutine motion_apply(self, qp, with_springs)
+    class(proximal_motion_t), intent(in) :: self
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its copy; gets stiffness and resultants of the springs.
+    type(contact_qp_t), intent(inout) :: with_springs
+    type(coarse_space_t) :: coarse
+    integer :: b
+    coarse = qp%coarse
+    if (.not. allocated(coarse%stiffness)) then
+      allocate (coarse%stiffness(size(qp%block)))
+      do b = 1, size(qp%block)
+        associate (n => coarse%first(b + 1) - coarse%first(b))
+          allocate (coarse%stiffness(b)%value(n, n), source=0.0_dp)
+        end associate
+      end do
+    end if
+    do b = 1, size(qp%block)
+      if (size(self%stiffness(b)%value) == 0) cycle
+      associate (first => coarse%first(b), last => coarse%first(b + 1) - 1)
+        coarse%stiffness(b)%value = coarse%stiffness(b)%value + self%stiffness(b)%value
+        coarse%resultant(first:last) = coarse%resultant(first:last) + &
+          matmul(self%stiffness(b)%value, self%centre(first:last))
+      end associate
+    end do
+    call with_springs%replace_modes(coarse)
+  end subroutine motion_apply
+
+  !> Move the feet of the springs to the bodies, and decide whether they are to be moved again.
+  subroutine motion_advance(self, qp, foundation, lambda, alpha, active, done)
+    class(proximal_motion_t), intent(inout) :: self
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> Contact forces with the springs (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Amplitudes with the springs (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Active rows (n_rows).
+    logical, intent(in) :: active(:)
+    !> Whether all bodies are in equilibrium, or contact does not determine what they go on doing.
+    logical, intent(out) :: done
+    real(dp) :: step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
+    real(dp) :: greatest, on_body, size_now
+    logical :: goes_on, may_rest
+    integer :: b, n_active
+    done = .true.
+    self%has_changed = .false.
+    step = alpha - self%centre
+    self%centre = alpha
+    self%n_steps = self%n_steps + 1
+    call qp%mode_displacement(step, moved)
+    call find_uncertainty(qp, step, uncertainty)
+    greatest = maxval([0.0_dp, abs(lambda), abs(qp%coarse%resultant)])
+    do b = 1, size(qp%block)
+      associate (springs => self%stiffness(b)%value, row => qp%block(b)%row, &
+                 first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
+        self%rest(b) = 0
+        if (size(springs) == 0) cycle
+        self%imbalance(first:last) = matmul(springs, step(first:last))
+        size_now = maxval(abs(self%imbalance(first:last)))
+        on_body = max(sum(abs(lambda(row))), maxval(abs(qp%coarse%resultant(first:last))))
+        goes_on = self%last(b) >= 0 .and. .not. size_now < slow*self%last(b)
+        self%last(b) = size_now
+        n_active = count(active(row))
+        if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
+          self%rest(b) = size_now/max(on_body, largest_rounding*greatest)
+          may_rest = is_uncertain()
+          may_rest = may_rest .and. self%rest(b) <= largest_rest
+          if (.not. goes_on) then
+            done = .false.
+          else if (.not. may_rest) then
+            if (may_weaken()) done = .false.
+          end if
+        end if
+        ! A body that has met others: what these do not resist is held as before.
+        if (n_active > self%n_active(b)) then
+          springs = springs_of(qp, b, foundation, active)
+          self%last(b) = -1
+          self%has_changed = .true.
+        end if
+        self%n_active(b) = n_active
+      end associate
+    end do
+    if (self%n_steps >= most_steps) done = .true.
+
+  contains
+
+    !> Whether the active rows resist the step by no more than they are uncertain.
+    logical function is_uncertain()
+      real(dp) :: resisted, doubted, weight, whole
+      associate (row => qp%block(b)%row, first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
+        weight = sum(foundation(row), mask=active(row))
+        resisted = sum(foundation(row)*moved(row)**2, mask=active(row))
+        doubted = sum(foundation(row)*uncertainty(row)**2, mask=active(row))
+        whole = sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
+      end associate
+      is_uncertain = doubted >= uncertain**2*resisted .or. resisted <= no_resistance**2*weight*whole
+    end function is_uncertain
+
+    !> Weaken the springs of the body along its step, unless they are the weakest already.
+    logical function may_weaken() result(may)
+      real(dp), allocatable :: force(:), first_springs(:, :)
+      real(dp) :: along, at_first
+      associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
+        force = self%imbalance(first:last)
+        along = dot_product(step(first:last), force)
+        first_springs = springs_of(qp, b, foundation, active)
+        at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
+        may = along > weakest*at_first
+        if (.not. may) return
+        springs = springs - (1 - weakening)/along*matmul(reshape(force, [size(force), 1]), &
+                                                         reshape(force, [1, size(force)]))
+        self%last(b) = -1
+        self%has_changed = .true.
+      end associate
+    end function may_weaken
+  end subroutine motion_advance
+
+  !> The motions that contact does not determine: rows resist them by less than the springs do, or than they are
+  !> uncertain.
+  subroutine motion_find_undetermined(self, qp, foundation, active, motion)
+    class(proximal_motion_t), intent(in) :: self
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> Active rows (n_rows).
+    logical, intent(in) :: active(:)
+    !> As columns of amplitudes; the largest one of each is 1.
+    type(mode_columns_t), intent(out) :: motion
+    integer :: b
+    if (qp%coarse%n <= most_modes) then
+      call find_of(self, qp, foundation, active, [(b, b=1, size(qp%block))], motion)
+    else
+      do b = 1, size(qp%block)
+        call find_of(self, qp, foundation, active, [b], motion)
+      end do
+    end if
+  end subroutine motion_find_undetermined
+
+  !> Undetermined motions of some bodies, the others at rest.
+  subroutine find_of(self, qp, foundation, active, body, motion)
+    type(proximal_motion_t), intent(in) :: self
+    !> As in `find_undetermined`.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [force/length]
+    real(dp), intent(in) :: foundation(:)
+    !> (n_rows)
+    logical, intent(in) :: active(:)
+    !> The bodies.
+    integer, intent(in) :: body(:)
+    !> Gets their motions.
+    type(mode_columns_t), intent(inout) :: motion
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: g(:, :), d(:, :), weak(:, :), root(:, :), null_space(:, :), values(:), vectors(:, :)
+    real(dp), allocatable :: alpha(:)
+    integer, allocatable :: mode(:), row(:)
+    integer :: b, i, k, n, before, failed
+    allocate (mode(0))
+    do k = 1, size(body)
+      b = body(k)
+      if (size(self%stiffness(b)%value) > 0) mode = [mode, (i, i=qp%coarse%first(b), qp%coarse%first(b + 1) - 1)]
+    end do
+    n = size(mode)
+    if (n == 0) return
+    row = pack([(i, i=1, qp%n_rows)], active)
+    if (size(body) == 1) row = pack(qp%block(b)%row, active(qp%block(b)%row))
+    before = mode(1) - 1
+    mode = mode - before
+    allocate (weak(n, n), source=0.0_dp)
+    allocate (values(n), vectors(n, n), alpha(mode(n)))
+    i = 0
+    do k = 1, size(body)
+      associate (springs => self%stiffness(body(k))%value)
+        weak(i + 1:i + size(springs, 1), i + 1:i + size(springs, 1)) = springs
+        i = i + size(springs, 1)
+      end associate
+    end do
+    call rows_of(qp, qp%coarse%block, row, foundation, before, mode(n), g)
+    g = g(:, mode)
+    if (allocated(qp%coarse%deviation)) then
+      call rows_of(qp, qp%coarse%deviation, row, foundation, before, mode(n), d)
+      d = d(:, mode)
+      weak = weak + matmul(transpose(d), d)/uncertain**2
+    end if
+    call find_inverse_root(weak, 0.0_dp, root, null_space, failed)
+    if (failed /= 0) return
+    g = matmul(g, root)
+    call symmetric_eigen(matmul(transpose(g), g), values, vectors, error)
+    if (allocated(error)) return
+    vectors = matmul(root, vectors)
+    do k = 1, n
+      if (.not. values(k) < 1) cycle
+      alpha = 0
+      alpha(mode) = vectors(:, k)/maxval(abs(vectors(:, k)))
+      call motion%add(alpha, offset=before)
+    end do
+  end subroutine find_of
+
+  !> Some rows of successive modes, by the root of their stiffness.
+  pure subroutine rows_of(qp, block, row, foundation, before, n, g)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Rows by bodies (n_bodies) [].
+    type(mode_block_t), intent(in) :: block(:)
+    !> The rows (n_rows of g).
+    integer, intent(in) :: row(:)
+    !> Stiffness of all rows (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> Modes before the first one, and number of modes.
+    integer, intent(in) :: before, n
+    !> (rows, n) [sqrt(force/length)]
+    real(dp), allocatable, intent(out) :: g(:, :)
+    integer :: i, k, b
+    allocate (g(size(row), n), source=0.0_dp)
+    do i = 1, size(row)
+      do k = 1, 2
+        b = qp%coarse%body(k, row(i))
+        if (b == 0) cycle
+        associate (first => qp%coarse%first(b) - before, last => qp%coarse%first(b + 1) - 1 - before)
+          if (first < 1 .or. last > n) cycle
+          g(i, first:last) = sqrt(foundation(row(i)))*block(b)%value(qp%coarse%place(k, row(i)), :)
+        end associate
+      end do
+    end do
+  end subroutine rows_of
+
+  !> How uncertain the displacements of the rows by a motion are.
+  pure subroutine find_uncertainty(qp, alpha, z)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> The motion (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n_rows) [length]
+    real(dp), intent(out) :: z(:)
+    integer :: b, j
+    z = 0
+    if (.not. allocated(qp%coarse%deviation)) return
+    do b = 1, size(qp%block)
+      associate (row => qp%block(b)%row, d => qp%coarse%deviation(b)%value)
+        do j = 1, size(d, 2)
+          z(row) = z(row) + alpha(qp%coarse%first(b) + j - 1)*d(:, j)
+        end do
+      end associate
+    end do
+  end subroutine find_uncertainty
+end module dotyk_scheme_proximal_motion
