@@ -27,12 +27,14 @@ module dotyk_control_penalty_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature, linear_solver_direct, linear_solver_iterative
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
+  use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_primal, only: primal_t
-  use dotyk_scheme_linear_solver_choice, only: choose_solver
+  use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
@@ -304,8 +306,9 @@ contains
     real(dp), intent(in) :: reduction
     !> As in `follow_theta`.
     type(solver_state_t), intent(inout) :: state
-    class(active_system_t), allocatable :: system
-    type(contact_qp_t) :: part
+    type(active_system_t) :: system
+    type(contact_qp_t) :: part, with_springs
+    type(proximal_motion_t) :: motion
     type(error_t), allocatable :: error
     real(dp), allocatable :: lambda(:), alpha(:), forces(:)
     logical, allocatable :: active(:)
@@ -313,18 +316,23 @@ contains
     associate (working => state%m > 0)
       call restrict_qp(qp, working, part)
       ! As the dual scheme did it.
-      call choose_solver(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
-                                                 compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
+      system%coupling = choose_coupling(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
+                                                                compliance%has_entries()), [(.true., k=1, part%n_rows)])
       system%reduction = reduction
       if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
       lambda = part%weight*pack(state%m, working)
       alpha = state%alpha/qp%coarse%scale
+      ! Along motions that contact does not determine the bodies stay where they are.
+      call motion%init(part, foundation_stiffness(part, pack(theta, working)), lambda > 0, alpha)
+      with_springs = part
+      call motion%apply(part, with_springs)
       do k = 1, most_systems
         active = lambda > 0
-        call system%init(part, compliance, pack(theta, working), active, error)
+        call system%init(with_springs, compliance, pack(theta, working), active, error)
         if (allocated(error)) exit
         forces = lambda(system%row)
-        call system%solve(part, compliance, part%initial_penetration(system%row), part%coarse%resultant, forces, alpha)
+        call system%solve(with_springs, compliance, part%initial_penetration(system%row), &
+                          with_springs%coarse%resultant, forces, alpha)
         lambda = 0
         lambda(system%row) = forces
         if (all(lambda > 0 .or. .not. active) .or. .not. any(lambda > 0)) exit

@@ -73,7 +73,7 @@ contains
     !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> That of the last active set on return.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Where to begin, and the last iterate.
     type(iterate_t), intent(inout) :: now
     !> Where to begin, and the last active set (n_rows).
@@ -85,7 +85,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior-point method begins, without any active set; false if absent.
     logical, intent(in), optional :: start_inside
-    logical :: next(size(active)), is_rigid(size(active)), cycles, tried, joined, is_shared
+    logical :: next(size(active)), is_rigid(size(active)), cycles, tried, joined, is_shared, is_new
     integer :: changes(most_first_steps + most_last_steps)
     type(iterate_t) :: last, inside, unjoined
     logical, allocatable :: inside_active(:), unjoined_active(:)
@@ -127,7 +127,8 @@ contains
         state%overlap = qp%initial_penetration(place)
         return
       end if
-      if (.not. system%is_for(qp, theta, active)) call system%init(with_springs, compliance, theta, active, error)
+      is_new = .not. system%is_for(qp, theta, active)
+      if (is_new) call system%init(with_springs, compliance, theta, active, error)
       ! The set before rows joined is a solution.
       if (allocated(error) .and. joined) then
         deallocate (error)
@@ -144,9 +145,12 @@ contains
       if (interrupted()) exit
       call compliance%multiply(qp, now%lambda - last%lambda, change)
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
-      call add_to_history(qp, theta, now, wall_time() - begin, length, count(active), state)
-      ! Active sets are found or not: no rate of convergence leads to a tolerance.
-      call monitor%step(state%history, 0.0_dp, state%error_bound)
+      ! Springs that are moved up solve the system of the same set again: no step of the iteration.
+      if (is_new) then
+        call add_to_history(qp, theta, now, wall_time() - begin, length, count(active), state)
+        ! Active sets are found or not: no rate of convergence leads to a tolerance.
+        call monitor%step(state%history, 0.0_dp, state%error_bound)
+      end if
 
       ! Rows may be active without any force, such as those that push a floating body away.
       largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, &
@@ -298,7 +302,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Another one on return.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Rows without force (n_rows).
     logical, intent(in) :: is_rigid(:)
     !> The iterate.
@@ -331,7 +335,7 @@ contains
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Linear system of the active set, prepared.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> The iterate.
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: lambda(:)

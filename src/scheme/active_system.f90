@@ -1,132 +1,123 @@
 !> The linear system of an active set: contact forces on the active rows, and amplitudes of the rigid body modes.
 !>
-!> With M = C + Theta W^{-1} on the active rows, G their rows of the coarse space, and S the stiffness of
-!> near-null-space modes:
+!> With M = C + Theta W^{-1} on the active rows, G their rows of the coarse space, and S the stiffness of the modes, that
+!> of near-null-space modes and of the springs that keep floating bodies (`dotyk_scheme_proximal_motion`):
 !>
 !>     M lambda - G alpha = b,    G^T lambda + S alpha = c.
 !>
-!> It is solved by factorization of the whole saddle point matrix (`dotyk_scheme_direct_system`), by conjugate
-!> gradients that know the network of many bodies (`dotyk_scheme_network_system`), or matrix-free by projected conjugate
-!> gradients (`dotyk_scheme_iterative_system`).
+!> It is symmetric quasi-definite, and solved by conjugate gradients with the constraint preconditioner
+!> `[M_p -G; -G^T -S]` (Keller, Gould, Wathen, SIAM J. Matrix Anal. Appl. 21, 2000), M_p being M without some of the
+!> couplings of the rows:
+!>
+!>  - none left out: M_p = M, and conjugate gradients refine a direct solution;
+!>  - couplings of different pairs: contacts yield near their points, and a body couples its pairs weakly; the number of
+!>    iterations depends on the shape of the bodies, not on how many there are;
+!>  - all couplings, and an approximate diagonal: nothing but products with the compliance is needed.
+!>
+!> CHOLMOD factorizes M_p, and the stiffness `H = G^T M_p^{-1} G + S` of rigid bodies on their contacts, as in FETI the
+!> coarse problem. All iterates are in equilibrium with c, where conjugate gradients see the positive definite M (Gould,
+!> Hribar, Nocedal, SIAM J. Sci. Comput. 23, 2001).
+!>
+!> With theta = 0 rows can be linearly dependent and M singular: M_p has a small fraction of its diagonal more, the
+!> proximal point method (Rockafellar, SIAM J. Control Optim. 14, 1976). Consistent equations are solved exactly,
+!> redundant rows share the force of least norm. The fraction goes with 1/w, as a penalty theta does: the norm is that of
+!> the pressures, sum lambda^2/w, and redundant forces are the limit of those with theta -> 0.
 module dotyk_scheme_active_system
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_clique_matrix, only: clique_t, assemble_cliques
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_mode_columns, only: mode_columns_t
+  use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
   implicit none
   private
   public :: proximal_term
 
-  !> The system.
-  type, abstract, public :: active_system_t
+  !> Couplings of rows that the preconditioner knows: all, those within a pair, none.
+  integer, parameter, public :: coupling_all = 1, coupling_pairs = 2, coupling_none = 3
+
+  !> Rows of a contact pair.
+  type :: pair_rows_t
+    !> Active rows first .. last.
+    integer :: first = 1, last = 0
+    !> Bodies; 0 where there is no second one.
+    integer :: body(2) = 0
+    !> Modes of the first and the second body.
+    integer :: n_modes(2) = 0
+  end type pair_rows_t
+
+  !> The system. It owns factors: never copy it, destroy it in the end.
+  type, public :: active_system_t
+    !> One of `coupling_*`.
+    integer :: coupling = coupling_all
     !> Active rows of the contact operator, ascending (n).
     integer, allocatable :: row(:)
     !> Compliance theta/w of the Winkler layer there (n) [length/force].
     real(dp), allocatable :: layer(:)
-    !> Iterative solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
+    !> Solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
     real(dp) :: reduction = 0
-    !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that the network system may
-    !> leave in the residual; 0: rounding [].
+    !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that may be left in the
+    !> residual; 0: rounding [].
     real(dp) :: step_reduction = 0
-    !> Null modes: rigid body modes that the active points do not restrain; the largest amplitude of each is 1.
-    type(mode_columns_t) :: null_mode
+    !> Iterations of all solutions so far; a pointer, since solutions do not change the system.
+    integer, pointer :: n_iterations => null()
+    !> Diagonal of C, or an approximate one (n) [length/force].
+    real(dp), allocatable, private :: diagonal(:)
+    !> The pairs (n_pairs).
+    type(pair_rows_t), allocatable, private :: pair(:)
+    !> Rows of the QP that all others are restrictions of, for which the pattern and C stand in `matrix` (n).
+    integer, allocatable, private :: parent(:)
+    !> Aggregations of that QP.
+    integer, private :: level = 0
+    !> C with the couplings that M_p has; and the factor of M_p [length/force].
+    type(sparse_symmetric_t), private :: matrix
+    type(cholesky_t), private :: factor
+    !> M_p^{-1} G: columns of all modes where all rows couple, of the modes of the two bodies of the pair of each row
+    !> elsewhere (n, number of columns) [force/length].
+    real(dp), allocatable, private :: spread(:, :)
+    !> H.
+    type(mode_stiffness_t), private :: network
   contains
-    !> Set `row` and `layer`.
-    procedure :: take_points => system_take_points
-    !> Whether it is prepared for an active set.
+    procedure :: init => system_init
+    procedure :: solve => system_solve
     procedure :: is_for => system_is_for
-    !> Free the components of this type.
+    procedure :: needs_entries => system_needs_entries
     procedure :: forget => system_forget
-    !> Prepare the system of an active set; another one may stand there before.
-    procedure(init_interface), deferred :: init
-    !> Solve to rounding, or to `reduction`. Null modes get amplitude 0; the part of c that excites them remains in the
-    !> residual.
-    procedure(solve_interface), deferred :: solve
-    !> Whether it needs the entries of the compliance at the active rows.
-    procedure(needs_entries_interface), deferred :: needs_entries
-    !> Free all memory.
-    procedure(destroy_interface), deferred :: destroy
+    procedure :: destroy => system_destroy
   end type active_system_t
-
-  abstract interface
-    !> Prepare the system.
-    subroutine init_interface(self, qp, compliance, theta, active, error)
-      import :: active_system_t, contact_qp_t, compliance_t, error_t, dp
-      !> The system.
-      class(active_system_t), intent(inout) :: self
-      !> Contact rows and rigid body modes.
-      type(contact_qp_t), intent(in) :: qp
-      !> Compliance operator, formed at all active rows or matrix-free.
-      class(compliance_t), intent(inout) :: compliance
-      !> Penalty parameters (n_rows) [length/pressure].
-      real(dp), intent(in) :: theta(:)
-      !> The active set (n_rows).
-      logical, intent(in) :: active(:)
-      !> The system cannot be prepared; the extensions say why.
-      type(error_t), allocatable, intent(out) :: error
-    end subroutine init_interface
-
-    !> Solve the system.
-    subroutine solve_interface(self, qp, compliance, b, c, lambda, alpha)
-      import :: active_system_t, contact_qp_t, compliance_t, dp
-      !> The system.
-      class(active_system_t), intent(in) :: self
-      !> The problem that it was made for.
-      type(contact_qp_t), intent(in) :: qp
-      !> The compliance that it was made for.
-      class(compliance_t), intent(inout) :: compliance
-      !> Right-hand side of the contact rows (n) [length].
-      real(dp), intent(in) :: b(:)
-      !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
-      real(dp), intent(in) :: c(:)
-      !> Contact forces; an initial guess on entry (n) [force].
-      real(dp), intent(inout) :: lambda(:)
-      !> Amplitudes of the modes (coarse%n) [length].
-      real(dp), intent(out) :: alpha(:)
-    end subroutine solve_interface
-
-    !> Whether it needs the entries of the compliance.
-    pure logical function needs_entries_interface(self)
-      import :: active_system_t
-      !> The system.
-      class(active_system_t), intent(in) :: self
-    end function needs_entries_interface
-
-    !> Free all memory.
-    subroutine destroy_interface(self)
-      import :: active_system_t
-      !> The system.
-      class(active_system_t), intent(inout) :: self
-    end subroutine destroy_interface
-  end interface
 
   !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
   !> M (1e-16 of it), far below what slows down the refinement: each step gains nine digits where rows are independent.
   real(dp), parameter :: proximal_fraction = 1.0e-9_dp
   !> Most of it, where weights or stiffnesses differ: six digits a step.
   real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
+  !> A residual in the norm of the preconditioner is rounding at this fraction of the right-hand side.
+  real(dp), parameter :: tolerance = 1.0e-14_dp
+  !> Conjugate gradients begin anew, from the true residual, when they have reduced it to this fraction.
+  real(dp), parameter :: restart = 1.0e-8_dp
+  !> Iterations from one true residual to the next at most, and true residuals.
+  integer, parameter :: most_iterations = 2000, most_rounds = 8
+  !> Rounds go on while the squared residual falls to this fraction (of contact rows, of equilibrium).
+  real(dp), parameter :: worthwhile_gain = 0.1_dp, worthwhile_gain_of_equilibrium = 0.01_dp
+  !> Directions whose forces are out of equilibrium by this fraction are rounding errors: as many rows as modes leave no
+  !> self-equilibrated forces.
+  real(dp), parameter :: most_imbalance = 1.0e-5_dp
+  !> Compliance of rows between prescribed displacements, which get no force, as a multiple of the largest one.
+  real(dp), parameter :: no_force = 1.0e16_dp
 
 contains
 
-  !> Take the active rows of a problem.
-  subroutine system_take_points(self, qp, theta, active)
-    !> The system.
-    class(active_system_t), intent(inout) :: self
-    !> With the weights of the rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The active set (n_rows).
-    logical, intent(in) :: active(:)
-    integer :: i
-    self%row = pack([(i, i=1, size(active))], active)
-    self%layer = theta(self%row)/qp%weight(self%row)
-  end subroutine system_take_points
+  !> Whether it needs the entries of the compliance at the active rows.
+  pure logical function system_needs_entries(self) result(needed)
+    class(active_system_t), intent(in) :: self
+    needed = self%coupling /= coupling_none
+  end function system_needs_entries
 
   !> Whether the system is prepared for an active set.
   pure logical function system_is_for(self, qp, theta, active) result(is_for)
-    !> The system.
     class(active_system_t), intent(in) :: self
     !> The problem that it may have been made for.
     type(contact_qp_t), intent(in) :: qp
@@ -139,6 +130,56 @@ contains
     if (size(self%row) /= count(active)) return
     is_for = all(active(self%row)) .and. .not. any(abs(self%layer - theta(self%row)/qp%weight(self%row)) > 0)
   end function system_is_for
+
+  !> Prepare the system of an active set; another one may stand there before. Rows that are the same as before keep
+  !> their entries.
+  subroutine system_init(self, qp, compliance, theta, active, error)
+    class(active_system_t), intent(inout) :: self
+    !> Contact rows, and rigid body modes with their stiffness.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator, formed at all active rows unless the coupling is none.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The active set (n_rows).
+    logical, intent(in) :: active(:)
+    !> M_p or H is not positive definite: rows are linearly dependent to rounding with theta = 0, or an entry is not a
+    !> number. Or METIS or CHOLMOD has no memory.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i, failed
+    logical :: is_known, is_singular
+    if (.not. associated(self%n_iterations)) allocate (self%n_iterations, source=0)
+    self%row = pack([(i, i=1, size(active))], active)
+    self%layer = theta(self%row)/qp%weight(self%row)
+    is_known = .false.
+    if (allocated(self%parent)) then
+      is_known = self%level == qp%level .and. size(self%parent) == size(self%row)
+      if (is_known) is_known = all(self%parent == qp%parent_row(self%row))
+    end if
+    if (.not. is_known) then
+      call form_matrix(self, qp, compliance, error)
+      if (allocated(error)) return
+      self%parent = qp%parent_row(self%row)
+      self%level = qp%level
+    end if
+    associate (k => self%matrix%column_start(:size(self%row)) + 1)
+      self%matrix%value(k) = self%diagonal + self%layer + &
+        proximal_term(self%diagonal + self%layer, self%layer, qp%weight(self%row))
+    end associate
+    call self%factor%factorize(self%matrix, failed, error)
+    if (allocated(error)) return
+    is_singular = failed > 0
+    if (.not. is_singular) then
+      call form_network(self, qp)
+      call self%network%factorize(is_singular, error)
+      if (allocated(error)) return
+    end if
+    if (.not. is_singular) return
+    deallocate (self%row)
+    call set_error(error, 'the compliance matrix of the active constraints is not positive definite (constraints are '// &
+                   'linearly dependent to rounding): a spring that holds a body may be too weak beside its elements, '// &
+                   'a stiffer one or a support helps; else give a greater theta', exit_not_solvable)
+  end subroutine system_init
 
   !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
   !> that is a small fraction of the diagonal [length/force].
@@ -156,11 +197,470 @@ contains
     where (.not. layer > 0) term = max(term, min(proximal_fraction*theta/weight, most_proximal_fraction*diagonal))
   end function proximal_term
 
-  !> Free what all systems have.
+  !> C with the couplings of M_p, its symbolic factorization, and that of H.
+  subroutine form_matrix(self, qp, compliance, error)
+    !> Its rows are taken.
+    type(active_system_t), intent(inout) :: self
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `init`.
+    type(error_t), allocatable, intent(out) :: error
+    type(clique_t), allocatable :: clique(:)
+    integer, allocatable :: order(:), member(:), first(:)
+    real(dp), allocatable :: yields(:)
+    integer :: i, p, k, n
+    if (allocated(self%parent)) deallocate (self%parent)
+    call find_pairs(qp, self%row, self%pair)
+    n = size(self%row)
+    select case (self%coupling)
+    case (coupling_all)
+      call couple_bodies(qp, self%row, compliance, clique)
+    case (coupling_pairs)
+      call couple_pairs(qp, self%row, self%pair, compliance, clique)
+    case default
+      allocate (clique(0))
+    end select
+    call assemble_cliques(n, clique, self%pair%first, self%matrix, order, error)
+    if (allocated(error)) return
+    deallocate (clique)
+    if (self%coupling == coupling_none) then
+      allocate (yields(qp%n_rows))
+      call compliance%nodal_diagonal(qp, yields)
+      self%diagonal = yields(self%row)
+      where (.not. self%diagonal + self%layer > 0) self%diagonal = no_force*max(tiny(1.0_dp), maxval(yields))
+    else
+      self%diagonal = self%matrix%value(self%matrix%column_start(:n) + 1)
+    end if
+    call self%factor%analyze(self%matrix, order, error)
+    if (allocated(error)) return
+    ! Bodies that H couples: those of each pair, or all together.
+    allocate (member(2*size(self%pair)), first(size(self%pair) + 1), source=1)
+    n = 0
+    do p = 1, size(self%pair)
+      do k = 1, 2
+        if (self%pair(p)%n_modes(k) == 0) cycle
+        n = n + 1
+        member(n) = self%pair(p)%body(k)
+      end do
+      first(p + 1) = n + 1
+    end do
+    if (self%coupling == coupling_all) then
+      member = pack([(i, i=1, size(qp%block))], qp%coarse%first(2:) > qp%coarse%first(:size(qp%block)))
+      first = [1, size(member) + 1]
+    end if
+    call self%network%init(qp%coarse%first, first, member(:first(size(first)) - 1), error)
+  end subroutine form_matrix
+
+  !> Successive active rows of the same pair and bodies.
+  subroutine find_pairs(qp, row, pair)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Active rows, ascending (n).
+    integer, intent(in) :: row(:)
+    !> (n_pairs)
+    type(pair_rows_t), allocatable, intent(out) :: pair(:)
+    type(pair_rows_t), allocatable :: found(:)
+    integer :: i, k, n, at, b
+    logical :: is_new
+    allocate (found(size(row)))
+    n = 0
+    at = 0
+    do i = 1, size(row)
+      is_new = i == 1
+      do while (row(i) >= qp%pair_first_row(at + 1))
+        at = at + 1
+        is_new = .true.
+      end do
+      if (.not. is_new) is_new = any(qp%coarse%body(:, row(i)) /= found(n)%body)
+      if (is_new) then
+        n = n + 1
+        found(n)%first = i
+        found(n)%body = qp%coarse%body(:, row(i))
+        do k = 1, 2
+          b = found(n)%body(k)
+          if (b > 0) found(n)%n_modes(k) = qp%coarse%first(b + 1) - qp%coarse%first(b)
+        end do
+      end if
+      found(n)%last = i
+    end do
+    pair = found(:n)
+  end subroutine find_pairs
+
+  !> The compliance of each body couples all its rows.
+  subroutine couple_bodies(qp, row, compliance, clique)
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> Active rows, ascending (n).
+    integer, intent(in) :: row(:)
+    !> Compliance operator, formed at the rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Those of the bodies (n_bodies).
+    type(clique_t), allocatable, intent(out) :: clique(:)
+    integer :: number(qp%n_rows), b, i
+    number = 0
+    number(row) = [(i, i=1, size(row))]
+    allocate (clique(size(qp%block)))
+    do b = 1, size(clique)
+      associate (own => qp%block(b)%row)
+        clique(b)%row = pack(number(own), number(own) > 0)
+        call compliance%get_entries(qp, b, row(clique(b)%row), clique(b)%value)
+      end associate
+    end do
+  end subroutine couple_bodies
+
+  !> The compliances of its two bodies couple the rows of each pair.
+  subroutine couple_pairs(qp, row, pair, compliance, clique)
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> Active rows, ascending (n).
+    integer, intent(in) :: row(:)
+    !> The pairs (n_pairs).
+    type(pair_rows_t), intent(in) :: pair(:)
+    !> Compliance operator, formed at the rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Those of the pairs (n_pairs).
+    type(clique_t), allocatable, intent(out) :: clique(:)
+    real(dp), allocatable :: entries(:, :)
+    integer :: p, k, i, n
+    allocate (clique(size(pair)))
+    do p = 1, size(pair)
+      clique(p)%row = [(i, i=pair(p)%first, pair(p)%last)]
+      n = size(clique(p)%row)
+      allocate (clique(p)%value(n, n), source=0.0_dp)
+      do k = 1, 2
+        if (pair(p)%body(k) == 0) cycle
+        call compliance%get_entries(qp, pair(p)%body(k), row(clique(p)%row), entries)
+        clique(p)%value = clique(p)%value + entries
+      end do
+    end do
+  end subroutine couple_pairs
+
+  !> M_p^{-1} G, and H.
+  subroutine form_network(self, qp)
+    !> M_p is factorized; sets `spread` and `network`.
+    type(active_system_t), intent(inout) :: self
+    !> With the coarse space.
+    type(contact_qp_t), intent(in) :: qp
+    real(dp), allocatable :: g(:, :), h(:, :)
+    integer :: b, c, p, k, l, at(2)
+    call self%network%clear()
+    associate (first => qp%coarse%first, n => size(self%row), n_bodies => size(qp%block))
+      if (self%coupling == coupling_all) then
+        allocate (g(n, qp%coarse%n))
+        call qp%coarse%rows(self%row, g)
+      else
+        allocate (g(n, maxval([0, self%pair%n_modes(1) + self%pair%n_modes(2)])))
+        call rows_of_pairs(self, qp, g)
+      end if
+      self%spread = g
+      if (size(g) > 0) call self%factor%solve_block(self%spread)
+      if (self%coupling == coupling_all) then
+        h = matmul(transpose(g), self%spread)
+        do b = 1, n_bodies
+          do c = 1, b
+            call self%network%add(b, c, h(first(b):first(b + 1) - 1, first(c):first(c + 1) - 1))
+          end do
+        end do
+      else
+        do p = 1, size(self%pair)
+          associate (pair => self%pair(p))
+            h = matmul(transpose(g(pair%first:pair%last, :)), self%spread(pair%first:pair%last, :))
+            at = [0, pair%n_modes(1)]
+            do k = 1, 2
+              do l = 1, k
+                if (pair%n_modes(k) > 0 .and. pair%n_modes(l) > 0) &
+                  call self%network%add(pair%body(k), pair%body(l), h(at(k) + 1:at(k) + pair%n_modes(k), &
+                                                                      at(l) + 1:at(l) + pair%n_modes(l)))
+              end do
+            end do
+          end associate
+        end do
+      end if
+      if (.not. allocated(qp%coarse%stiffness)) return
+      do b = 1, n_bodies
+        call self%network%add(b, b, qp%coarse%stiffness(b)%value)
+      end do
+    end associate
+  end subroutine form_network
+
+  !> G at the active rows: the modes of the first body of each pair before those of the second.
+  pure subroutine rows_of_pairs(self, qp, g)
+    !> With rows and pairs.
+    type(active_system_t), intent(in) :: self
+    !> With the coarse space.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n, most modes of a pair) [].
+    real(dp), intent(out) :: g(:, :)
+    integer :: p, i, k, at
+    g = 0
+    do p = 1, size(self%pair)
+      at = 0
+      do k = 1, 2
+        associate (b => self%pair(p)%body(k), n => self%pair(p)%n_modes(k))
+          if (n == 0) cycle
+          do i = self%pair(p)%first, self%pair(p)%last
+            g(i, at + 1:at + n) = qp%coarse%block(b)%value(qp%coarse%place(k, self%row(i)), :)
+          end do
+          at = at + n
+        end associate
+      end do
+    end do
+  end subroutine rows_of_pairs
+
+  !> Solve `M_p x - G alpha = r`, `G^T x + S alpha = e`.
+  subroutine apply_preconditioner(self, qp, r, e, x, alpha)
+    !> Factorized.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it was made for.
+    type(contact_qp_t), intent(in) :: qp
+    !> At the active rows (n) [length].
+    real(dp), intent(in) :: r(:)
+    !> On the modes; 0 if absent (coarse%n) [force].
+    real(dp), intent(in), optional :: e(:)
+    !> Forces (n) [force].
+    real(dp), intent(out), contiguous :: x(:)
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(out), contiguous :: alpha(:)
+    integer :: p, k, j, at
+    x = r
+    if (size(x) > 0) call self%factor%solve(x)
+    if (size(alpha) == 0) return
+    call resultants_of(self, qp, x, alpha)
+    alpha = -alpha
+    if (present(e)) alpha = alpha + e
+    call self%network%solve(alpha)
+    if (self%coupling == coupling_all) then
+      x = x + matmul(self%spread, alpha)
+      return
+    end if
+    do p = 1, size(self%pair)
+      associate (first => self%pair(p)%first, last => self%pair(p)%last)
+        at = 0
+        do k = 1, 2
+          do j = 1, self%pair(p)%n_modes(k)
+            x(first:last) = x(first:last) + &
+              alpha(qp%coarse%first(self%pair(p)%body(k)) + j - 1)*self%spread(first:last, at + j)
+          end do
+          at = at + self%pair(p)%n_modes(k)
+        end do
+      end associate
+    end do
+  end subroutine apply_preconditioner
+
+  !> G^T x.
+  subroutine resultants_of(self, qp, x, resultant)
+    !> With the active rows.
+    class(active_system_t), intent(in) :: self
+    !> With the coarse space.
+    type(contact_qp_t), intent(in) :: qp
+    !> Contact forces (n) [force].
+    real(dp), intent(in) :: x(:)
+    !> (coarse%n) [force]
+    real(dp), intent(out) :: resultant(:)
+    real(dp), allocatable :: force(:)
+    allocate (force(qp%n_rows), source=0.0_dp)
+    force(self%row) = x
+    call qp%mode_resultant(force, resultant)
+  end subroutine resultants_of
+
+  !> M x at the active rows.
+  subroutine apply_matrix(self, qp, compliance, x, q)
+    !> With the active rows.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it was made for.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> Contact forces (n) [force].
+    real(dp), intent(in) :: x(:)
+    !> Product (n) [length].
+    real(dp), intent(out) :: q(:)
+    real(dp), allocatable :: force(:), z(:)
+    allocate (force(qp%n_rows), z(qp%n_rows))
+    force = 0
+    force(self%row) = x
+    call compliance%multiply(qp, force, z)
+    q = z(self%row) + self%layer*x
+  end subroutine apply_matrix
+
+  !> Residuals of contact rows and of equilibrium.
+  subroutine find_residuals(self, qp, compliance, b, c, lambda, alpha, r_b, r_c)
+    !> With the active rows.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it was made for.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: b(:)
+    !> Right-hand side of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: c(:)
+    !> Forces (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> `b - M lambda + G alpha` (n) [length].
+    real(dp), intent(out) :: r_b(:)
+    !> `c - G^T lambda - S alpha` (coarse%n) [force].
+    real(dp), intent(out) :: r_c(:)
+    real(dp), allocatable :: motion(:)
+    allocate (motion(qp%n_rows))
+    call apply_matrix(self, qp, compliance, lambda, r_b)
+    call qp%mode_displacement(alpha, motion)
+    r_b = b - r_b + motion(self%row)
+    call resultants_of(self, qp, lambda, r_c)
+    r_c = c - r_c - qp%coarse%stiffness_forces(alpha)
+  end subroutine find_residuals
+
+  !> Solve from the given forces. Rounds of conjugate gradients, each from the true residual, until rounding allows no
+  !> more, or one round to `step_reduction` or `reduction`. An interrupt ends them early.
+  subroutine system_solve(self, qp, compliance, b, c, lambda, alpha)
+    !> Prepared.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it was made for; resultants may be others.
+    type(contact_qp_t), intent(in) :: qp
+    !> The compliance that it was made for.
+    class(compliance_t), intent(inout) :: compliance
+    !> Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: b(:)
+    !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
+    real(dp), intent(in) :: c(:)
+    !> Contact forces; an initial guess on entry (n) [force].
+    real(dp), intent(inout) :: lambda(:)
+    !> Amplitudes of the modes (coarse%n) [length].
+    real(dp), intent(out) :: alpha(:)
+    real(dp), allocatable :: r_b(:), r_c(:), x(:), beta(:), next_b(:), next_c(:)
+    real(dp) :: residual, previous, imbalance, previous_imbalance, scale, once
+    integer :: k, n
+    n = size(self%row)
+    allocate (r_b(n), x(n), next_b(n), r_c(qp%coarse%n), beta(qp%coarse%n), next_c(qp%coarse%n))
+    alpha = 0
+    scale = 0
+    if (any(abs(lambda) > 0)) then
+      call find_residuals(self, qp, compliance, b, c, lambda, alpha, r_b, r_c)
+    else
+      r_b = b
+      r_c = c
+    end if
+    previous = huge(previous)
+    previous_imbalance = huge(previous_imbalance)
+    once = max(self%step_reduction, self%reduction)
+    do k = 1, most_rounds
+      if (interrupted()) exit
+      call conjugate_gradients(self, qp, compliance, merge(once, restart, once > 0), r_b, r_c, scale, x, beta)
+      if (once > 0) then
+        lambda = lambda + x
+        alpha = alpha + beta
+        exit
+      end if
+      call find_residuals(self, qp, compliance, b, c, lambda + x, alpha + beta, next_b, next_c)
+      residual = sum(next_b**2/(self%diagonal + self%layer))
+      imbalance = sum(next_c**2)
+      if (k > 1 .and. .not. (residual < previous .or. &
+                             imbalance < worthwhile_gain_of_equilibrium*previous_imbalance)) exit
+      lambda = lambda + x
+      alpha = alpha + beta
+      r_b = next_b
+      r_c = next_c
+      if (.not. (residual < worthwhile_gain*previous .or. &
+                 imbalance < worthwhile_gain_of_equilibrium*previous_imbalance)) exit
+      previous = residual
+      previous_imbalance = imbalance
+    end do
+  end subroutine system_solve
+
+  !> Preconditioned conjugate gradients from zero.
+  subroutine conjugate_gradients(self, qp, compliance, reduction, r_b, r_c, scale, x, beta)
+    !> Prepared.
+    class(active_system_t), intent(in) :: self
+    !> The problem that it was made for.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> They end where the residual, in the norm of the preconditioner, is this fraction of the first one, or of the
+    !> energy of the first step if that is larger [].
+    real(dp), intent(in) :: reduction
+    !> Residual of the contact rows (n) [length].
+    real(dp), intent(in) :: r_b(:)
+    !> Residual of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: r_c(:)
+    !> The largest of these energies so far; they end at rounding of it too [energy].
+    real(dp), intent(inout) :: scale
+    !> Forces (n) [force].
+    real(dp), intent(out), contiguous :: x(:)
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(out), contiguous :: beta(:)
+    real(dp), allocatable :: r(:), z(:), p(:), q(:), r_old(:), z_modes(:), p_modes(:), moved(:), imbalance(:)
+    real(dp) :: rz, rz_end, rz_old, curvature, step, share, first
+    integer :: k
+    allocate (z(size(r_b)), p(size(r_b)), q(size(r_b)), r_old(size(r_b)), moved(qp%n_rows))
+    allocate (z_modes(size(r_c)), imbalance(size(r_c)))
+    ! The first step brings equilibrium; all others keep it.
+    call apply_preconditioner(self, qp, r_b, r_c, x, beta)
+    ! Rigid bodies on foundations: the preconditioner is the matrix.
+    if (.not. any(self%diagonal > 0)) return
+    call apply_matrix(self, qp, compliance, x, q)
+    call qp%mode_displacement(beta, moved)
+    r = r_b - q + moved(self%row)
+    rz_end = 0
+    rz_old = 0
+    self%n_iterations = self%n_iterations + 1
+    first = dot_product(x, q)
+    do k = 1, most_iterations
+      if (interrupted()) exit
+      call apply_preconditioner(self, qp, r, x=z, alpha=z_modes)
+      rz = dot_product(r, z)
+      if (k == 1) then
+        first = max(first, rz)
+        scale = max(scale, first)
+        rz_end = max(reduction**2*first, tolerance**2*scale)
+      end if
+      if (.not. rz > rz_end) exit
+      call resultants_of(self, qp, z, imbalance)
+      imbalance = imbalance + qp%coarse%stiffness_forces(z_modes)
+      if (norm2(imbalance) > most_imbalance*norm2(z)) exit
+      if (k == 1) then
+        p = z
+        p_modes = z_modes
+      else
+        ! The formula of Polak and Ribiere is less sensitive to rounding than that of Fletcher and Reeves.
+        share = max(0.0_dp, (rz - dot_product(r_old, z))/rz_old)
+        p = z + share*p
+        p_modes = z_modes + share*p_modes
+      end if
+      call apply_matrix(self, qp, compliance, p, q)
+      curvature = dot_product(p, q) + dot_product(p_modes, qp%coarse%stiffness_forces(p_modes))
+      if (.not. curvature > 0) exit
+      call qp%mode_displacement(p_modes, moved)
+      step = rz/curvature
+      x = x + step*p
+      beta = beta + step*p_modes
+      r_old = r
+      r = r - step*(q - moved(self%row))
+      rz_old = rz
+      self%n_iterations = self%n_iterations + 1
+    end do
+  end subroutine conjugate_gradients
+
+  !> Forget which active set the system is that of.
   subroutine system_forget(self)
-    !> The system.
     class(active_system_t), intent(inout) :: self
-    if (allocated(self%row)) deallocate (self%row, self%layer)
-    call self%null_mode%destroy()
+    if (allocated(self%row)) deallocate (self%row)
   end subroutine system_forget
+
+  !> Free all memory.
+  subroutine system_destroy(self)
+    class(active_system_t), intent(inout) :: self
+    call self%forget()
+    call self%factor%destroy()
+    call self%network%destroy()
+    call self%matrix%destroy()
+    if (allocated(self%parent)) deallocate (self%parent)
+    if (allocated(self%pair)) deallocate (self%pair, self%diagonal)
+    if (allocated(self%spread)) deallocate (self%spread)
+    if (allocated(self%layer)) deallocate (self%layer)
+    if (associated(self%n_iterations)) deallocate (self%n_iterations)
+  end subroutine system_destroy
 end module dotyk_scheme_active_system

@@ -29,7 +29,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Linear system of the active set that the state came from.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> Contact forces, not negative (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> Penetrations (n_rows) [length].

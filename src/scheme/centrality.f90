@@ -50,7 +50,7 @@ contains
     !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Layers softened by s/lambda.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> The iterate.
     type(point_t), intent(in) :: now
     !> Residual of the contact rows (n) [length].
@@ -74,7 +74,7 @@ contains
     !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Layers softened by s/lambda.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> The iterate.
     type(point_t), intent(in) :: now
     !> Targets of the products (n) [force*length].
@@ -114,7 +114,7 @@ contains
     !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Layers softened by s/lambda.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> The iterate.
     type(point_t), intent(in) :: now
     !> Products on the central path that have the sum of those of the iterate (n) [force*length].

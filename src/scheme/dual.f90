@@ -9,7 +9,7 @@
 !> working set. At the end the displacement tells which of them are violated; these are added to the working set, and
 !> the problem is solved again.
 module dotyk_scheme_dual
-  use dotyk_base_error, only: error_t, exit_not_solvable
+  use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -18,7 +18,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_linear_solver_choice, only: choose_solver, is_network, take_factors
+  use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear, explain_failure
@@ -104,12 +104,12 @@ contains
     !> Allocated where the linear system of an active set cannot be prepared (see `find_active_set`), or an interrupt
     !> came before there was a state.
     type(error_t), allocatable, intent(out) :: error
-    class(active_system_t), allocatable :: system
+    type(active_system_t) :: system
     type(contact_qp_t) :: part
     type(history_t) :: earlier
     logical, allocatable :: working(:), violated(:)
     type(solver_settings_t) :: left
-    logical :: warm, explains, may_repeat
+    logical :: warm, explains
     integer :: round
 
     warm = allocated(state%m)
@@ -125,7 +125,7 @@ contains
     else
       call screen_rows(qp, theta, working)
     end if
-    call choose_solver(qp, compliance, settings%linear_solver, working, system)
+    system%coupling = choose_coupling(qp, compliance, settings%linear_solver, working)
     if (.not. system%needs_entries()) &
       call monitor%note('active sets      matrix-free, projected conjugate gradients; '//to_text(count(working))// &
                         ' constraints in the first working set')
@@ -148,20 +148,6 @@ contains
         if (warm) state%y = pack(state%y, working)
         call solve_working_set(part, compliance, pack(theta, working), left, monitor, system, warm, state, error)
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
-      end if
-      if (allocated(error)) then
-        may_repeat = error%code == exit_not_solvable .and. round < most_rounds
-        if (may_repeat) may_repeat = is_network(system)
-        if (may_repeat) then
-          if (explains) call explain_failure(qp, state, error)
-          if (.not. allocated(error)) exit
-          ! It may be singular where the factor of the whole system is not.
-          deallocate (error)
-          call monitor%note('active sets      the network of bodies is singular; again with the factor of the system')
-          call take_factors(system)
-          warm = .false.
-          cycle
-        end if
       end if
       call state%history%finish()
       call state%history%put_after(earlier)
@@ -261,7 +247,7 @@ contains
     !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> Linear system of an active set: work space.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Whether to begin with the state.
     logical, intent(in) :: warm
     !> The start where it has pressures; the last iterate on return, with its history.
@@ -274,6 +260,7 @@ contains
     real(dp), allocatable :: guess(:), foundation(:)
     logical, allocatable :: active(:)
     logical :: starts_inside, done
+    integer :: k
     if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
     if (warm) then
       now%lambda = qp%weight*state%m
@@ -288,6 +275,8 @@ contains
       if (.not. warm) call stop_if_interrupted(error)
       if (allocated(error)) return
     end if
+    foundation = foundation_stiffness(qp, theta)
+    with_springs = qp
     starts_inside = .not. warm .and. has_many_modes(qp)
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
@@ -295,13 +284,13 @@ contains
         call begin_without_contact(qp, now)
         if (allocated(guess)) call begin_on_foundation(qp, theta, guess, now)
       else
-        call find_start(qp, compliance, theta, now, active, error)
+        call motion%init(qp, foundation, active, [(0.0_dp, k=1, qp%coarse%n)])
+        call motion%apply(qp, with_springs)
+        call find_start(with_springs, compliance, theta, now, active, error)
       end if
       if (allocated(error)) return
     end if
-    foundation = foundation_stiffness(qp, theta)
     call motion%init(qp, foundation, active, 0*now%alpha)
-    with_springs = qp
     do
       call motion%apply(qp, with_springs)
       if (motion%has_changed) call system%forget()
@@ -311,7 +300,7 @@ contains
         call system%solve(with_springs, compliance, 0*now%lambda, with_springs%coarse%resultant, now%lambda, now%alpha)
         state%ended = ended_converged
       else
-        call find_active_set(qp, with_springs, compliance, theta, settings%max_iterations - state%history%n, monitor, &
+        call find_active_set(qp, with_springs, compliance, theta, max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
       end if
@@ -338,7 +327,7 @@ contains
     !> Relative, in the energy norm [].
     real(dp), intent(in) :: tolerance
     !> Linear system of the last active set.
-    class(active_system_t), intent(in) :: system
+    type(active_system_t), intent(in) :: system
     !> The iterate.
     type(iterate_t), intent(inout) :: now
     !> The start where it has pressures; the last iterate on return, with its history.

@@ -56,7 +56,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Work space: the system of the last step on return.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Compliance of a Winkler foundation in place of the bodies, for the start and the active set (n_rows)
     !> [length/force].
     real(dp), intent(in) :: foundation(:)
@@ -139,7 +139,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Work space: the system of the last step on return.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
     !> These (n).
@@ -267,7 +267,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Work space.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
     !> These (n).
@@ -308,7 +308,7 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Factorized on return.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
     !> These (n).

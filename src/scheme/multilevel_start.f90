@@ -11,7 +11,7 @@ module dotyk_scheme_multilevel_start
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_linear_solver_choice, only: choose_solver
+  use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
@@ -61,7 +61,7 @@ contains
     type(contact_qp_t) :: coarse
     type(dense_compliance_t) :: of_groups
     type(iterate_t) :: start
-    class(active_system_t), allocatable :: system
+    type(active_system_t) :: system
     integer, allocatable :: group(:)
     real(dp), allocatable :: fraction(:), motion(:), coarse_theta(:), indentation(:)
     logical, allocatable :: all_rows(:)
@@ -84,10 +84,10 @@ contains
     allocate (all_rows(n_groups), source=.true.)
     if (compliance%is_formed(qp)) then
       call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
-      call choose_solver(coarse, of_groups, linear_solver_auto, all_rows, system)
+      system%coupling = choose_coupling(coarse, of_groups, linear_solver_auto, all_rows)
       call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
     else
-      call choose_solver(coarse, compliance, linear_solver_auto, all_rows, system)
+      system%coupling = choose_coupling(coarse, compliance, linear_solver_auto, all_rows)
       if (system%needs_entries()) then
         call form_groups(coarse, compliance, of_groups)
         call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
@@ -130,7 +130,7 @@ contains
     !> Penalty parameters (n_groups) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Linear system of an active set: work space.
-    class(active_system_t), intent(inout) :: system
+    type(active_system_t), intent(inout) :: system
     !> The last iterate.
     type(iterate_t), intent(out) :: now
     !> Displacement of each group by its own force (n_groups) [length].

@@ -4,35 +4,21 @@
 !> `mu |alpha|^2/2 + alpha.S alpha/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`,
 !> convex and piecewise quadratic: Newton's method with an exact line search; the interior-point method for the
 !> equilibrium of many bodies, where Newton's takes hundreds of steps from one set of touching rows to the next. No body
-!> is solved; the systems have one
-!> block for each couple of touching bodies and are factorized by `dotyk_linalg_block_ldlt`.
+!> is solved.
 module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_block_ldlt, only: block_ldlt_t
-  use dotyk_linalg_block_ldlt_solution, only: solve_block_ldlt
-  use dotyk_linalg_clique_graph, only: make_clique_graph
-  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_scheme_active_system, only: active_system_t, coupling_none
   use dotyk_scheme_centrality, only: point_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
-  use dotyk_scheme_network_system, only: network_system_t
+  use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
   implicit none
   private
   public :: winkler_equilibrium, find_unbounded_direction
-
-  !> Couplings of the bodies.
-  type :: body_graph_t
-    !> Bodies in contact with body b, without b itself: neighbour(start(b):start(b+1)-1) (n_bodies + 1).
-    integer, allocatable :: start(:)
-    !> See `start`.
-    integer, allocatable :: neighbour(:)
-    !> The body that is eliminated k-th (n_bodies).
-    integer, allocatable :: order(:)
-  end type body_graph_t
 
   !> Newton steps at most: a start need not be exact.
   integer, parameter :: most_steps = 100
@@ -106,7 +92,7 @@ contains
     type(error_t), allocatable :: error
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
-    type(network_system_t) :: system
+    type(active_system_t) :: system
     real(dp) :: lambda(qp%n_rows), layer(qp%n_rows)
     real(dp), allocatable :: penetration(:)
     logical :: active(qp%n_rows)
@@ -124,6 +110,7 @@ contains
     rigid%coarse%resultant = resultant
     call rigid%coarse%add_springs(mu)
     call none%init(rigid)
+    system%coupling = coupling_none
     layer = 1
     if (present(start)) then
       allocate (penetration(qp%n_rows))
@@ -202,12 +189,14 @@ contains
     !> S by bodies; none if not allocated (n_bodies).
     type(mode_block_t), intent(in), allocatable :: springs(:)
     real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
-    type(block_ldlt_t) :: factor
-    type(body_graph_t) :: graph
+    type(mode_stiffness_t) :: hessian
+    type(error_t), allocatable :: error
     real(dp) :: largest, t
-    integer :: i, failed
+    logical :: is_singular
+    integer :: i
     allocate (gradient(qp%coarse%n), position(size(y)), change(size(y)))
-    call couple_bodies(qp%coarse, graph)
+    call couple_bodies(qp%coarse, hessian, error)
+    if (allocated(error)) return
     call qp%mode_displacement(alpha, position)
     position = y + position
     largest = maxval(abs(e))
@@ -215,17 +204,18 @@ contains
       call qp%mode_resultant(k*max(0.0_dp, position), gradient)
       gradient = gradient + resisted(alpha) - e
       if (maxval(abs(gradient)) <= balanced*largest) exit
-      call factorize_hessian(qp%coarse, graph, mu, k, position, factor, failed, springs)
-      if (failed > 0) exit
+      call form_hessian(qp%coarse, mu, k, position, hessian, springs)
+      call hessian%factorize(is_singular, error)
+      if (is_singular .or. allocated(error)) exit
       step = -gradient
-      call solve_block_ldlt(factor, step)
+      call hessian%solve(step)
       call qp%mode_displacement(step, change)
       t = line_minimum(dot_product(resisted(alpha) - e, step), dot_product(step, resisted(step)), k, position, change)
       t = min(t, longest_step)
       alpha = alpha + t*step
       position = position + t*change
     end do
-    call factor%destroy()
+    call hessian%destroy()
   contains
     !> Forces of mu and S against a motion.
     function resisted(motion) result(force)
@@ -238,16 +228,16 @@ contains
     end function resisted
   end subroutine minimize
 
-  !> Bodies that share contact rows, and their elimination order.
-  subroutine couple_bodies(coarse, graph)
+  !> The matrix of bodies that share contact rows.
+  subroutine couple_bodies(coarse, hessian, error)
     !> Rigid body modes.
     type(coarse_space_t), intent(in) :: coarse
-    !> The graph.
-    type(body_graph_t), intent(out) :: graph
-    type(error_t), allocatable :: error
+    !> Its structure is made.
+    type(mode_stiffness_t), intent(inout) :: hessian
+    !> METIS or CHOLMOD has no memory.
+    type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: first(:), member(:)
-    integer :: b, i, k, n
-    n = size(coarse%block)
+    integer :: i, k
     ! The rows of a pair have the same two bodies and stand together: one list for them.
     allocate (first(size(coarse%body, 2) + 1), member(2*size(coarse%body, 2)))
     k = 0
@@ -261,54 +251,55 @@ contains
       member(2*k - 1:2*k) = coarse%body(:, i)
       first(k + 1) = 2*k + 1
     end do
-    call make_clique_graph(first(:k + 1), member(:2*k), n, graph%start, graph%neighbour)
-    allocate (graph%order(n))
-    call nested_dissection(graph%start, graph%neighbour, graph%order, error)
-    ! Any order is right.
-    if (allocated(error)) graph%order = [(b, b=1, n)]
+    call hessian%init(coarse%first, first(:k + 1), member(:2*k), error)
   end subroutine couple_bodies
 
-  !> Factorize mu I + S + the sum of k_i G_i G_i^T over the points under pressure.
-  subroutine factorize_hessian(coarse, graph, mu, k, position, factor, failed, springs)
+  !> mu I + S + the sum of k_i G_i G_i^T over the points under pressure.
+  subroutine form_hessian(coarse, mu, k, position, hessian, springs)
     !> Rigid body modes.
     type(coarse_space_t), intent(in) :: coarse
-    !> Couplings of the bodies.
-    type(body_graph_t), intent(in) :: graph
     !> Stiffness against all modes [force/length].
     real(dp), intent(in) :: mu
     !> Stiffness of the foundations (n_rows) [force/length].
     real(dp), intent(in) :: k(:)
     !> Penetrations (n_rows) [length].
     real(dp), intent(in) :: position(:)
-    !> Factorized.
-    type(block_ldlt_t), intent(inout) :: factor
-    !> A body whose block is not positive definite, 0 if there is none.
-    integer, intent(out) :: failed
+    !> Gets its entries.
+    type(mode_stiffness_t), intent(inout) :: hessian
     !> S by bodies; none if not allocated (n_bodies).
     type(mode_block_t), intent(in), allocatable :: springs(:)
-    integer, allocatable :: n(:)
-    real(dp), allocatable :: g_p(:, :), g_q(:, :)
-    integer :: b, i, j, p, q
-    allocate (n(size(graph%order)))
-    n = coarse%first(2:) - coarse%first(:size(n))
-    call factor%init(n, [(1, b=1, size(n))], graph%start, graph%neighbour, graph%order)
-    do b = 1, size(n)
-      if (n(b) == 0) cycle
-      if (allocated(springs)) call factor%add(b, b, springs(b)%value)
-      call factor%add_diagonal(b, [(mu, j=1, n(b))])
+    real(dp), allocatable :: own(:, :), g_p(:, :), g_q(:, :)
+    integer :: b, i, j, p, q, n
+    call hessian%clear()
+    do b = 1, size(coarse%first) - 1
+      n = coarse%first(b + 1) - coarse%first(b)
+      allocate (own(n, n), source=0.0_dp)
+      if (allocated(springs)) own = springs(b)%value
+      do j = 1, n
+        own(j, j) = own(j, j) + mu
+      end do
+      call hessian%add(b, b, own)
+      deallocate (own)
     end do
     do i = 1, size(position)
       if (.not. position(i) > 0) cycle
       do p = 1, 2
+        if (coarse%body(p, i) == 0) cycle
+        g_p = mode_rows(p)
         do q = 1, p
-          if (coarse%body(p, i) == 0 .or. coarse%body(q, i) == 0) cycle
-          if (n(coarse%body(p, i)) == 0 .or. n(coarse%body(q, i)) == 0) cycle
-          g_p = reshape(coarse%block(coarse%body(p, i))%value(coarse%place(p, i), :), [n(coarse%body(p, i)), 1])
-          g_q = reshape(coarse%block(coarse%body(q, i))%value(coarse%place(q, i), :), [1, n(coarse%body(q, i))])
-          call factor%add(coarse%body(p, i), coarse%body(q, i), k(i)*matmul(g_p, g_q))
+          if (coarse%body(q, i) == 0) cycle
+          g_q = mode_rows(q)
+          call hessian%add(coarse%body(p, i), coarse%body(q, i), k(i)*matmul(transpose(g_p), g_q))
         end do
       end do
     end do
-    call factor%factorize([(0.0_dp, b=1, size(n))], failed)
-  end subroutine factorize_hessian
+  contains
+    !> The row of the modes of one of its bodies (1, modes).
+    pure function mode_rows(which) result(g)
+      !> 1 or 2.
+      integer, intent(in) :: which
+      real(dp), allocatable :: g(:, :)
+      g = coarse%block(coarse%body(which, i))%value(coarse%place(which, i):coarse%place(which, i), :)
+    end function mode_rows
+  end subroutine form_hessian
 end module dotyk_scheme_winkler_start

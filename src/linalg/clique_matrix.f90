@@ -1,0 +1,143 @@
+!> A sparse symmetric matrix as a sum of dense blocks on sets of rows (cliques), and an order of elimination.
+module dotyk_linalg_clique_matrix
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_clique_graph, only: make_clique_graph
+  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  implicit none
+  private
+  public :: assemble_cliques
+
+  !> A dense symmetric block.
+  type, public :: clique_t
+    !> Rows, ascending (m).
+    integer, allocatable :: row(:)
+    !> (m, m) [any]
+    real(dp), allocatable :: value(:, :)
+  end type clique_t
+
+contains
+
+  !> The sum of the blocks; the diagonal is always stored.
+  subroutine assemble_cliques(n, clique, group_first, matrix, order, error)
+    !> Order of the matrix.
+    integer, intent(in) :: n
+    !> The blocks.
+    type(clique_t), intent(in) :: clique(:)
+    !> First row of each group of successive rows that have the same cliques (n_groups).
+    integer, intent(in) :: group_first(:)
+    !> The sum.
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> Row that is eliminated k-th: nested dissection of the groups (n).
+    integer, allocatable, intent(out) :: order(:)
+    !> METIS has no memory.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: group_of(:), list_start(:), member(:), start(:), neighbour(:), group_order(:), last(:)
+    integer, allocatable :: clique_start(:), clique_of(:), place(:)
+    real(dp), allocatable :: column(:)
+    logical, allocatable :: is_set(:)
+    integer :: c, i, j, k, g, n_groups
+    integer(int64) :: at
+    n_groups = size(group_first)
+    allocate (group_of(n), last(n_groups), list_start(size(clique) + 1), order(n), group_order(n_groups))
+    last = [group_first(2:) - 1, n]
+    do g = 1, n_groups
+      group_of(group_first(g):last(g)) = g
+    end do
+    list_start(1) = 1
+    allocate (member(sum([(size(clique(c)%row), c=1, size(clique))])))
+    k = 0
+    do c = 1, size(clique)
+      do i = 1, size(clique(c)%row)
+        g = group_of(clique(c)%row(i))
+        if (i > 1) then
+          if (g == member(k)) cycle
+        end if
+        k = k + 1
+        member(k) = g
+      end do
+      list_start(c + 1) = k + 1
+    end do
+    call make_clique_graph(list_start, member(:k), n_groups, start, neighbour)
+    call nested_dissection(start, neighbour, group_order, error, weight=last - group_first + 1)
+    if (allocated(error)) return
+    k = 0
+    do g = 1, n_groups
+      do i = group_first(group_order(g)), last(group_order(g))
+        k = k + 1
+        order(k) = i
+      end do
+    end do
+    ! The cliques of each row, and its place in them.
+    allocate (clique_start(n + 1), source=0)
+    do c = 1, size(clique)
+      clique_start(clique(c)%row + 1) = clique_start(clique(c)%row + 1) + 1
+    end do
+    clique_start(1) = 1
+    do i = 1, n
+      clique_start(i + 1) = clique_start(i) + clique_start(i + 1)
+    end do
+    allocate (clique_of(clique_start(n + 1) - 1), place(clique_start(n + 1) - 1))
+    do c = 1, size(clique)
+      do i = 1, size(clique(c)%row)
+        associate (next => clique_start(clique(c)%row(i)))
+          clique_of(next) = c
+          place(next) = i
+          next = next + 1
+        end associate
+      end do
+    end do
+    clique_start(2:) = clique_start(:n)
+    clique_start(1) = 1
+    call matrix%destroy()
+    matrix%n = n
+    allocate (matrix%column_start(n + 1))
+    matrix%column_start(1) = 0
+    do g = 1, n_groups
+      ! Rows of a group have the columns of its first one, but for those of the group before them.
+      at = 1
+      if (clique_start(group_first(g) + 1) > clique_start(group_first(g))) at = entries_after(group_first(g))
+      do j = group_first(g), last(g)
+        matrix%column_start(j + 1) = matrix%column_start(j) + at
+        at = max(1_int64, at - 1)
+      end do
+    end do
+    allocate (matrix%row(matrix%column_start(n + 1)), matrix%value(matrix%column_start(n + 1)))
+    allocate (column(n), is_set(n))
+    column = 0
+    is_set = .false.
+    do j = 1, n
+      at = matrix%column_start(j)
+      is_set(j) = .true.
+      do k = clique_start(j), clique_start(j + 1) - 1
+        associate (own => clique(clique_of(k)), p => place(k))
+          is_set(own%row(p:)) = .true.
+          column(own%row(p:)) = column(own%row(p:)) + own%value(p:, p)
+        end associate
+      end do
+      do i = j, n
+        if (.not. is_set(i)) cycle
+        at = at + 1
+        matrix%row(at) = i - 1
+        matrix%value(at) = column(i)
+        column(i) = 0
+        is_set(i) = .false.
+        if (at == matrix%column_start(j + 1)) exit
+      end do
+    end do
+  contains
+    !> Rows from a row on that share a clique with it.
+    integer(int64) function entries_after(row) result(entries)
+      !> The row.
+      integer, intent(in) :: row
+      integer :: l
+      logical, allocatable :: seen(:)
+      allocate (seen(n), source=.false.)
+      do l = clique_start(row), clique_start(row + 1) - 1
+        seen(clique(clique_of(l))%row(place(l):)) = .true.
+      end do
+      entries = count(seen)
+    end function entries_after
+  end subroutine assemble_cliques
+end module dotyk_linalg_clique_matrix
