@@ -220,7 +220,7 @@ contains
     real(dp), allocatable :: force(:), inverse(:, :)
     integer :: b, i, j
     norm = 0
-    if (.not. allocated(self%stiffness)) return
+    if (.not. allocated(self%lift)) return
     do b = 1, size(self%block)
       associate (first => self%first(b), last => self%first(b + 1) - 1, stiffness => self%stiffness(b)%value)
         if (last < first) cycle

@@ -206,8 +206,10 @@ contains
     allocate (product(size(y)))
     call find_compliance_product(self, y, product, alpha)
     norm = self%norm_square_0 + sum(self%weight*m*(product - 2*self%load_displacement))
-    if (present(alpha) .and. allocated(self%coarse%stiffness)) &
-      norm = norm + dot_product(alpha, self%coarse%stiffness_forces(alpha) - 2*self%coarse%lift)
+    if (present(alpha)) then
+      norm = norm + dot_product(alpha, self%coarse%stiffness_forces(alpha))
+      if (allocated(self%coarse%lift)) norm = norm - 2*dot_product(alpha, self%coarse%lift)
+    end if
     norm = sqrt(max(0.0_dp, norm))
   end function qp_energy_norm
 
@@ -245,7 +247,7 @@ contains
     work = self%norm_square_0/2 - self%energy_0 - sum(self%weight*m*self%load_displacement)
     if (size(alpha) > 0) work = work + dot_product(self%coarse%resultant, alpha)
     ! Prescribed displacements do work on near-null-space modes, which is none of the loads.
-    if (allocated(self%coarse%stiffness)) work = work - dot_product(self%coarse%lift, alpha)
+    if (allocated(self%coarse%lift)) work = work - dot_product(self%coarse%lift, alpha)
   end function qp_load_work
 
   !> Nodal contact forces on one body, - B_b^T W m.
