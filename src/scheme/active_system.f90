@@ -26,6 +26,7 @@ module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_blas, only: dgemv
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_clique_matrix, only: clique_t, assemble_cliques
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -344,38 +345,45 @@ contains
     !> With the coarse space.
     type(contact_qp_t), intent(in) :: qp
     real(dp), allocatable :: g(:, :), h(:, :)
-    integer :: b, c, p, k, l, at(2)
+    integer :: b, c, p, k, at
     call self%network%clear()
-    associate (first => qp%coarse%first, n => size(self%row), n_bodies => size(qp%block))
+    associate (first => qp%coarse%first, n_bodies => size(qp%block))
+      allocate (g(size(self%row), maxval([0, self%pair%n_modes(1) + self%pair%n_modes(2)])))
+      call rows_of_pairs(self, qp, g)
       if (self%coupling == coupling_all) then
-        allocate (g(n, qp%coarse%n))
-        call qp%coarse%rows(self%row, g)
+        if (allocated(self%spread)) deallocate (self%spread)
+        allocate (self%spread(size(self%row), qp%coarse%n))
+        call qp%coarse%rows(self%row, self%spread)
+        allocate (h(qp%coarse%n, qp%coarse%n), source=0.0_dp)
       else
-        allocate (g(n, maxval([0, self%pair%n_modes(1) + self%pair%n_modes(2)])))
-        call rows_of_pairs(self, qp, g)
+        self%spread = g
       end if
-      self%spread = g
-      if (size(g) > 0) call self%factor%solve_block(self%spread)
+      if (size(self%spread) > 0) call self%factor%solve_block(self%spread)
+      do p = 1, size(self%pair)
+        at = 0
+        do k = 1, 2
+          associate (rows => self%pair(p)%first, last => self%pair(p)%last, b_k => self%pair(p)%body(k), &
+                     n => self%pair(p)%n_modes(k))
+            if (n == 0) cycle
+            associate (of_body => transpose(g(rows:last, at + 1:at + n)))
+              if (self%coupling == coupling_all) then
+                h(first(b_k):first(b_k + 1) - 1, :) = h(first(b_k):first(b_k + 1) - 1, :) + &
+                  matmul(of_body, self%spread(rows:last, :))
+              else
+                call self%network%add(b_k, b_k, matmul(of_body, self%spread(rows:last, at + 1:at + n)))
+                if (k == 2 .and. at > 0) &
+                  call self%network%add(b_k, self%pair(p)%body(1), matmul(of_body, self%spread(rows:last, :at)))
+              end if
+            end associate
+            at = at + n
+          end associate
+        end do
+      end do
       if (self%coupling == coupling_all) then
-        h = matmul(transpose(g), self%spread)
         do b = 1, n_bodies
           do c = 1, b
             call self%network%add(b, c, h(first(b):first(b + 1) - 1, first(c):first(c + 1) - 1))
           end do
-        end do
-      else
-        do p = 1, size(self%pair)
-          associate (pair => self%pair(p))
-            h = matmul(transpose(g(pair%first:pair%last, :)), self%spread(pair%first:pair%last, :))
-            at = [0, pair%n_modes(1)]
-            do k = 1, 2
-              do l = 1, k
-                if (pair%n_modes(k) > 0 .and. pair%n_modes(l) > 0) &
-                  call self%network%add(pair%body(k), pair%body(l), h(at(k) + 1:at(k) + pair%n_modes(k), &
-                                                                      at(l) + 1:at(l) + pair%n_modes(l)))
-              end do
-            end do
-          end associate
         end do
       end if
       if (.not. allocated(qp%coarse%stiffness)) return
@@ -432,7 +440,7 @@ contains
     if (present(e)) alpha = alpha + e
     call self%network%solve(alpha)
     if (self%coupling == coupling_all) then
-      x = x + matmul(self%spread, alpha)
+      if (size(x) > 0) call dgemv('N', size(x), size(alpha), 1.0_dp, self%spread, size(x), alpha, 1, 1.0_dp, x, 1)
       return
     end if
     do p = 1, size(self%pair)

@@ -49,7 +49,7 @@ module dotyk_scheme_proximal_motion
   end type proximal_motion_t
 
   !> Stiffness of the springs as a fraction of that of the contact.
-  real(dp), parameter :: fraction = 1.0e-3_dp
+  real(dp), parameter :: fraction = 1.0e-5_dp
   !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
   real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-10_dp
   !> A motion goes on if its imbalance does not fall to this fraction in a step: contact resists it by less than the
