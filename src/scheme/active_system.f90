@@ -54,6 +54,8 @@ module dotyk_scheme_active_system
   type, public :: active_system_t
     !> One of `coupling_*`.
     integer :: coupling = coupling_all
+    !> Whether all couplings may be taken where those within pairs turn out not to suffice.
+    logical :: may_couple_all = .false.
     !> Active rows of the contact operator, ascending (n).
     integer, allocatable :: row(:)
     !> Compliance theta/w of the Winkler layer there (n) [length/force].
@@ -63,8 +65,8 @@ module dotyk_scheme_active_system
     !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that may be left in the
     !> residual; 0: rounding [].
     real(dp) :: step_reduction = 0
-    !> Iterations of all solutions so far; a pointer, since solutions do not change the system.
-    integer, pointer :: n_iterations => null()
+    !> Iterations of all solutions so far, and number of solutions; pointers, since solutions do not change the system.
+    integer, pointer :: n_iterations => null(), n_solutions => null()
     !> Diagonal of C, or an approximate one (n) [length/force].
     real(dp), allocatable, private :: diagonal(:)
     !> The pairs (n_pairs).
@@ -101,6 +103,9 @@ module dotyk_scheme_active_system
   real(dp), parameter :: restart = 1.0e-8_dp
   !> Iterations from one true residual to the next at most, and true residuals.
   integer, parameter :: most_iterations = 2000, most_rounds = 8
+  !> Iterations of a solution with the couplings within pairs: balls in a box take 1 to 20, bodies whose contacts lie
+  !> close together a hundred.
+  integer, parameter :: most_of_pairs = 30
   !> Rounds go on while the squared residual falls to this fraction (of contact rows, of equilibrium).
   real(dp), parameter :: worthwhile_gain = 0.1_dp, worthwhile_gain_of_equilibrium = 0.01_dp
   !> Directions whose forces are out of equilibrium by this fraction are rounding errors: as many rows as modes leave no
@@ -149,7 +154,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: i, failed
     logical :: is_known, is_singular
-    if (.not. associated(self%n_iterations)) allocate (self%n_iterations, source=0)
+    if (.not. associated(self%n_iterations)) allocate (self%n_iterations, self%n_solutions, source=0)
+    if (self%coupling == coupling_pairs .and. self%may_couple_all .and. &
+        self%n_iterations > most_of_pairs*self%n_solutions) then
+      self%coupling = coupling_all
+      if (allocated(self%parent)) deallocate (self%parent)
+    end if
     self%row = pack([(i, i=1, size(active))], active)
     self%layer = theta(self%row)/qp%weight(self%row)
     is_known = .false.
@@ -555,6 +565,7 @@ contains
     previous = huge(previous)
     previous_imbalance = huge(previous_imbalance)
     once = max(self%step_reduction, self%reduction)
+    self%n_solutions = self%n_solutions + 1
     do k = 1, most_rounds
       if (interrupted()) exit
       call conjugate_gradients(self, qp, compliance, merge(once, restart, once > 0), r_b, r_c, scale, x, beta)
@@ -669,6 +680,6 @@ contains
     if (allocated(self%pair)) deallocate (self%pair, self%diagonal)
     if (allocated(self%spread)) deallocate (self%spread)
     if (allocated(self%layer)) deallocate (self%layer)
-    if (associated(self%n_iterations)) deallocate (self%n_iterations)
+    if (associated(self%n_iterations)) deallocate (self%n_iterations, self%n_solutions)
   end subroutine system_destroy
 end module dotyk_scheme_active_system

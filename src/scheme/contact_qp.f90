@@ -61,7 +61,11 @@ module dotyk_scheme_contact_qp
     procedure :: energy => qp_energy
     procedure :: load_work => qp_load_work
     procedure :: body_force => qp_body_force
+    procedure :: is_heap => qp_is_heap
   end type contact_qp_t
+
+  !> A heap has more rigid body modes than this, and fewer rows for each.
+  integer, parameter :: many_modes = 60, rows_per_mode = 30
 
 contains
 
@@ -249,6 +253,13 @@ contains
     ! Prescribed displacements do work on near-null-space modes, which is none of the loads.
     if (allocated(self%coarse%lift)) work = work - dot_product(self%coarse%lift, alpha)
   end function qp_load_work
+
+  !> Whether the bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell,
+  !> active sets cycle, and all rows cost little.
+  pure logical function qp_is_heap(self) result(is_heap)
+    class(contact_qp_t), intent(in) :: self
+    is_heap = self%coarse%n > many_modes .and. self%n_rows < rows_per_mode*self%coarse%n
+  end function qp_is_heap
 
   !> Nodal contact forces on one body, - B_b^T W m.
   subroutine qp_body_force(self, b, m, force)

@@ -31,7 +31,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
-  use dotyk_scheme_working_set, only: has_many_modes, keep_what_carries, screen_rows
+  use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
   private
 
@@ -114,7 +114,7 @@ contains
 
     warm = allocated(state%m)
     ! A state with a history is one of this problem; the loads may have changed since any other.
-    explains = state%history%n == 0 .and. has_many_modes(qp)
+    explains = state%history%n == 0 .and. qp%is_heap()
     if (state%history%n == 0 .and. .not. explains) then
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
@@ -125,7 +125,7 @@ contains
     else
       call screen_rows(qp, theta, working)
     end if
-    system%coupling = choose_coupling(qp, compliance, settings%linear_solver, working)
+    call choose_coupling(qp, compliance, settings%linear_solver, working, system)
     if (.not. system%needs_entries()) &
       call monitor%note('active sets      matrix-free, projected conjugate gradients; '//to_text(count(working))// &
                         ' constraints in the first working set')
@@ -277,10 +277,10 @@ contains
     end if
     foundation = foundation_stiffness(qp, theta)
     with_springs = qp
-    starts_inside = .not. warm .and. has_many_modes(qp)
+    starts_inside = .not. warm .and. qp%is_heap()
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
-      if (has_many_modes(qp)) then
+      if (qp%is_heap()) then
         call begin_without_contact(qp, now)
         if (allocated(guess)) call begin_on_foundation(qp, theta, guess, now)
       else

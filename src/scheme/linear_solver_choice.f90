@@ -8,7 +8,7 @@ module dotyk_scheme_linear_solver_choice
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_ranks_communication, only: n_local_ranks
   use dotyk_ranks_exchange, only: on_any_rank
-  use dotyk_scheme_active_system, only: coupling_all, coupling_none, coupling_pairs
+  use dotyk_scheme_active_system, only: active_system_t, coupling_all, coupling_none, coupling_pairs
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -23,8 +23,6 @@ module dotyk_scheme_linear_solver_choice
   !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
   !> a single right-hand side.
   real(dp), parameter :: gain_of_blocks = 8
-  !> From so many rigid body modes on couplings between pairs cost more than the iterations that they save.
-  integer, parameter :: many_modes = 300
   !> Bytes for an entry of C in a factor: 16 in the matrix, 8 in its permuted copy, 8 in the factor.
   real(dp), parameter :: bytes_of_entry = 32
   !> Bytes that compliances, forward substitutions and the factor may take,
@@ -35,7 +33,7 @@ module dotyk_scheme_linear_solver_choice
 contains
 
   !> Choose for the rows of a QP; where entries are formed already, they are used.
-  integer function choose_coupling(qp, compliance, wish, rows) result(coupling)
+  subroutine choose_coupling(qp, compliance, wish, rows, system)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator of its bodies.
@@ -44,14 +42,21 @@ contains
     integer, intent(in) :: wish
     !> The rows whose entries will be needed (n_rows).
     logical, intent(in) :: rows(:)
+    !> Not prepared; gets its coupling.
+    type(active_system_t), intent(inout) :: system
+    type(memory_t) :: memory
     logical :: matrix_free
-    coupling = merge(coupling_pairs, coupling_all, qp%coarse%n >= many_modes)
+    system%coupling = merge(coupling_pairs, coupling_all, qp%is_heap())
+    memory = memory_now()
+    associate (n_modes => real(qp%coarse%n, dp))
+      system%may_couple_all = 8*(n_modes + count(rows))*n_modes < room_for_matrices(memory)
+    end associate
     matrix_free = wish == linear_solver_iterative
     if (wish == linear_solver_auto .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
     ! Near-null-space modes are softer than contact by many orders of magnitude, and take entries.
-    if (matrix_free .and. .not. allocated(qp%coarse%lift)) coupling = coupling_none
-  end function choose_coupling
+    if (matrix_free .and. .not. allocated(qp%coarse%lift)) system%coupling = coupling_none
+  end subroutine choose_coupling
 
   !> Whether products cost less than entries and factorizations, or these take too much memory.
   logical function is_matrix_free_cheaper(qp, compliance, rows) result(cheaper)

@@ -84,10 +84,10 @@ contains
     allocate (all_rows(n_groups), source=.true.)
     if (compliance%is_formed(qp)) then
       call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
-      system%coupling = choose_coupling(coarse, of_groups, linear_solver_auto, all_rows)
+      call choose_coupling(coarse, of_groups, linear_solver_auto, all_rows, system)
       call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
     else
-      system%coupling = choose_coupling(coarse, compliance, linear_solver_auto, all_rows)
+      call choose_coupling(coarse, compliance, linear_solver_auto, all_rows, system)
       if (system%needs_entries()) then
         call form_groups(coarse, compliance, of_groups)
         call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)

@@ -7,7 +7,7 @@ module dotyk_scheme_working_set
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
   private
-  public :: screen_rows, has_many_modes, keep_what_carries
+  public :: screen_rows, keep_what_carries
 
   !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
   real(dp), parameter :: touching = 1.0e-9_dp
@@ -15,9 +15,6 @@ module dotyk_scheme_working_set
   integer, parameter :: most_widenings = 10
   !> Rows enter it that this direction closes by more than this fraction of the most.
   real(dp), parameter :: closing = 1.0e-3_dp
-  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point
-  !> method first.
-  integer, parameter :: many_modes = 60, rows_per_mode = 30
 
 contains
 
@@ -31,20 +28,12 @@ contains
     logical, allocatable, intent(out) :: working(:)
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
-    if (qp%n_rows == 0 .or. has_many_modes(qp)) return
+    if (qp%n_rows == 0 .or. qp%is_heap()) return
     call rest_on_winkler_foundation(qp, theta, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.
     if (qp%coarse%n > 0) working = now%y > -maxval(now%y)
     working = working .or. abs(now%y) < touching*maxval(abs(now%y))
   end subroutine screen_rows
-
-  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets
-  !> cycle, and more rows cost little.
-  pure logical function has_many_modes(qp)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    has_many_modes = qp%coarse%n > many_modes .and. qp%n_rows < rows_per_mode*qp%coarse%n
-  end function has_many_modes
 
   !> Add rows to a working set that cannot carry the floating bodies.
   subroutine keep_what_carries(qp, working)
