@@ -283,9 +283,11 @@ contains
     integer(int8), allocatable :: bytes(:, :)
     real(dp), allocatable :: list(:, :), all(:, :)
     integer, allocatable :: dealt(:), node(:)
-    integer :: b, i, k
+    integer :: b, i, k, n_bytes
     dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
     if (size(dealt) == 0) return
+    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
+    inquire (iolength=n_bytes) found(dealt(1))
     allocate (bytes(storage_size(found)/8, size(dealt)))
     do k = 1, size(dealt)
       bytes(:, k) = transfer(found(dealt(k)), bytes(:, k))
