@@ -80,15 +80,6 @@ class Trouble(RankCase):
         printed = self.run_ranks(2, "case.nml", "--output", "nowhere/case.vtkhdf", code=4)
         self.assertOnce("nowhere", printed)
 
-    def test_an_error_inside_petsc(self):
-        """PETSC_OPTIONS ask for a preconditioner that does not exist: no call goes on after the one that fails."""
-        self.scene("theta_relative=1e-2, response='multigrid'")
-        for ranks in (1, 2):
-            printed = self.run_ranks(ranks, "case.nml", code=5, before="export PETSC_OPTIONS='-corner_pc_type none_such'")
-            self.assertRegex(printed, "PETSc: .*none_such.* \\(error code 86\\)")
-            self.assertNotIn("SIGSEGV", printed)
-            self.assertNothingLeft()
-
     # Signals
 
     def test_a_signal_to_one_rank_ends_all_with_results(self):
