@@ -58,33 +58,47 @@ static void take_less(double value, int kind, double *left, int *limit) {
   }
 }
 
-/* Memory that the control groups of this process leave; reclaimable file caches count as free. */
-static void look_at_groups(double *left, int *limit) {
-  char text[512], folder[560], statistics[4096];
-  if (read_small("/proc/self/cgroup", text, sizeof text)) {
-    char *path = strstr(text, "0::");
-    if (path) {
-      path += 3;
-      path[strcspn(path, "\n")] = 0;
-      for (;;) {
-        snprintf(folder, sizeof folder, "/sys/fs/cgroup%s", path);
-        double most = number_in(folder, "memory.max"), used = number_in(folder, "memory.current");
-        if (most >= 0 && used >= 0) {
-          char name[600];
-          snprintf(name, sizeof name, "%s/memory.stat", folder);
-          double cache = 0;
-          if (read_small(name, statistics, sizeof statistics)) cache = number_behind(statistics, "inactive_file ");
-          take_less(most - used + (cache > 0 ? cache : 0), CONTAINER, left, limit);
-        }
-        char *slash = strrchr(path, '/');
-        if (!slash || !path[1]) break;
-        slash[slash == path ? 1 : 0] = 0;
-      }
+/* Memory that a control group and those above it leave, up to the root of the hierarchy that is mounted at `root`; file
+ * caches that the kernel gives back count as free. A container may see the root alone of its groups. */
+static void look_at_hierarchy(const char *root, char *path, const char *limit_name, const char *usage_name,
+                              const char *cache, double *left, int *limit) {
+  char folder[560], statistics[4096];
+  for (;;) {
+    snprintf(folder, sizeof folder, "%s%s", root, path);
+    double most = number_in(folder, limit_name), used = number_in(folder, usage_name);
+    if (most >= 0 && used >= 0) {
+      char name[600];
+      snprintf(name, sizeof name, "%s/memory.stat", folder);
+      double free_again = read_small(name, statistics, sizeof statistics) ? number_behind(statistics, cache) : 0;
+      take_less(most - used + (free_again > 0 ? free_again : 0), CONTAINER, left, limit);
+    }
+    char *slash = strrchr(path, '/');
+    if (!slash || !path[1]) break;
+    slash[slash == path ? 1 : 0] = 0;
+  }
+}
+
+/* Memory that the control groups of a process leave. `list` has its groups as /proc/self/cgroup does, one a line:
+ * "0::/path" of version 2, "number:controllers:/path" of version 1; `mount` has the hierarchies. */
+void dotyk_groups_memory(const char *list, const char *mount, double *left, int *limit) {
+  char text[8192], root[560];
+  if (!read_small(list, text, sizeof text)) return;
+  for (char *line = text, *next; line && *line; line = next) {
+    next = strchr(line, '\n');
+    if (next) *next++ = 0;
+    char *controllers = strchr(line, ':');
+    char *path = controllers ? strchr(controllers + 1, ':') : NULL;
+    if (!path) continue;
+    *path++ = 0;
+    controllers++;
+    if (strncmp(line, "0:", 2) == 0 && !*controllers) {
+      look_at_hierarchy(mount, path, "memory.max", "memory.current", "inactive_file ", left, limit);
+    } else if (strcmp(controllers, "memory") == 0) {
+      snprintf(root, sizeof root, "%s/memory", mount);
+      look_at_hierarchy(root, path, "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file ", left,
+                        limit);
     }
   }
-  double most = number_in("/sys/fs/cgroup/memory", "memory.limit_in_bytes");
-  double used = number_in("/sys/fs/cgroup/memory", "memory.usage_in_bytes");
-  if (most >= 0 && used >= 0) take_less(most - used, CONTAINER, left, limit);
 }
 
 /* Memory that this process uses, and memory that it can still get [byte]: the least of what the machine, the container
@@ -103,10 +117,11 @@ void dotyk_memory(double *used, double *left, int *limit) {
     *used = page * strtod(end, NULL);
   }
   if (read_small("/proc/meminfo", text, sizeof text)) {
-    double available = number_behind(text, "MemAvailable:"), swap = number_behind(text, "SwapFree:");
-    if (available >= 0) take_less(1024 * (available + (swap > 0 ? swap : 0)), MACHINE, left, limit);
+    /* Without swap: a factorization that swaps does not end, and a batch job may not swap. */
+    double available = number_behind(text, "MemAvailable:");
+    if (available >= 0) take_less(1024 * available, MACHINE, left, limit);
   }
-  look_at_groups(left, limit);
+  dotyk_groups_memory("/proc/self/cgroup", "/sys/fs/cgroup", left, limit);
   if (getrlimit(RLIMIT_AS, &most) == 0 && most.rlim_cur != RLIM_INFINITY)
     take_less((double)most.rlim_cur - virtual, PROCESS, left, limit);
 }

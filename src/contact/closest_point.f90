@@ -254,15 +254,25 @@ contains
     fraction = 1
     if (corners == 3) then
       do i = 1, 2
-        if (xi(i) + s(i) < 0) fraction = min(fraction, xi(i)/(-s(i)))
+        call stop_at(xi(i), -s(i))
       end do
-      if (sum(xi + s) > 1) fraction = min(fraction, (1 - sum(xi))/sum(s))
+      call stop_at(1 - sum(xi), sum(s))
     else
       do i = 1, 2
-        if (abs(xi(i) + s(i)) > 1) fraction = min(fraction, (sign(1.0_dp, s(i)) - xi(i))/s(i))
+        call stop_at(1 - sign(1.0_dp, s(i))*xi(i), abs(s(i)))
       end do
     end if
-    fraction = max(fraction, 0.0_dp)
+
+  contains
+
+    !> Stop at an edge. A point may be beyond it by rounding, and the step along it: only steps towards it count.
+    pure subroutine stop_at(distance, approach)
+      !> Distance of the point from the edge, negative beyond it [].
+      real(dp), intent(in) :: distance
+      !> Part of the step towards the edge [].
+      real(dp), intent(in) :: approach
+      if (approach > max(distance, 0.0_dp)) fraction = min(fraction, max(distance, 0.0_dp)/approach)
+    end subroutine stop_at
   end function longest_step
 
   !> Closest point of an edge. Edges are numbered as by gmsh: edge i goes from corner i to the next one.

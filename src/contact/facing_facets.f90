@@ -67,6 +67,8 @@ contains
                           b%corner(:, :b%n_corners(g), g), distance, at_f, at_g)
     if (distance > reach + a%bulge(f) + b%bulge(g)) return
     toward = a%normal(:, f) - b%normal(:, g)
+    ! Normals of one direction, of facets that bend so far: neither lies in front of the other.
+    if (.not. norm2(toward) > sqrt(epsilon(cosine))) return
     toward = toward/norm2(toward)
     meets = .true.
     depth = dot_product(at_f - at_g, toward)

@@ -202,6 +202,10 @@ contains
     call parcel%carry(self%row_weight)
     call parcel%carry(self%row_gap)
     call parcel%carry(self%row_theta)
+    call parcel%carry(self%arm_shape)
+    call parcel%carry(self%arm_gradient)
+    call parcel%carry(self%arm_normal)
+    call parcel%carry(self%turn)
   end subroutine pair_carry
 
   !> Resultant of the contact pressure on body a: the forces of the rows, distributed to their points, along the normals

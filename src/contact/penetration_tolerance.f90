@@ -16,7 +16,7 @@ module dotyk_contact_penetration_tolerance
     real(dp), allocatable :: explained_a(:)
     !> The same at the nodes of b (b%n_nodes) [length].
     real(dp), allocatable :: explained_b(:)
-    !> Largest displacement of the two [length].
+    !> Largest displacement of the two beside their common rigid motion [length].
     real(dp) :: moved = 0
   contains
     procedure :: swapped => tolerance_swapped

@@ -187,11 +187,13 @@ contains
     !> The contact pair.
     type(contact_pair_t), intent(in) :: pair
     real(dp) :: area
-    integer :: i, n_facets
-    area = sum(pair%row_weight)
-    ! A circumference does not make facets larger.
+    integer :: i, n, n_facets
+    area = sum(pair%weight)
+    ! A circumference does not make facets larger: integration points have one, which lie off the axis, point contacts
+    ! (vertices) do not.
+    n = pair%n_points - pair%n_point_contacts
     if (body_a%analysis == analysis_axisymmetric) &
-      area = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
+      area = sum(pair%weight(:n)/(2*acos(-1.0_dp)*pair%position(1, :n))) + sum(pair%weight(n + 1:))
     n_facets = 1
     do i = 2, pair%n_points
       if (pair%facet_a(i) /= pair%facet_a(i - 1)) n_facets = n_facets + 1

@@ -1,5 +1,6 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
 module dotyk_control_couple_penetration
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
@@ -10,9 +11,12 @@ module dotyk_control_couple_penetration
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
+  use dotyk_control_pressures, only: nodal_field_t
   use dotyk_control_shared_interior, only: find_shared_interior
+  use dotyk_linalg_dense, only: solve_dense
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
@@ -42,6 +46,13 @@ module dotyk_control_couple_penetration
 
   !> Thickness of parts relative to their smallest facet: less is not looked for.
   real(dp), parameter :: least_thickness = 0.01_dp
+  !> Depths below this fraction of the largest displacement of the two bodies beside their common rigid motion are not
+  !> told.
+  real(dp), parameter :: least_fraction = 1.0e-3_dp
+  !> Error bounds above this leave nothing to check: the slack grows no further.
+  real(dp), parameter :: largest_bound = 0.01_dp
+  !> Rounding of coordinates relative to the largest.
+  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
 
 contains
 
@@ -70,8 +81,8 @@ contains
   end subroutine split_parts
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
-                          depth_b, found)
+  subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, error_bound, depth, &
+                          found)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> Bodies and contact pairs.
@@ -92,19 +103,16 @@ contains
     integer, intent(in) :: b
     !> Displacements of the nodes of the first body (dimension, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
-    !> Largest displacement of the two [length].
-    real(dp), intent(in) :: moved
-    !> Depth at the nodes of the first body (n_nodes) [length].
-    real(dp), intent(inout) :: depth_a(:)
-    !> Depth at the nodes of the second body; the same array where it is the same body (n_nodes) [length].
-    real(dp), intent(inout) :: depth_b(:)
+    !> Relative error of the iteration [].
+    real(dp), intent(in) :: error_bound
+    !> Depth at the nodes of the bodies: grows at those of the two (n_bodies) [length].
+    type(nodal_field_t), intent(inout) :: depth(:)
     !> The deeper one of the two in the other; of depth 0 where neither is.
     type(body_penetration_t), intent(out) :: found
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
     real(dp), allocatable :: explained_a(:), explained_b(:)
+    real(dp) :: rounding
     integer, allocatable :: own_pair(:)
     integer :: i, j
     if (a == b .and. size(parts_a%part) == 1) return
@@ -113,11 +121,11 @@ contains
     call explained_penetration(problem, own_pair, first_row, y, b, explained_b)
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
-    tolerance%slack = slack
-    tolerance%moved = moved
+    call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
+    tolerance%slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*tolerance%moved + rounding
     ! Bodies that meet at an edge only follow what the pairs of each with others leave.
     if (a /= b .and. size(own_pair) == 0) &
-      tolerance%slack = slack + largest_penetration(pairs%of(a), first_row, y) + &
+      tolerance%slack = tolerance%slack + largest_penetration(pairs%of(a), first_row, y) + &
                         largest_penetration(pairs%of(b), first_row, y)
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
@@ -125,9 +133,9 @@ contains
           tolerance%explained_a = explained_a(p%node)
           tolerance%explained_b = explained_b(q%node)
           if (.not. problem%body(b)%mesh%is_open) &
-            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
+            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth(a)%value, a_in_b%worst)
           if (.not. problem%body(a)%mesh%is_open) &
-            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
+            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth(b)%value, b_in_a%worst)
         end associate
       end do
     end do
@@ -150,6 +158,59 @@ contains
       end do
     end do
   end subroutine check_bodies
+
+  !> How far two bodies move beside the rigid motion that is common to them: that of least squares of both boundaries.
+  !> A common motion is no error of the one against the other.
+  subroutine measure_motion(parts_a, parts_b, moved, rounding)
+    !> Parts of the first body.
+    type(parts_t), intent(in) :: parts_a
+    !> Parts of the second body.
+    type(parts_t), intent(in) :: parts_b
+    !> Largest displacement beside the common motion [length].
+    real(dp), intent(out) :: moved
+    !> Rounding of the coordinates before and after deformation [length].
+    real(dp), intent(out) :: rounding
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: x(:, :), u(:, :)
+    real(dp) :: inertia(3, 3), rotation(3, 1)
+    integer :: i
+    allocate (x(3, 0), u(3, 0))
+    call append(parts_a%part)
+    call append(parts_b%part)
+    moved = 0
+    rounding = 0
+    if (size(x, 2) == 0) return
+    rounding = coordinate_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
+    x = x - spread(sum(x, dim=2)/size(x, 2), 2, size(x, 2))
+    u = u - spread(sum(u, dim=2)/size(u, 2), 2, size(u, 2))
+    inertia = -matmul(x, transpose(x))
+    rotation = 0
+    do i = 1, 3
+      inertia(i, i) = inertia(i, i) + sum(x**2)
+    end do
+    do i = 1, size(x, 2)
+      rotation(:, 1) = rotation(:, 1) + cross(x(:, i), u(:, i))
+    end do
+    ! Singular for points on a line: these have no rotation to take away.
+    call solve_dense(inertia, rotation, error)
+    if (allocated(error)) rotation = 0
+    do i = 1, size(x, 2)
+      moved = max(moved, norm2(u(:, i) - cross(rotation(:, 1), x(:, i))))
+    end do
+
+  contains
+
+    !> Append the nodes of parts, and their displacements.
+    subroutine append(part)
+      !> The parts (any number).
+      type(solid_t), intent(in) :: part(:)
+      integer :: k
+      do k = 1, size(part)
+        x = reshape([x, part(k)%x0], [3, size(x, 2) + part(k)%n_nodes])
+        u = reshape([u, part(k)%x - part(k)%x0], [3, size(x, 2)])
+      end do
+    end subroutine append
+  end subroutine measure_motion
 
   !> Check one part against another one.
   subroutine check_parts(division, p, q, swept, tolerance, depth, worst)

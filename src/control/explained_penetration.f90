@@ -12,6 +12,9 @@ module dotyk_control_explained_penetration
   private
   public :: explained_penetration, largest_penetration
 
+  !> What explains any penetration; sums of several must not overflow [length].
+  real(dp), parameter :: any_depth = huge(1.0_dp)/16
+
 contains
 
   !> Penetration of a body into another one that their contact pairs leave at its nodes.
@@ -43,7 +46,7 @@ contains
                                    problem%surface_b(k), at_points)
         if (pair%body_a == body) call spread_points(at_points, problem%surface_a(k), pair%facet_a, explained, is_known)
         if (pair%body_b == body) call spread_points(at_points, problem%surface_b(k), pair%facet_b, explained, is_known)
-        if (pair%gap_kind == gap_formula) beside = huge(beside)
+        if (pair%gap_kind == gap_formula) beside = any_depth
         if (pair%gap_kind == gap_constant) beside = max(beside, maxval(at_points))
       end associate
     end do

@@ -45,18 +45,12 @@ module dotyk_control_penetration_check
 
   public :: body_penetration_t, check_couples, check_penetration
 
-  !> Depths below this fraction of the largest displacement of the two bodies are not told.
-  real(dp), parameter :: least_fraction = 1.0e-3_dp
-  !> Rounding of coordinates relative to the largest.
-  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
   integer, parameter :: many = 4
   !> Couples that are checked before the boundaries of bodies are given up that no later ones need.
   integer, parameter :: most_at_once = 2048
   !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
   real(dp), parameter :: least_divided = 1000
-  !> Error bounds above this leave nothing to check: the slack grows no further.
-  real(dp), parameter :: largest_bound = 0.01_dp
 
 contains
 
@@ -138,7 +132,6 @@ contains
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
     type(pairs_of_bodies_t) :: pairs
-    real(dp) :: moved(size(problem%body))
     integer, allocatable :: owner(:)
     integer :: last_use(size(problem%body)), b, k, n, first, last
     n = size(problem%body)
@@ -147,11 +140,6 @@ contains
       allocate (check%depth(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
     end do
     check%is_done = .true.
-    moved = 0
-    do b = 1, n
-      if (problem%ranks%is_own(b)) moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
-    end do
-    call problem%ranks%share_greatest(moved)
     owner = owners_of(problem, couple)
     call pairs%init(problem%pair, n)
     allocate (parts(n), found(size(couple, 2)))
@@ -199,9 +187,7 @@ contains
       integer, intent(in) :: k
       associate (a => couple(1, k), c => couple(2, k))
         call check_bodies(division, problem, pairs, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
-                          slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
-                          max(moved(a), moved(c)), &
-                          check%depth(a)%value, check%depth(c)%value, found(k))
+                          error_bound, check%depth, found(k))
       end associate
     end subroutine check_couple
   end subroutine check_couples
@@ -297,9 +283,11 @@ contains
     integer(int8), allocatable :: bytes(:, :)
     real(dp), allocatable :: list(:, :), all(:, :)
     integer, allocatable :: dealt(:), node(:)
-    integer :: b, i, k
+    integer :: b, i, k, n_bytes
     dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
     if (size(dealt) == 0) return
+    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
+    inquire (iolength=n_bytes) found(dealt(1))
     allocate (bytes(storage_size(found)/8, size(dealt)))
     do k = 1, size(dealt)
       bytes(:, k) = transfer(found(dealt(k)), bytes(:, k))
@@ -332,20 +320,6 @@ contains
       end associate
     end do
   end subroutine share_findings
-
-  !> Error of displacements and of rounding [length].
-  pure real(dp) function slack_of(mesh_a, mesh_b, moved, error_bound) result(slack)
-    !> Mesh of one body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Mesh of the other body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Largest displacement of the two [length].
-    real(dp), intent(in) :: moved
-    !> Relative error of the iteration [].
-    real(dp), intent(in) :: error_bound
-    slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
-            coordinate_rounding*max(maxval(abs(mesh_a%x)), maxval(abs(mesh_b%x)))
-  end function slack_of
 
   !> Sort penetrations.
   pure subroutine sort_found(key, found)

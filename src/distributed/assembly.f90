@@ -42,7 +42,8 @@ contains
     type(tMat), intent(out) :: matrix
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: near(:), far(:), start(:), neighbour(:), row(:)
+    integer(int64), allocatable :: start(:)
+    integer, allocatable :: near(:), far(:), neighbour(:), row(:)
     logical, allocatable :: is_own(:), counted(:)
     type(body_mesh_t) :: corner_mesh
     integer :: p, i, first, code

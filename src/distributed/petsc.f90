@@ -3,7 +3,8 @@
 !> All ranks call the procedures of this layer together. Sums are the same to the bit on all ranks: what follows from
 !> them - active sets, the end of an iteration - is so, too.
 module dotyk_distributed_petsc
-  use, intrinsic :: iso_c_binding, only: c_int
+  use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_funloc, c_funptr, c_int, c_null_ptr, &
+    c_ptr, c_size_t
   use mpi_f08, only: mpi_allreduce, mpi_comm_world, mpi_double_precision, mpi_exscan, mpi_in_place, mpi_integer, &
     mpi_max, mpi_sum
   use petscsys, only: PETSC_NULL_OPTIONS, PetscFinalize, PetscInitialize, PetscMemoryGetCurrentUsage, &
@@ -32,6 +33,21 @@ module dotyk_distributed_petsc
     integer(c_int) function c_pop_signal_handler() bind(c, name='PetscPopSignalHandler')
       import :: c_int
     end function c_pop_signal_handler
+
+    !> Of PETSc, likewise: call a procedure at errors.
+    integer(c_int) function c_push_error_handler(handler, context) bind(c, name='PetscPushErrorHandler')
+      import :: c_funptr, c_int, c_ptr
+      !> The procedure.
+      type(c_funptr), value :: handler
+      !> What it gets.
+      type(c_ptr), value :: context
+    end function c_push_error_handler
+
+    pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
+      import :: c_ptr, c_size_t
+      !> Text, ended by a null character.
+      type(c_ptr), value, intent(in) :: text
+    end function c_strlen
   end interface
 
 contains
@@ -46,6 +62,8 @@ contains
     if (is_running) return
     call PetscInitialize(code)
     if (has_failed(code, 'start', error)) return
+    code = int(c_push_error_handler(c_funloc(end_at_error), c_null_ptr))
+    if (has_failed(code, 'start', error)) return
     ! Signals are the program's.
     code = int(c_pop_signal_handler())
     call PetscMemorySetGetMaximumUsage(code)
@@ -56,6 +74,47 @@ contains
     integer :: code
     call PetscFinalize(code)
   end subroutine stop_petsc
+
+  !> End all ranks at the first error inside PETSc: calls after it would have undefined handles, and the other ranks are
+  !> in the midst of PETSc. So no call needs to look at its code for them; `has_failed` sees codes that come without.
+  integer(c_int) function end_at_error(communicator, line, procedure, file, code, kind, message, context) bind(c)
+    !> MPI's communicator, an address or a number.
+    type(c_ptr), value :: communicator
+    !> Place in PETSc: line.
+    integer(c_int), value :: line
+    !> Place in PETSc: name of the procedure.
+    type(c_ptr), value :: procedure
+    !> Place in PETSc: file.
+    type(c_ptr), value :: file
+    !> Error code.
+    integer(c_int), value :: code
+    !> Whether it comes for the first time.
+    integer(c_int), value :: kind
+    !> What is wrong; may be null.
+    type(c_ptr), value :: message
+    !> None.
+    type(c_ptr), value :: context
+    associate (not_needed => [line, kind], nor_these => [communicator, file, context])
+    end associate
+    call print_error('PETSc: '//text_of(procedure)//': '//text_of(message)//' (error code '//to_text(int(code))//')')
+    call abort_ranks(exit_machine)
+    end_at_error = code
+  end function end_at_error
+
+  !> A text of C.
+  function text_of(pointer) result(text)
+    !> Its address, or null.
+    type(c_ptr), intent(in) :: pointer
+    character(:), allocatable :: text
+    character(kind=c_char), pointer :: letters(:)
+    integer :: i
+    text = ''
+    if (.not. c_associated(pointer)) return
+    call c_f_pointer(pointer, letters, [c_strlen(pointer)])
+    do i = 1, size(letters)
+      text = text//letters(i)
+    end do
+  end function text_of
 
   !> Whether a call failed. Several ranks end at once: the others are in the midst of PETSc.
   logical function has_failed(code, what, error) result(failed)

@@ -96,7 +96,7 @@ module dotyk_elasticity_body
     !> Matrix over the free equations [force/length].
     type(sparse_symmetric_t) :: matrix
     !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
-    integer, allocatable :: graph_start(:)
+    integer(int64), allocatable :: graph_start(:)
     !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
     integer, allocatable :: graph_neighbour(:)
   contains

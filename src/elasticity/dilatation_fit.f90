@@ -9,6 +9,7 @@
 module dotyk_elasticity_dilatation_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_number_set, only: number_set_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
   use dotyk_elasticity_mean_dilatation, only: is_projected, mean_dilatations
@@ -136,9 +137,9 @@ contains
     !> Volume of each element (n_elements) [volume].
     real(dp), intent(in) :: volume(:)
     type(incidence_t) :: elements
-    integer, allocatable :: mark(:), list(:)
+    type(number_set_t) :: patch
     logical, allocatable :: is_vertex(:)
-    integer :: b, i, ring, n
+    integer :: b, i, ring
     logical :: done
     allocate (self%coefficient(1 + mesh%dimension, mesh%n_nodes()), source=0.0_dp)
     allocate (is_vertex(mesh%n_nodes()), source=.false.)
@@ -148,24 +149,20 @@ contains
       end do
     end do
     call elements%init(mesh)
-    !$omp parallel default(none) shared(self, mesh, mean, centre, volume, elements, is_vertex) &
-    !$omp& private(i, ring, n, done, mark, list)
-    allocate (mark(size(mean)), source=0)
-    allocate (list(size(mean)))
-    !$omp do schedule(dynamic, 64)
+    !$omp parallel do default(none) shared(self, mesh, mean, centre, volume, elements, is_vertex) &
+    !$omp& private(ring, done, patch) schedule(dynamic, 64)
     do i = 1, mesh%n_nodes()
       if (.not. is_vertex(i)) cycle
-      n = 0
-      call add_elements(elements, i, i, mark, list, n)
+      call patch%clear()
+      call add_elements(elements, i, patch)
       do ring = 1, most_rings
-        if (ring > 1) call add_neighbours(elements, i, mark, list, n)
-        call fit(mesh%dimension, n, list(:n), mesh%x(:, i), mean, centre, volume, self%coefficient(:, i), done)
+        if (ring > 1) call add_neighbours(elements, patch)
+        call fit(mesh%dimension, patch%n, patch%member(:patch%n), mesh%x(:, i), mean, centre, volume, &
+                 self%coefficient(:, i), done)
         if (done) exit
       end do
     end do
-    !$omp end do
-    deallocate (mark, list)
-    !$omp end parallel
+    !$omp end parallel do
   end subroutine dilatation_fit_init
 
   !> Number of corners of an element kind.
@@ -177,47 +174,30 @@ contains
     corners_of = properties%n_corners
   end function corners_of
 
-  !> Add the elements of a node to a list.
-  pure subroutine add_elements(elements, node, centre, mark, list, n)
+  !> Add the elements of a node to a patch.
+  pure subroutine add_elements(elements, node, patch)
     !> Incidence of nodes and elements.
     type(incidence_t), intent(in) :: elements
     !> The node.
     integer, intent(in) :: node
-    !> The vertex of the list.
-    integer, intent(in) :: centre
-    !> Vertex whose list an element entered last (n_elements).
-    integer, intent(inout) :: mark(:)
-    !> Elements of the list (n_elements).
-    integer, intent(inout) :: list(:)
-    !> Number of elements in the list.
-    integer, intent(inout) :: n
+    !> Elements of the patch.
+    type(number_set_t), intent(inout) :: patch
     integer :: k
     do k = elements%first(node), elements%first(node + 1) - 1
-      associate (e => elements%element(k))
-        if (mark(e) == centre) cycle
-        mark(e) = centre
-        n = n + 1
-        list(n) = e
-      end associate
+      call patch%add(elements%element(k))
     end do
   end subroutine add_elements
 
-  !> Add one ring: the elements of all nodes of the elements in a list.
-  pure subroutine add_neighbours(elements, centre, mark, list, n)
+  !> Add one ring: the elements of all nodes of the elements in a patch.
+  pure subroutine add_neighbours(elements, patch)
     !> Incidence of nodes and elements.
     type(incidence_t), intent(in) :: elements
-    !> The vertex of the list.
-    integer, intent(in) :: centre
-    !> Vertex whose list an element entered last (n_elements).
-    integer, intent(inout) :: mark(:)
-    !> Elements of the list (n_elements).
-    integer, intent(inout) :: list(:)
-    !> Number of elements in the list.
-    integer, intent(inout) :: n
+    !> Elements of the patch.
+    type(number_set_t), intent(inout) :: patch
     integer :: i, p
-    do i = 1, n
-      do p = elements%start(list(i)), elements%start(list(i) + 1) - 1
-        call add_elements(elements, elements%node(p), centre, mark, list, n)
+    do i = 1, patch%n
+      do p = elements%start(patch%member(i)), elements%start(patch%member(i) + 1) - 1
+        call add_elements(elements, elements%node(p), patch)
       end do
     end do
   end subroutine add_neighbours

@@ -4,7 +4,7 @@
 !> For bodies whose stiffness matrix is not assembled, because a congruent body's factor serves them.
 module dotyk_elasticity_dirichlet_lift
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_assembly, only: assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_material, only: material_t
@@ -37,7 +37,8 @@ contains
     type(constraint_t) :: of_submesh
     type(block_positions_t) :: positions
     type(sparse_symmetric_t) :: stiffness
-    integer, allocatable :: start(:), neighbour(:)
+    integer(int64), allocatable :: start(:)
+    integer, allocatable :: neighbour(:)
     real(dp) :: volume, mean_modulus_factor
     if (size(rhs) == 0 .or. .not. any(abs(constraint%prescribed) > 0)) return
     call extract_elements(mesh, any(abs(constraint%prescribed) > 0, dim=1), submesh)

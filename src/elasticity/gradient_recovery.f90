@@ -83,7 +83,6 @@ contains
     type(vertex_fit_t) :: fit
     type(incidence_t) :: elements
     type(recovery_patch_t) :: patch
-    integer, allocatable :: mark(:)
     real(dp), allocatable :: coefficient(:)
     integer :: v, dim
     logical :: keeps, is_kept
@@ -105,9 +104,8 @@ contains
     if (keeps) is_kept = all(self%fit%n_nodes > 0)
     if (.not. is_kept) call elements%init(mesh)
     !$omp parallel default(none) shared(self, mesh, u, elements, dim, keeps) &
-    !$omp& private(v, mark, patch, coefficient, fit, is_kept)
-    allocate (mark(mesh%n_nodes()), source=0)
-    allocate (patch%node(mesh%n_nodes()), coefficient(self%n_bodies*dim*self%monomials%n))
+    !$omp& private(v, patch, coefficient, fit, is_kept)
+    allocate (coefficient(self%n_bodies*dim*self%monomials%n))
     !$omp do schedule(dynamic, 16)
     do v = 1, self%n_vertices
       is_kept = keeps
@@ -115,7 +113,7 @@ contains
       if (is_kept) then
         call self%fit(v)%solve(self%monomials, self%n_bodies*dim, u, coefficient)
       else
-        call fit%init(self%monomials, elements, self%vertex, mesh%x, self%node(v), mark, patch, self%axes(:, :, v))
+        call fit%init(self%monomials, elements, self%vertex, mesh%x, self%node(v), patch, self%axes(:, :, v))
         call fit%solve(self%monomials, self%n_bodies*dim, u, coefficient)
         if (keeps) then
           if (self%room%take(fit%bytes())) self%fit(v) = fit
@@ -124,7 +122,7 @@ contains
       call differentiate(self%monomials, self%n_bodies, coefficient, self%axes(:, :, v), self%strain(:, :, :, v))
     end do
     !$omp end do
-    deallocate (mark, coefficient)
+    deallocate (coefficient)
     !$omp end parallel
   end subroutine gradient_recovery_init
 

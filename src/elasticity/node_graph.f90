@@ -1,5 +1,7 @@
 !> Graph of the nodes of a body: nodes are adjacent where they share an element. Incidence of nodes and elements.
 module dotyk_elasticity_node_graph
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_number_set, only: number_set_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
@@ -49,40 +51,33 @@ contains
   subroutine node_graph(mesh, start, neighbour)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> First neighbour of each node (n_nodes + 1).
-    integer, allocatable, intent(out) :: start(:)
+    !> First neighbour of each node: there may be more neighbours than default integers count (n_nodes + 1).
+    integer(int64), allocatable, intent(out) :: start(:)
     !> Neighbours, one node after the other (start(n_nodes + 1) - 1).
     integer, allocatable, intent(out) :: neighbour(:)
     type(incidence_t) :: incidence
-    integer, allocatable :: mark(:)
+    type(number_set_t) :: around
     integer :: n, i
     n = mesh%n_nodes()
     call incidence%init(mesh)
     allocate (start(n + 1))
     start(1) = 1
-    !$omp parallel default(none) shared(n, incidence, start) private(mark, i)
-    allocate (mark(n), source=0)
-    !$omp do schedule(dynamic, 512)
+    !$omp parallel do default(none) shared(n, incidence, start) private(around) schedule(dynamic, 512)
     do i = 1, n
-      call count_neighbours(i, incidence%start, incidence%node, incidence%first, incidence%element, mark, start(i + 1))
+      call find_neighbours(i, incidence, around)
+      start(i + 1) = around%n - 1
     end do
-    !$omp end do
-    deallocate (mark)
-    !$omp end parallel
+    !$omp end parallel do
     do i = 1, n
       start(i + 1) = start(i) + start(i + 1)
     end do
     allocate (neighbour(start(n + 1) - 1))
-    !$omp parallel default(none) shared(n, incidence, start, neighbour) private(mark, i)
-    allocate (mark(n), source=0)
-    !$omp do schedule(dynamic, 512)
+    !$omp parallel do default(none) shared(n, incidence, start, neighbour) private(around) schedule(dynamic, 512)
     do i = 1, n
-      call list_neighbours(i, incidence%start, incidence%node, incidence%first, incidence%element, mark, &
-                           neighbour(start(i):start(i + 1) - 1))
+      call find_neighbours(i, incidence, around)
+      neighbour(start(i):start(i + 1) - 1) = around%member(2:around%n)
     end do
-    !$omp end do
-    deallocate (mark)
-    !$omp end parallel
+    !$omp end parallel do
     call sort_by_transposing(n, start, neighbour)
   end subroutine node_graph
 
@@ -144,62 +139,25 @@ contains
     end do
   end subroutine elements_of_nodes
 
-  !> Count the neighbours of a node.
-  pure subroutine count_neighbours(i, element_start, element_node, first, node_element, mark, degree)
+  !> The neighbours of a node, behind the node itself, in any order.
+  pure subroutine find_neighbours(i, incidence, around)
     !> The node.
     integer, intent(in) :: i
-    !> First entry of each element in `element_node` (n_elements + 1).
-    integer, intent(in), contiguous :: element_start(:)
-    !> Nodes of the elements, one element after the other (n_entries).
-    integer, intent(in), contiguous :: element_node(:)
-    !> First entry of each node in `node_element` (n_nodes + 1).
-    integer, intent(in), contiguous :: first(:)
-    !> Elements of the nodes, one node after the other (n_entries).
-    integer, intent(in), contiguous :: node_element(:)
-    !> Work array without the value i (n_nodes).
-    integer, intent(inout), contiguous :: mark(:)
-    !> Number of neighbours.
-    integer, intent(out) :: degree
+    !> Incidence of nodes and elements.
+    type(incidence_t), intent(in) :: incidence
+    !> Gets the node and its neighbours.
+    type(number_set_t), intent(inout) :: around
     integer :: k, p
-    degree = 0
-    mark(i) = i
-    do k = first(i), first(i + 1) - 1
-      do p = element_start(node_element(k)), element_start(node_element(k) + 1) - 1
-        if (mark(element_node(p)) == i) cycle
-        mark(element_node(p)) = i
-        degree = degree + 1
-      end do
+    call around%clear()
+    call around%add(i)
+    do k = incidence%first(i), incidence%first(i + 1) - 1
+      associate (e => incidence%element(k))
+        do p = incidence%start(e), incidence%start(e + 1) - 1
+          call around%add(incidence%node(p))
+        end do
+      end associate
     end do
-  end subroutine count_neighbours
-
-  !> List the neighbours of a node, in any order.
-  pure subroutine list_neighbours(i, element_start, element_node, first, node_element, mark, neighbour)
-    !> The node.
-    integer, intent(in) :: i
-    !> First entry of each element in `element_node` (n_elements + 1).
-    integer, intent(in), contiguous :: element_start(:)
-    !> Nodes of the elements, one element after the other (n_entries).
-    integer, intent(in), contiguous :: element_node(:)
-    !> First entry of each node in `node_element` (n_nodes + 1).
-    integer, intent(in), contiguous :: first(:)
-    !> Elements of the nodes, one node after the other (n_entries).
-    integer, intent(in), contiguous :: node_element(:)
-    !> Work array without the value i (n_nodes).
-    integer, intent(inout), contiguous :: mark(:)
-    !> Neighbours (degree).
-    integer, intent(out), contiguous :: neighbour(:)
-    integer :: k, p, last
-    last = 0
-    mark(i) = i
-    do k = first(i), first(i + 1) - 1
-      do p = element_start(node_element(k)), element_start(node_element(k) + 1) - 1
-        if (mark(element_node(p)) == i) cycle
-        mark(element_node(p)) = i
-        last = last + 1
-        neighbour(last) = element_node(p)
-      end do
-    end do
-  end subroutine list_neighbours
+  end subroutine find_neighbours
 
   !> Sort the neighbours of all nodes: the transpose of a symmetric graph is the graph itself with sorted rows.
   !> Serial, but linear in the number of neighbours: faster than sorting each row on up to about four threads.
@@ -207,12 +165,14 @@ contains
     !> Number of nodes.
     integer, intent(in) :: n
     !> First neighbour of each node (n + 1).
-    integer, intent(in) :: start(n + 1)
+    integer(int64), intent(in) :: start(n + 1)
     !> Neighbours of the nodes (start(n + 1) - 1).
     integer, allocatable, intent(inout) :: neighbour(:)
-    integer, allocatable :: next(:), sorted(:)
-    integer :: i, k
-    allocate (sorted(size(neighbour)), next(n))
+    integer(int64), allocatable :: next(:)
+    integer, allocatable :: sorted(:)
+    integer(int64) :: k
+    integer :: i
+    allocate (sorted(size(neighbour, kind=int64)), next(n))
     next(:) = start(:n)
     do i = 1, n
       do k = start(i), start(i + 1) - 1

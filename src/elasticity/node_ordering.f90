@@ -6,9 +6,10 @@
 !> 11 % fewer operations than with nested dissection of all nodes (a larger difference than that between seeds) and
 !> has up to 4 % more entries; hex20, tri6, quad9 take 1, 18, 1 % fewer operations, hex27 2 % more.
 module dotyk_elasticity_node_ordering
-  use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_error, only: error_t, exit_machine, set_error
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_text, only: to_text
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
@@ -27,7 +28,7 @@ contains
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> First neighbour of each node, see `node_graph` (n_nodes + 1).
-    integer, intent(in) :: start(:)
+    integer(int64), intent(in) :: start(:)
     !> Neighbours of the nodes (start(n_nodes + 1) - 1).
     integer, intent(in) :: neighbour(:)
     !> Index of the k-th node of the elimination order (n_nodes).
@@ -39,11 +40,12 @@ contains
     integer :: i
     allocate (vertex(size(order)))
     call number_vertices(mesh, vertex)
+    call restrict_graph(vertex, start, neighbour, vertex_start, vertex_neighbour, error)
+    if (allocated(error)) return
     if (all(vertex > 0)) then
-      call nested_dissection(start, neighbour, order, error)
+      call nested_dissection(vertex_start, vertex_neighbour, order, error)
       return
     end if
-    call restrict_graph(vertex, start, neighbour, vertex_start, vertex_neighbour)
     allocate (vertex_order(size(vertex_start) - 1), position(size(vertex_start) - 1))
     call nested_dissection(vertex_start, vertex_neighbour, vertex_order, error)
     if (allocated(error)) return
@@ -78,26 +80,36 @@ contains
   end subroutine number_vertices
 
   !> Restrict a graph to the vertices.
-  pure subroutine restrict_graph(vertex, start, neighbour, vertex_start, vertex_neighbour)
+  subroutine restrict_graph(vertex, start, neighbour, vertex_start, vertex_neighbour, error)
     !> Vertex of each node, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
     !> First neighbour of each node (n_nodes + 1).
-    integer, intent(in) :: start(:)
+    integer(int64), intent(in) :: start(:)
     !> Neighbours of the nodes (start(n_nodes + 1) - 1).
     integer, intent(in) :: neighbour(:)
     !> First neighbour of each vertex (n_vertices + 1).
     integer, allocatable, intent(out) :: vertex_start(:)
     !> Neighbours of the vertices (vertex_start(n_vertices + 1) - 1).
     integer, allocatable, intent(out) :: vertex_neighbour(:)
+    !> Allocated where METIS cannot count the neighbours.
+    type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: found(:)
-    integer :: i, k, n
-    allocate (vertex_start(count(vertex > 0) + 1), found(size(neighbour)))
+    integer(int64) :: k
+    integer :: i, n
+    allocate (vertex_start(count(vertex > 0) + 1), found(min(size(neighbour, kind=int64), int(huge(n), int64))))
     vertex_start(1) = 1
     n = 0
     do i = 1, size(vertex)
       if (vertex(i) == 0) cycle
       do k = start(i), start(i + 1) - 1
         if (vertex(neighbour(k)) == 0) cycle
+        if (n == huge(n)) then
+          !$omp critical (message)
+          call set_error(error, 'METIS cannot order '//to_text(size(vertex))//' nodes, whose graph has more than '// &
+                         to_text(n)//' neighbours', exit_machine)
+          !$omp end critical (message)
+          return
+        end if
         n = n + 1
         found(n) = vertex(neighbour(k))
       end do

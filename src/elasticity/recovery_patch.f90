@@ -2,6 +2,7 @@
 !> wide.
 module dotyk_elasticity_recovery_patch
   use dotyk_base_kinds, only: dp
+  use dotyk_base_number_set, only: number_set_t
   use dotyk_elasticity_monomials, only: lanes
   implicit none
   private
@@ -12,12 +13,10 @@ module dotyk_elasticity_recovery_patch
 
   !> The nodes of a patch in scaled axes, in blocks of `lanes` nodes.
   type, public :: recovery_patch_t
-    !> Number of nodes.
-    integer :: n = 0
+    !> Nodes; the first one is the vertex.
+    type(number_set_t) :: nodes
     !> Number of blocks.
     integer :: n_blocks = 0
-    !> Nodes; the first one is the vertex (>= n).
-    integer, allocatable :: node(:)
     !> Scaled positions relative to the vertex (lanes, dim, >= n_blocks) [].
     real(dp), allocatable :: t(:, :, :)
     !> Square roots of the weights of the least squares; 0 beyond the last node (lanes, >= n_blocks) [].
@@ -31,7 +30,7 @@ module dotyk_elasticity_recovery_patch
 contains
 
   !> Add one ring: the nodes of all elements of the vertices of a patch.
-  pure subroutine add_ring(start, node, first, element, vertex, centre, mark, patch, inner, n)
+  pure subroutine add_ring(start, node, first, element, vertex, inner, patch)
     !> First entry of each element in `node` (n_elements + 1).
     integer, intent(in) :: start(:)
     !> Nodes of the elements, one element after the other (n_entries).
@@ -42,26 +41,18 @@ contains
     integer, intent(in) :: element(:)
     !> Vertex of each node, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
-    !> Node of the vertex of the patch.
-    integer, intent(in) :: centre
-    !> Last vertex whose patch contained a node (n_nodes).
-    integer, intent(inout) :: mark(:)
-    !> Nodes of the patch (n_nodes).
-    integer, intent(inout) :: patch(:)
     !> Number of nodes whose elements are in the patch already.
     integer, intent(inout) :: inner
-    !> Number of nodes of the patch.
-    integer, intent(inout) :: n
-    integer :: i, k, p, last
-    last = n
+    !> Nodes of the patch.
+    type(number_set_t), intent(inout) :: patch
+    integer :: i, k, p, last, of
+    last = patch%n
     do i = inner + 1, last
-      if (vertex(patch(i)) == 0) cycle
-      do k = first(patch(i)), first(patch(i) + 1) - 1
+      of = patch%member(i)
+      if (vertex(of) == 0) cycle
+      do k = first(of), first(of + 1) - 1
         do p = start(element(k)), start(element(k) + 1) - 1
-          if (mark(node(p)) == centre) cycle
-          mark(node(p)) = centre
-          n = n + 1
-          patch(n) = node(p)
+          call patch%add(node(p))
         end do
       end do
     end do
@@ -77,16 +68,16 @@ contains
     real(dp), intent(in), contiguous :: x(:, :)
     !> Axes of the patch, as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(dim, dim)
-    self%n_blocks = (self%n + lanes - 1)/lanes
+    self%n_blocks = (self%nodes%n + lanes - 1)/lanes
     if (allocated(self%t)) then
       if (size(self%root_weight, 2) < self%n_blocks) deallocate (self%t, self%root_weight)
     end if
     if (.not. allocated(self%t)) then
       allocate (self%t(lanes, dim, 2*self%n_blocks), self%root_weight(lanes, 2*self%n_blocks))
     end if
-    call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
+    call gather(self%nodes%n, dim, self%n_blocks, self%nodes%member, x, self%t)
     call own_axes(dim, self%n_blocks, self%t, axes)
-    call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%root_weight)
+    call to_axes(self%nodes%n, dim, self%n_blocks, axes, self%t, self%root_weight)
   end subroutine recovery_patch_fill
 
   !> Vectors at the nodes of a patch relative to that of the first node; zeros fill the last block.

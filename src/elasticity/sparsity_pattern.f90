@@ -12,7 +12,7 @@ module dotyk_elasticity_sparsity_pattern
   !> ascending.
   type, public :: block_positions_t
     !> First greater neighbour of each node (n_nodes + 1).
-    integer, allocatable :: first(:)
+    integer(int64), allocatable :: first(:)
     !> Greater neighbours, one node after the other (first(n_nodes + 1) - 1).
     integer, allocatable :: neighbour(:)
     !> Number of rows between the diagonal block of a node and its block with the neighbour (first(n_nodes + 1) - 1).
@@ -32,7 +32,7 @@ contains
     !> Equations by nodes, ascending, 0 for none (dim, n_nodes).
     integer, intent(in), contiguous :: equation(:, :)
     !> First neighbour of each node, see `node_graph` (n_nodes + 1).
-    integer, intent(in) :: start(:)
+    integer(int64), intent(in) :: start(:)
     !> Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
     integer, intent(in) :: neighbour(:)
     !> Positions of the nodal blocks.
@@ -40,10 +40,12 @@ contains
     !> The matrix, with zeros as values [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
     integer, allocatable :: rows(:)
-    integer :: n, b, k, last
+    integer(int64) :: k, last
+    integer :: n, b
     n = size(equation, 2)
     allocate (positions%first(n + 1), positions%n_free(n))
-    allocate (positions%neighbour(size(neighbour)/2), positions%offset(size(neighbour)/2))
+    k = size(neighbour, kind=int64)/2
+    allocate (positions%neighbour(k), positions%offset(k))
     last = 0
     do b = 1, n
       positions%n_free(b) = count(equation(:, b) > 0)
@@ -111,7 +113,7 @@ contains
     !> Equations by nodes, 0 for none (dim, n).
     integer, intent(in) :: equation(dim, n)
     !> First greater neighbour of each node (n + 1).
-    integer, intent(in) :: first(:)
+    integer(int64), intent(in) :: first(:)
     !> Greater neighbours (first(n + 1) - 1).
     integer, intent(in) :: neighbour(:)
     !> First entry of each column, 0-based (n_equations + 1).
@@ -120,8 +122,8 @@ contains
     integer(int64), intent(inout) :: row(:)
     !> Value of each entry (n_entries) [force/length].
     real(dp), intent(inout) :: value(:)
-    integer(int64) :: last, diagonal, next, source
-    integer :: i, j, k, column
+    integer(int64) :: last, diagonal, next, source, k
+    integer :: i, j, column
     diagonal = 0
     next = 0
     do j = 1, dim
@@ -176,7 +178,7 @@ contains
     !> Number of equations of each node (n_nodes).
     integer, intent(in) :: n_free(n_nodes)
     !> First greater neighbour of each node (n_nodes + 1).
-    integer, intent(in) :: first(n_nodes + 1)
+    integer(int64), intent(in) :: first(n_nodes + 1)
     !> Greater neighbours, see `block_positions_t` (n_blocks).
     integer, intent(in) :: neighbour(*)
     !> Row offsets of the blocks, see `block_positions_t` (n_blocks).
@@ -185,8 +187,8 @@ contains
     integer(int64), intent(in) :: column_start(*)
     !> Values of the matrix (n_entries) [force/length].
     real(dp), intent(inout) :: value(*)
-    integer :: order(n), ia, ib, a, b, i, j, p, rank
-    integer(int64) :: base(dim), position
+    integer :: order(n), ia, ib, a, b, i, j, rank
+    integer(int64) :: base(dim), position, p
     call sort_nodes(n, node, order)
     do ib = 1, n
       b = order(ib)

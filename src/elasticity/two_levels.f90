@@ -163,7 +163,8 @@ contains
     type(block_rows_t), intent(inout) :: rows
     !> Allocated where the first element is inverted, or the modulus field is no formula or not positive there.
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: start(:), neighbour(:)
+    integer(int64), allocatable :: start(:)
+    integer, allocatable :: neighbour(:)
     real(dp) :: scale
     call typical_stiffness(mesh, body%analysis, body%material, scale, error)
     if (allocated(error)) return

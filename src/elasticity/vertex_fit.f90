@@ -49,7 +49,7 @@ contains
 
   !> Choose the patch and factorize. Rings of elements are added until the nodes determine the polynomial: one ring in
   !> the interior, two at most places of the boundary.
-  subroutine vertex_fit_init(self, monomials, elements, vertex, x, node, mark, patch, axes)
+  subroutine vertex_fit_init(self, monomials, elements, vertex, x, node, patch, axes)
     class(vertex_fit_t), intent(inout) :: self
     !> Monomials of the fit.
     type(monomials_t), intent(in) :: monomials
@@ -61,37 +61,33 @@ contains
     real(dp), intent(in), contiguous :: x(:, :)
     !> Node of the vertex.
     integer, intent(in) :: node
-    !> Work array: last vertex whose patch contained a node (n_nodes).
-    integer, intent(inout) :: mark(:)
     !> Work space.
     type(recovery_patch_t), intent(inout) :: patch
     !> Axes of the patch, as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(:, :)
     integer :: i, ring, inner, rank
-    patch%n = 1
-    patch%node(1) = node
-    mark(node) = node
+    call patch%nodes%clear()
+    call patch%nodes%add(node)
     inner = 0
     self%is_full = .false.
     if (.not. allocated(self%r)) allocate (self%r(monomials%n, monomials%n), self%pivot(monomials%n))
     do ring = 1, most_rings
-      call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, &
-                    inner, patch%n)
-      if (ring < most_rings .and. patch%n < monomials%n + 1) cycle
+      call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, inner, patch%nodes)
+      if (ring < most_rings .and. patch%nodes%n < monomials%n + 1) cycle
       call patch%fill(monomials%dimension, x, axes)
       self%rows = lanes*patch%n_blocks
       if (allocated(self%power)) deallocate (self%power)
       allocate (self%power(self%rows*monomials%n))
       call evaluate_monomials(monomials%dimension, monomials%n, patch%n_blocks, monomials%parent, monomials%axis, &
                               patch%t, patch%root_weight, self%power)
-      call factorize(monomials%n, self%rows, patch%n, self%power, merge(well_determined, determined, ring == 1), &
+      call factorize(monomials%n, self%rows, patch%nodes%n, self%power, merge(well_determined, determined, ring == 1), &
                      self%r, self%pivot, rank)
       self%is_full = rank == monomials%n
       if (self%is_full .or. ring > 1) exit
     end do
-    self%n_nodes = patch%n
-    self%node = patch%node(:patch%n)
-    self%root_weight = [(patch%root_weight(mod(i - 1, lanes) + 1, (i - 1)/lanes + 1), i=1, patch%n)]
+    self%n_nodes = patch%nodes%n
+    self%node = patch%nodes%member(:patch%nodes%n)
+    self%root_weight = [(patch%root_weight(mod(i - 1, lanes) + 1, (i - 1)/lanes + 1), i=1, patch%nodes%n)]
   end subroutine vertex_fit_init
 
   !> Memory of a fit [bytes].

@@ -69,7 +69,10 @@ contains
     call texts_of(group, 'material', names)
     body%is_surface = is_given(group, 'surface')
     if (body%is_surface) then
-      body%volumes = [text_t(text_of(group, 'surface'))]
+      ! gfortran 12 leaks the text of an array constructor.
+      if (allocated(body%volumes)) deallocate (body%volumes)
+      allocate (body%volumes(1))
+      body%volumes(1)%s = text_of(group, 'surface')
       call refuse(group, 'volume', 'surface', problems)
       call refuse(group, 'material', 'surface', problems)
       call refuse(group, 'crack', 'surface', problems)

@@ -60,7 +60,7 @@ contains
     !> Order of the blocks, 2 or 3.
     integer, intent(in) :: dim
     !> First neighbour of each node (n + 1).
-    integer, intent(in) :: start(:)
+    integer(int64), intent(in) :: start(:)
     !> Neighbours of the nodes, ascending, without the node itself (start(n + 1) - 1).
     integer, intent(in) :: neighbour(:)
     !> Magnitude of the entries that will be added [matrix].
@@ -70,11 +70,11 @@ contains
     self%dim = dim
     self%n = size(start) - 1
     self%scale = power_of_two(scale)
-    allocate (self%start(self%n + 1), self%column(int(start(self%n + 1), int64) - 1 + self%n))
+    allocate (self%start(self%n + 1), self%column(start(self%n + 1) - 1 + self%n))
     allocate (self%high(dim**2, size(self%column, kind=int64) + 1), self%low(dim**2, size(self%column, kind=int64) + 1))
     self%high(:, size(self%high, 2)) = 0
     self%low(:, size(self%low, 2)) = 0
-    self%start(:) = [(int(start(i), int64) + i - 1, i=1, self%n + 1)]
+    self%start(:) = [(start(i) + i - 1, i=1, self%n + 1)]
     ! Each thread touches the rows first that it multiplies later.
     !$omp parallel do default(none) shared(self, start, neighbour) private(first, length) schedule(static)
     do i = 1, self%n

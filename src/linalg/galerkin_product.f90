@@ -190,7 +190,8 @@ contains
     real(dp), intent(in) :: scale
     !> Gets the pattern, with zeros.
     type(block_rows_t), intent(out) :: coarse
-    integer, allocatable :: place(:), list(:), first(:), column(:), start(:), neighbour(:)
+    integer, allocatable :: place(:), list(:), first(:), column(:), neighbour(:)
+    integer(int64), allocatable :: start(:)
     integer :: part, i, k, n, r, pass
     part = prolongator%m/order
     allocate (first(prolongator%n_coarse + 1))

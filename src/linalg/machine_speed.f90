@@ -1,7 +1,7 @@
 !> Speed of the machine, measured in some tenths of a second: for predictions.
 module dotyk_linalg_machine_speed
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_timer, only: wall_time
   use dotyk_linalg_blas, only: dgemm
   use dotyk_linalg_block_rows, only: block_rows_t
@@ -66,7 +66,8 @@ contains
   subroutine make_band(rows)
     !> The matrix.
     type(block_rows_t), intent(inout) :: rows
-    integer, allocatable :: start(:), neighbour(:)
+    integer(int64), allocatable :: start(:)
+    integer, allocatable :: neighbour(:)
     integer :: i, k, n
     allocate (start(n_rows + 1), neighbour(2*half_width*n_rows))
     n = 0

@@ -75,8 +75,13 @@ contains
     class(log_monitor_t), intent(inout) :: self
     !> Label and text.
     character(*), intent(in) :: text
+    type(text_t), allocatable :: held(:)
     if (allocated(self%held)) then
-      self%held = [self%held, text_t(text)]
+      ! gfortran 12 leaks the texts of `[self%held, text_t(text)]`.
+      allocate (held(size(self%held) + 1))
+      held(:size(self%held)) = self%held
+      held(size(held))%s = text
+      call move_alloc(held, self%held)
     else
       call self%log%line('  '//text)
     end if

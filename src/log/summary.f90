@@ -175,7 +175,8 @@ contains
     !> Complementarity error, relative, from which on slave elements are too large for what they touch [].
     real(dp), parameter :: large_contact_error = 0.3_dp
     in_energy = any([(body(b)%initial%is_set(), b=1, size(body))]) .and. &
-                any([is_much(state%error_bound), is_much(budget%penalty), is_much(budget%discretization)])
+                any([exceeds(state%error_bound, meaningless), exceeds(budget%penalty, meaningless), &
+                     exceeds(budget%discretization, meaningless)])
     line = '  relative error   iteration '
     if (in_energy) line = '  error in energy  iteration '
     line = line//part('<=', state%error_bound)
@@ -191,18 +192,20 @@ contains
     call log%line(line)
     if (all(state%ended /= [ended_converged, ended_penetration])) return
     if (allocated(budget%doubtful)) call show_doubtful_forces(log, budget%doubtful)
-    if (budget%contact > large_contact_error) &
+    if (exceeds(budget%contact, large_contact_error)) &
       call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
                     ' %: the contact conditions hold in the mean only; refine the slave '// &
                     "surface where it touches, or use discretization='quadrature'")
   contains
-    !> Whether an error is so large that it says nothing.
-    pure logical function is_much(value)
-      !> Error relative to the energy norm; NaN where it is unknown [].
+    !> Whether an error is known and above a limit.
+    pure logical function exceeds(value, limit)
+      !> Relative error; NaN where it is unknown [].
       real(dp), intent(in) :: value
-      is_much = .false.
-      if (.not. ieee_is_nan(value)) is_much = value > meaningless
-    end function is_much
+      !> The limit [].
+      real(dp), intent(in) :: limit
+      exceeds = .false.
+      if (.not. ieee_is_nan(value)) exceeds = value > limit
+    end function exceeds
 
     !> A bound or an estimate in per cent, or as the energy of the error.
     function part(relation, value) result(text)

@@ -123,7 +123,7 @@ contains
     character(*), intent(in) :: path
     character(4096) :: tail
     integer(int64) :: n
-    integer :: unit, status, first, i
+    integer :: unit, status, first
     loses = .false.
     inquire (file=path, size=n)
     if (n <= 0) return
@@ -134,9 +134,40 @@ contains
       close (unit)
       if (status /= 0) return
       first = index(tail(:m), new_line('a'), back=.true.) + 1
-      loses = count([(tail(i:i) == ';', i=first, m)]) > 1
+      loses = n_statements(tail(first:m)) > 1
     end associate
   end function loses_statements
+
+  !> Number of statements that end on a line: semicolons outside of comments and quoted names.
+  pure integer function n_statements(line) result(n)
+    !> The line.
+    character(*), intent(in) :: line
+    integer :: i, skipped
+    n = 0
+    i = 1
+    do while (i <= len(line))
+      if (index(line(i:), '//') == 1) return
+      skipped = 1
+      if (index(line(i:), '/*') == 1) then
+        skipped = 2 + up_to('*/', line(i + 2:))
+      else if (scan(line(i:i), '"''') == 1) then
+        skipped = 1 + up_to(line(i:i), line(i + 1:))
+      else if (line(i:i) == ';') then
+        n = n + 1
+      end if
+      i = i + skipped
+    end do
+  end function n_statements
+
+  !> Length of a text up to the end of a mark in it; of the whole text where it has none.
+  pure integer function up_to(mark, text) result(length)
+    !> The mark.
+    character(*), intent(in) :: mark
+    !> The text.
+    character(*), intent(in) :: text
+    length = len(text)
+    if (index(text, mark) > 0) length = index(text, mark) + len(mark) - 1
+  end function up_to
 
   !> Path, without extension, of the mesh for the present content of a geometry.
   subroutine name_mesh(geo_file, dimension, sources, script, base, error)

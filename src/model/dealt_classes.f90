@@ -74,7 +74,9 @@ contains
     type(congruence_invariants_t), intent(out) :: invariants(:)
     type(congruence_invariants_t) :: mold
     integer(int8) :: bytes(storage_size(mold)/8, size(owner))
-    integer :: b
+    integer :: b, n_bytes
+    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
+    inquire (iolength=n_bytes) mold
     do b = 1, size(owner)
       if (is_own(owner(b))) call invariants(b)%init(body(b))
       bytes(:, b) = transfer(invariants(b), bytes(:, b))
@@ -93,7 +95,9 @@ contains
     type(placement_t), intent(inout) :: motion(:)
     type(placement_t) :: mold
     integer(int8) :: bytes(storage_size(mold)/8, size(owner))
-    integer :: b
+    integer :: b, n_bytes
+    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
+    inquire (iolength=n_bytes) mold
     do b = 1, size(owner)
       bytes(:, b) = transfer(motion(b), bytes(:, b))
     end do

@@ -10,6 +10,7 @@ module dotyk_model_pairs
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: case_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_discretized_pairs, only: drop_empty_pairs, refuse_double_faces
@@ -154,20 +155,22 @@ contains
     integer, intent(in) :: n_rows
     !> Compliance of each row; 1 for ties (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: foundation(:)
-    integer :: k, n
+    real(dp) :: compliance(size(body))
+    logical :: is_paired(size(body))
+    integer :: b, k, n
+    is_paired = .false.
+    is_paired(pair%body_a) = .true.
+    is_paired(pair%body_b) = .true.
+    ! By a size that does not depend on the axes; once for each body, not for each of its pairs.
+    compliance = 0
+    do b = 1, size(body)
+      if (is_paired(b)) compliance(b) = foundation_depth*shortest_extent(body(b)%mesh)/body(b)%young()
+    end do
     allocate (foundation(n_rows), source=1.0_dp)
     n = 0
     do k = 1, size(pair)
-      foundation(n + 1:n + pair(k)%n_rows) = &
-        foundation_depth*(compliance(body(pair(k)%body_a)) + compliance(body(pair(k)%body_b)))
+      foundation(n + 1:n + pair(k)%n_rows) = compliance(pair(k)%body_a) + compliance(pair(k)%body_b)
       n = n + pair(k)%n_rows
     end do
   end subroutine foundation_compliance
-
-  !> Shortest edge of the bounding box over Young's modulus of a body [length/pressure].
-  real(dp) function compliance(body)
-    !> The body.
-    type(body_t), intent(in) :: body
-    compliance = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/body%young()
-  end function compliance
 end module dotyk_model_pairs

@@ -124,6 +124,29 @@ class Penetration(unittest.TestCase):
         scene.body("both", both).fix("both", "low", "xy", (0, 0)).fix("both", "high", "xy", (0, -0.2))
         self.check(scene, 0.1, ("both", "both"))
 
+    def test_common_motion(self):
+        """A shallow penetration of two bodies is none the less one where both move far together."""
+        for d, kind in ((2, "quad4"), (3, "hex8")):
+            for far in (0, 0.3, 10):
+                scene = Scene("3d" if d == 3 else "plane_strain")
+                common = [far] + [-far] * (d - 1)
+                moved(scene, "lower", box(kind, 2, [0] * d, [1] * d), common)
+                moved(scene, "upper", box(kind, 3, [0.2] * (d - 1) + [1], [0.8] * (d - 1) + [1.5]),
+                      common[:-1] + [common[-1] - 5e-4])
+                self.check(scene, 5e-4, ("upper", "lower"), words=", %d nodes" % 4**(d - 1))
+
+    def test_common_rotation(self):
+        """The same where both rotate together, by 0.2 rad in the theory of small rotations: all lengths grow by 2 %."""
+        scene = Scene("plane_strain")
+        for name, mesh, down in (("lower", box("quad4", 2, (0, 0), (1, 1)), 0),
+                                 ("upper", box("quad4", 3, (0.2, 1), (0.8, 1.5)), 5e-4)):
+            mesh.group("all", *mesh.patches)
+            scene.body(name, mesh).raw("&support body='%s', surface='all', fix='xy', value_formula='-0.2*y','0.2*x-%g'"
+                                       % (name, down))
+        answer = scene.solve()
+        self.assertEqual(answer.code, 1, answer.log)
+        self.assertAlmostEqual(answer.summary["penetration_depth"], 5e-4 / np.sqrt(1.04), delta=1e-9)
+
     def test_contact_that_is_right(self):
         """Blocks that do not match, pressed on each other, on flush planes of symmetry, with and without penalty; and with
         a given gap that is larger than that of the mesh."""

@@ -123,6 +123,15 @@ class Split(RankCase):
             "&contact name='floor', surface_a='puck:bottom', surface_b='corner:floor' /",
             "&contact name='wall', surface_a='puck:side', surface_b='corner:wall' /", SOLVER]))
 
+    def test_an_error_inside_petsc(self):
+        """PETSC_OPTIONS ask for a preconditioner that does not exist: no call goes on after the one that fails."""
+        namelist = self.puck(2)
+        namelist.write_text(namelist.read_text().replace("&solver", "&solver response='multigrid', "))
+        options = "-corner_pc_type none_such -plain_corner_pc_type none_such"
+        printed = self.run_ranks(2, namelist, code=5, before="export PETSC_OPTIONS='%s'" % options)
+        self.assertRegex(printed, r"PETSc: .*none_such.* \(error code 86\)")
+        self.assertNotIn("SIGSEGV", printed)
+
     def test_puck_of_linear_elements(self):
         self.compare(self.puck(1))
 

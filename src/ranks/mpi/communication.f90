@@ -36,6 +36,10 @@ contains
     type(mpi_comm) :: node
     integer :: provided
     call mpi_init_thread(mpi_thread_funneled, provided)
+    if (provided < mpi_thread_funneled) then
+      call print_error('this MPI library does not allow threads (MPI_THREAD_FUNNELED): take one that does')
+      call abort_ranks(exit_machine)
+    end if
     call mpi_comm_rank(mpi_comm_world, own_rank)
     call mpi_comm_size(mpi_comm_world, number_of_ranks)
     call mpi_comm_split_type(mpi_comm_world, mpi_comm_type_shared, 0, mpi_info_null, node)
