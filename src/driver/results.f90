@@ -83,7 +83,7 @@ contains
       allocate (nodal_stress(size(problem%body)))
       if (case%output%nodal_stress .and. is_known) then
         call set_stage('recovering stresses at nodes')
-        call recover_nodal_stresses(problem, displacements, solution%kept, nodal_stress, error)
+        call recover_nodal_stresses(problem, solution%displacements, solution%kept, nodal_stress, error)
         if (allocated(error)) return
       end if
       call monitor%watch%lap(monitor%timing%recover)
