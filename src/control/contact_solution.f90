@@ -17,7 +17,7 @@ module dotyk_control_contact_solution
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: find_displacements
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
-  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
+  use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_ranks_exchange, only: on_any_rank
@@ -86,8 +86,6 @@ module dotyk_control_contact_solution
     type(error_budget_t) :: budget
     !> Whether the deformed bodies penetrate each other.
     type(penetration_check_t) :: penetration
-    !> What estimates keep between rounds and load cases.
-    type(kept_estimates_t) :: kept
   contains
     procedure :: begin => solution_begin
     procedure :: energies => solution_energies
@@ -117,15 +115,11 @@ module dotyk_control_contact_solution
 
 contains
 
-  !> Begin a solution without a state; what estimates keep is kept.
+  !> Begin a solution without a state.
   subroutine solution_begin(self, theta)
-    class(contact_solution_t), intent(inout) :: self
+    class(contact_solution_t), intent(out) :: self
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    type(kept_class_t), allocatable :: of_class(:)
-    call move_alloc(self%kept%of_class, of_class)
-    call forget(self)
-    call move_alloc(of_class, self%kept%of_class)
     self%theta = theta
   end subroutine solution_begin
 
@@ -137,13 +131,6 @@ contains
     real(dp), intent(in) :: tolerance
     first_tolerance = merge(rough, tolerance, goal%by_budget)
   end function first_tolerance
-
-  !> Forget a solution.
-  subroutine forget(solution)
-    !> Without anything on return.
-    type(contact_solution_t), intent(out) :: solution
-    solution%round = 0
-  end subroutine forget
 
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
@@ -196,7 +183,7 @@ contains
 
   !> Solve. A solution that ended with `ended_time` is continued; one with displacements, of a load case in a block, has
   !> been solved once.
-  subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
+  subroutine solve_contact(problem, qp, compliance, run, goal, kept, monitor, solution, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(inout) :: problem
     !> The quadratic programme.
@@ -207,6 +194,8 @@ contains
     type(scheme_run_t), intent(in) :: run
     !> What is asked of the solution.
     type(solution_goal_t), intent(in) :: goal
+    !> What estimates keep between rounds and load cases.
+    type(kept_estimates_t), intent(inout) :: kept
     !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
     !> theta is given, and a state if there is one to begin with, or it is to be continued.
@@ -245,7 +234,7 @@ contains
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
                            now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
-                           solution%displacements, solution%kept, solution%state, solution%budget, error)
+                           solution%displacements, kept, solution%state, solution%budget, error)
       if (allocated(error)) return
       ! A load case of a block is not lost because others were interrupted.
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. is_solved) then

@@ -1,12 +1,12 @@
-!> Blocks of load cases: the contact of each is solved, then their displacements take one solve of each body with as many
-!> right-hand sides, and their error estimates one pass over each mesh. Each is told and written afterwards.
+!> Blocks of load cases: the contact of each is solved, then their displacements take one solve of each body with as
+!> many right-hand sides, and their error estimates one pass over each mesh. Each is told and written afterwards.
 module dotyk_driver_case_block
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_base_timer, only: wall_time
   use dotyk_control_body_solution, only: displacements_t, recover_block
-  use dotyk_control_contact_solution, only: contact_solution_t, first_tolerance, solution_goal_t
+  use dotyk_control_contact_solution, only: first_tolerance, solution_goal_t
   use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_load_case, only: next_case, solved_case_t
@@ -50,7 +50,7 @@ module dotyk_driver_case_block
 contains
 
   !> Solve the cases from one on, as many as may be together; none where that is one case.
-  subroutine block_solve(self, input, k, run, scene, monitor, solution)
+  subroutine block_solve(self, input, k, run, scene, monitor, last)
     class(case_block_t), intent(inout) :: self
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: input
@@ -62,8 +62,8 @@ contains
     type(scene_t), intent(inout) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Solution of the case before; what its estimates keep grows.
-    type(contact_solution_t), intent(inout) :: solution
+    !> State of the case before the first one.
+    type(solver_state_t), intent(in) :: last
     type(solution_goal_t) :: goal
     type(solver_state_t) :: before
     type(error_t), allocatable :: error
@@ -78,7 +78,7 @@ contains
     if (allocated(self%case)) deallocate (self%case, self%displacements)
     allocate (self%case(n), self%displacements(n))
     is_interrupted = .false.
-    before = solution%state
+    before = last
     do j = 1, n
       call solve_one(input, k + j - 1, goal, run, scene, monitor, before, self%case(j), self%displacements(j))
       if (.not. allocated(self%displacements(j)%body)) exit
@@ -94,7 +94,7 @@ contains
     call recover_block(scene%problem, scene%compliance, goal%stress, self%displacements(:n))
     if (goal%needs_mesh_error()) then
       call monitor%begin_phase(phase_estimate)
-      call estimate_mesh_errors(scene%problem, scene%qp%pair_first_row, solution%kept, self%displacements(:n), error)
+      call estimate_mesh_errors(scene%problem, scene%qp%pair_first_row, scene%kept, self%displacements(:n), error)
     end if
     call monitor%end_phase()
     call agree_on_error(error)

@@ -66,7 +66,7 @@ contains
     needs_factors = .false.
     before = 0
     do k = 1, n
-      if (k > block%last .and. len(restart) == 0) call block%solve(input, k, run, scene, monitor, solution)
+      if (k > block%last .and. len(restart) == 0) call block%solve(input, k, run, scene, monitor, solution%state)
       call block%take(k, solved)
       call begin_case(input, k, case, scene, monitor, error, solved)
       if (allocated(error)) exit

@@ -82,7 +82,7 @@ contains
       if (scene%is_split()) call scene%split%take_scheme(most_iterations, now%scheme)
       call solution%begin(scene%theta)
       if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
-        call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
+        call scene%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       if (allocated(solved)) then
         solution%state = solved%state
         solution%displacements = solved%displacements
@@ -100,7 +100,8 @@ contains
           call say_why('the contact needs factors', may_return, monitor)
           if (may_return) cycle factors
         end if
-        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), monitor, solution, error)
+        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), scene%kept, monitor, &
+                           solution, error)
         call monitor%end_phase()
         if (allocated(error)) exit factors
         if (solution%state%ended == ended_time) then
