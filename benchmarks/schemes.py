@@ -15,7 +15,7 @@ import tempfile
 import h5py
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-SCHEMES = ['dual', 'neumann', 'nesterov', 'anderson', 'secant', 'robin']
+SCHEMES = ['dual', 'neumann', 'robin']
 THETAS = ['1e-1', '1e-2', '1e-3', '1e-4', '1e-6', '1e-8', '0']
 # example, changes of its geometry, schemes, thetas
 HELD = SCHEMES, THETAS

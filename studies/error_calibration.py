@@ -28,7 +28,7 @@ FINER = {'cylinder': ((4, 2, 1), 0.5), 'punch': ((4, 2, 1), 0.5), 'groove': ((4,
          'hertz': ((4, 2), 1)}
 THETAS = {'wavy': (1, 1e-1, 1e-2, 1e-3, 1e-4), 'column': (1, 1e-1, 1e-2), 'press_fit': (1, 1e-1, 1e-2), 'hertz': (1e-1, 1e-2),
           'receding': (1e-1, 1e-2), 'free_stack': (1e-1, 1e-2)}
-STOPS = {'neumann': (10, 100, 1000), 'nesterov': (10, 100), 'anderson': (10, 100), 'secant': (10, 100), 'robin': (10, 100)}
+STOPS = {'neumann': (10, 100, 1000), 'robin': (10, 100)}
 
 
 def run(folder, name, output, **solver):

@@ -73,14 +73,11 @@ module dotyk_base_options
   integer, parameter, public :: default_condition = condition_robin
 
   !> `&solver scheme`.
-  character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
-  integer, parameter, public :: scheme_auto = 1      !< dual, unless other keys ask for neumann
-  integer, parameter, public :: scheme_neumann = 2   !< parallel Neumann scheme, equations (43) to (46)
-  integer, parameter, public :: scheme_dual = 3      !< primal-dual active set on the Lagrange multipliers
-  integer, parameter, public :: scheme_robin = 4     !< (32) with Robin conditions, G = A + X
-  integer, parameter, public :: scheme_nesterov = 5  !< neumann with Nesterov's momentum
-  integer, parameter, public :: scheme_anderson = 6  !< neumann with Anderson acceleration
-  integer, parameter, public :: scheme_secant = 7    !< neumann with crossed secants
+  character(*), parameter, public :: scheme_names = 'auto neumann dual robin'
+  integer, parameter, public :: scheme_auto = 1     !< dual, unless other keys ask for neumann
+  integer, parameter, public :: scheme_neumann = 2  !< parallel Neumann scheme, equations (43) to (46)
+  integer, parameter, public :: scheme_dual = 3     !< primal-dual active set on the Lagrange multipliers
+  integer, parameter, public :: scheme_robin = 4    !< (32) with Robin conditions, G = A + X
   integer, parameter, public :: default_scheme = scheme_auto
 
   !> `&solver response`: form of a body's compliance operator.

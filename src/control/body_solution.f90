@@ -1,4 +1,7 @@
 !> Displacements and stresses of all bodies, once the contact pressures are known.
+!>
+!> Several load cases are recovered in one block: one solve of each body with as many right-hand sides reads the entries
+!> of its factor once.
 module dotyk_control_body_solution
   use dotyk_base_kinds, only: dp
   use dotyk_base_progress, only: add_progress, expect_progress
@@ -8,6 +11,8 @@ module dotyk_control_body_solution
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_gradient_recovery, only: recovered_strains_t
+  use dotyk_elasticity_load_cases, only: take_case
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -24,48 +29,181 @@ module dotyk_control_body_solution
     real(dp), allocatable :: stress(:, :)
     !> Strain energy of the own elements, where the stress is allocated [energy].
     real(dp) :: strain_energy = 0
+    !> Forces whose displacements are to be added; not allocated where there are none (n_equations) [force].
+    real(dp), allocatable, private :: force(:)
   end type body_solution_t
 
-  public :: add_modes, forces_on_body, recover_bodies, share_solution
+  !> One number for each element of a body.
+  type, public :: element_field_t
+    !> In the order of the blocks (n_elements).
+    real(dp), allocatable :: value(:)
+  end type element_field_t
+
+  !> Strains that were recovered for some congruent bodies.
+  type, public :: group_strains_t
+    !> (n_materials)
+    type(recovered_strains_t), allocatable :: of_material(:)
+  end type group_strains_t
+
+  !> Displacements of all bodies in a load case, and the errors of the mesh in them.
+  type, public :: displacements_t
+    !> The load case, to be taken by the bodies first where several are in a block; 0: it acts on them already.
+    integer :: case = 0
+    !> Contact pressures of a load case in a block (n_rows) [pressure].
+    real(dp), allocatable :: m(:)
+    !> Displacements and stresses; not allocated where they are not known (n_bodies).
+    type(body_solution_t), allocatable :: body(:)
+    !> Squared errors of the elements; not allocated where they are not known, or for bodies of other ranks (n_bodies)
+    !> [energy].
+    type(element_field_t), allocatable :: square(:)
+    !> Squared energy norm of the solution, known with the errors [energy].
+    real(dp) :: norm_square = 0
+    !> Recovered strains, until nodal stresses take them; not allocated where nothing has replaced them in
+    !> `kept_estimates_t` (those of `congruent_groups`).
+    type(group_strains_t), allocatable :: recovered(:)
+    !> Recoveries of all bodies that they took, those of the corrections of ill-conditioned bodies included.
+    integer :: n_recoveries = 0
+  contains
+    procedure :: forget => displacements_forget
+    procedure :: begin => displacements_begin
+  end type displacements_t
+
+  public :: recover_block, recover_bodies, share_solution
 
 contains
 
-  !> Recover all bodies, side by side.
-  subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
+  !> Nothing is known but the number of recoveries.
+  subroutine displacements_forget(self)
+    class(displacements_t), intent(inout) :: self
+    self%case = 0
+    if (allocated(self%m)) deallocate (self%m)
+    if (allocated(self%body)) deallocate (self%body)
+    if (allocated(self%square)) deallocate (self%square)
+    if (allocated(self%recovered)) deallocate (self%recovered)
+  end subroutine displacements_forget
+
+  !> Begin the displacements of a load case whose contact is solved, while it acts on the bodies: motions along its
+  !> modes, bodies that touch no other, and the forces on all others.
+  subroutine displacements_begin(self, problem, qp, m, alpha)
+    class(displacements_t), intent(inout) :: self
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     !> Amplitudes of the modes of all bodies, body after body (number of modes) [length]; of size 0 where there are
     !> none.
     real(dp), intent(in) :: alpha(:)
+    integer :: b, first(size(problem%body) + 1)
+    call self%forget()
+    self%m = m
+    allocate (self%body(size(problem%body)))
+    first = first_mode(problem%modes)
+    do b = 1, size(problem%body)
+      if (.not. problem%ranks%is_own(b)) cycle
+      associate (body => problem%body(b), solution => self%body(b))
+        if (allocated(problem%isolated(b)%displacement)) then
+          solution%displacement = problem%isolated(b)%displacement
+        else
+          allocate (solution%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+          allocate (solution%force(body%constraint%n_equations))
+          call forces_on_body(body, qp, b, m, solution%force)
+        end if
+        call add_modes(problem%modes(b), alpha(first(b):first(b + 1) - 1), solution%displacement)
+      end associate
+    end do
+  end subroutine displacements_begin
+
+  !> Recover the bodies of the load case that acts on them.
+  subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
+    !> Bodies, modes, factorization reports, pairs.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
+    type(body_compliance_t), intent(in) :: compliance
+    !> As in `displacements_begin`.
+    real(dp), intent(in) :: m(:), alpha(:)
     !> Whether stresses are wanted.
     logical, intent(in) :: want_stress
     !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
-    integer :: i, b, order(size(problem%body)), first(size(problem%body) + 1)
-    allocate (solution(size(problem%body)))
-    first = first_mode(problem%modes)
+    type(displacements_t) :: block(1)
+    call block(1)%begin(problem, qp, m, alpha)
+    call recover_block(problem, compliance, want_stress, block)
+    call move_alloc(block(1)%body, solution)
+  end subroutine recover_bodies
+
+  !> Recover all bodies in all load cases of a block, side by side.
+  subroutine recover_block(problem, compliance, want_stress, block)
+    !> Bodies and modes; any of the load cases acts on the bodies on return.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The compliance operator of all of the load cases.
+    type(body_compliance_t), intent(in) :: compliance
+    !> Whether stresses are wanted.
+    logical, intent(in) :: want_stress
+    !> Begun (n).
+    type(displacements_t), intent(inout) :: block(:)
+    integer :: b, i, order(size(problem%body))
     order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
     call expect_progress(sum(real(problem%body%n_unknowns(), dp)))
-    !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
-    !$omp& shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) if (compliance%side_by_side)
-    do i = 1, size(solution)
+    !$omp parallel do default(none) private(b) schedule(dynamic, 1) if (compliance%side_by_side) &
+    !$omp& shared(problem, compliance, want_stress, block, order)
+    do i = 1, size(order)
       b = order(i)
       if (.not. problem%ranks%is_own(b)) cycle
-      call recover_body(problem, qp, compliance, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))
+      call recover_body(problem%body(b), compliance, b, want_stress, block)
       call add_progress(real(problem%body(b)%n_unknowns(), dp))
     end do
     !$omp end parallel do
     call expect_progress(0.0_dp)
     call set_blas_threads(1)
-    call share_solution(problem, solution)
-  end subroutine recover_bodies
+    do i = 1, size(block)
+      block(i)%n_recoveries = block(i)%n_recoveries + 1
+      call share_solution(problem, block(i)%body)
+    end do
+  end subroutine recover_block
+
+  !> Recover one body: one solve, unless it touches no other.
+  subroutine recover_body(body, compliance, b, want_stress, block)
+    !> The body; any of the load cases acts on it on return.
+    type(body_t), intent(inout) :: body
+    !> The compliance operator.
+    type(body_compliance_t), intent(in) :: compliance
+    !> Its number.
+    integer, intent(in) :: b
+    !> Whether stresses are wanted.
+    logical, intent(in) :: want_stress
+    !> Begun (n).
+    type(displacements_t), intent(inout) :: block(:)
+    real(dp), allocatable :: x(:, :), u(:, :)
+    logical :: moves
+    integer :: j
+    ! A body touches another in all load cases or in none.
+    moves = allocated(block(1)%body(b)%force)
+    if (moves) then
+      allocate (x(body%constraint%n_equations, size(block)), u(body%dimension, body%mesh%n_nodes()))
+      do j = 1, size(block)
+        x(:, j) = block(j)%body(b)%force
+        deallocate (block(j)%body(b)%force)
+      end do
+      call compliance%solve_block(b, x)
+    end if
+    do j = 1, size(block)
+      if (block(j)%case > 0) call take_case(body, block(j)%case)
+      associate (solution => block(j)%body(b))
+        if (moves) then
+          call body%constraint%expand(x(:, j), u, .true.)
+          solution%displacement = solution%displacement + u
+        end if
+        if (.not. want_stress) cycle
+        allocate (solution%stress(6, body%mesh%n_elements()))
+        call element_stress(body, solution%displacement, solution%stress, solution%strain_energy)
+      end associate
+    end do
+  end subroutine recover_body
 
   !> Make the displacements of the shared nodes of all bodies known to all ranks.
   subroutine share_solution(problem, solution)
@@ -94,42 +232,6 @@ contains
       end associate
     end do
   end subroutine share_solution
-
-  !> Recover one body: one solve, unless it touches no other.
-  subroutine recover_body(problem, qp, compliance, b, m, alpha, want_stress, solution)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> The body.
-    integer, intent(in) :: b
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Amplitudes of the modes of the body (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Whether stresses are wanted.
-    logical, intent(in) :: want_stress
-    !> Displacements, and stresses where wanted.
-    type(body_solution_t), intent(inout) :: solution
-    real(dp), allocatable :: x(:)
-    associate (body => problem%body(b), isolated => problem%isolated(b))
-      if (allocated(isolated%displacement)) then
-        solution%displacement = isolated%displacement
-      else
-        allocate (solution%displacement(body%dimension, body%mesh%n_nodes()))
-        allocate (x(body%constraint%n_equations))
-        call forces_on_body(body, qp, b, m, x)
-        call compliance%solve(b, x)
-        call body%constraint%expand(x, solution%displacement, .true.)
-      end if
-      call add_modes(problem%modes(b), alpha, solution%displacement)
-      if (.not. want_stress) return
-      allocate (solution%stress(6, body%mesh%n_elements()))
-      call element_stress(body, solution%displacement, solution%stress, solution%strain_energy)
-    end associate
-  end subroutine recover_body
 
   !> Loads and contact forces over the equations of a body.
   subroutine forces_on_body(body, qp, b, m, x)

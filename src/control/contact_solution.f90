@@ -12,12 +12,12 @@ module dotyk_control_contact_solution
   use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
-  use dotyk_control_case_ahead, only: case_ahead_t
+  use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_displacements, only: displacements_t, find_displacements
+  use dotyk_control_displacements, only: find_displacements
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
-  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
+  use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_ranks_exchange, only: on_any_rank
@@ -86,13 +86,8 @@ module dotyk_control_contact_solution
     type(error_budget_t) :: budget
     !> Whether the deformed bodies penetrate each other.
     type(penetration_check_t) :: penetration
-    !> What estimates keep between rounds and load cases.
-    type(kept_estimates_t) :: kept
-    !> The load case where it was solved ahead, until its displacements and estimates are taken.
-    type(case_ahead_t), allocatable :: ahead
   contains
     procedure :: begin => solution_begin
-    procedure :: take_ahead => solution_take_ahead
     procedure :: energies => solution_energies
     procedure, private :: penalty_of_rows => solution_penalty_of_rows
   end type contact_solution_t
@@ -120,26 +115,13 @@ module dotyk_control_contact_solution
 
 contains
 
-  !> Begin a solution without a state; what estimates keep is kept.
+  !> Begin a solution without a state.
   subroutine solution_begin(self, theta)
-    class(contact_solution_t), intent(inout) :: self
+    class(contact_solution_t), intent(out) :: self
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    type(kept_class_t), allocatable :: of_class(:)
-    call move_alloc(self%kept%of_class, of_class)
-    call forget(self)
-    call move_alloc(of_class, self%kept%of_class)
     self%theta = theta
   end subroutine solution_begin
-
-  !> Begin with the state of a load case that was solved ahead.
-  subroutine solution_take_ahead(self, ahead)
-    class(contact_solution_t), intent(inout) :: self
-    !> The load case; not allocated on return.
-    type(case_ahead_t), allocatable, intent(inout) :: ahead
-    call move_alloc(ahead, self%ahead)
-    self%state = self%ahead%state
-  end subroutine solution_take_ahead
 
   !> Tolerance of the first round [].
   pure real(dp) function first_tolerance(goal, tolerance)
@@ -149,13 +131,6 @@ contains
     real(dp), intent(in) :: tolerance
     first_tolerance = merge(rough, tolerance, goal%by_budget)
   end function first_tolerance
-
-  !> Forget a solution.
-  subroutine forget(solution)
-    !> Without anything on return.
-    type(contact_solution_t), intent(out) :: solution
-    solution%round = 0
-  end subroutine forget
 
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
@@ -206,10 +181,11 @@ contains
     needs = self%displacement .or. self%stress .or. self%needs_mesh_error()
   end function goal_needs_displacements
 
-  !> Solve. A solution that ended with `ended_time` is continued.
-  subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
+  !> Solve. A solution that ended with `ended_time` is continued; one with displacements, of a load case in a block, has
+  !> been solved once.
+  subroutine solve_contact(problem, qp, compliance, run, goal, kept, monitor, solution, error)
     !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that schemes form stay there.
@@ -218,6 +194,8 @@ contains
     type(scheme_run_t), intent(in) :: run
     !> What is asked of the solution.
     type(solution_goal_t), intent(in) :: goal
+    !> What estimates keep between rounds and load cases.
+    type(kept_estimates_t), intent(inout) :: kept
     !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
     !> theta is given, and a state if there is one to begin with, or it is to be continued.
@@ -226,45 +204,46 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     real(dp) :: began
-    logical :: was_ahead
+    logical :: is_solved
     began = wall_time()
     now = run
     if (solution%state%ended == ended_time) then
       now%settings%tolerance = solution%tolerance
+      is_solved = .false.
     else
       solution%qp = qp
       allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
       call collect_conditioning(problem%classes, problem%report, solution%conditioning)
       now%settings%tolerance = first_tolerance(goal, now%settings%tolerance)
       solution%round = 1
+      is_solved = allocated(solution%displacements%body)
     end if
     do
-      was_ahead = allocated(solution%ahead)
-      if (.not. was_ahead) then
+      if (.not. is_solved) then
         call monitor%begin_phase(phase_iterate)
         call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
         if (allocated(error)) return
         if (.not. allocated(solution%state%m)) return
+        call solution%displacements%forget()
       end if
       call find_displacements(problem, solution%qp, compliance, solution%theta, now, monitor, &
                               goal%needs_displacements(), goal%stress, solution%conditioning, &
-                              solution%displacements, solution%ahead, solution%state, error)
+                              solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
                            now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
-                           solution%displacements%body, solution%kept, solution%ahead, solution%state, &
-                           solution%budget, error)
+                           solution%displacements, kept, solution%state, solution%budget, error)
       if (allocated(error)) return
-      if (allocated(solution%ahead)) deallocate (solution%ahead)
-      ! A case that was solved ahead is not lost because others were interrupted.
-      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. was_ahead) then
+      ! A load case of a block is not lost because others were interrupted.
+      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. is_solved) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
       if (.not. asks_for_more(goal, solution%round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), &
                               monitor, solution, now%settings%tolerance)) exit
       solution%round = solution%round + 1
+      is_solved = .false.
       if (.not. on_any_rank(wall_time() - began >= now%settings%time_limit)) cycle
       solution%state%ended = ended_time
       exit

@@ -30,7 +30,7 @@ contains
   subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, n_recoveries, &
                              state, rounding, error)
     !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> Its initial penetration is corrected.
     type(contact_qp_t), intent(inout) :: qp
     !> Its compliance operator; entries that the scheme forms stay there.

@@ -2,8 +2,7 @@
 module dotyk_control_displacements
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_control_body_solution, only: body_solution_t, recover_bodies
-  use dotyk_control_case_ahead, only: case_ahead_t
+  use dotyk_control_body_solution, only: displacements_t, recover_bodies
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_correction, only: correct_contact
@@ -19,14 +18,6 @@ module dotyk_control_displacements
   private
   public :: find_displacements
 
-  !> Displacements of all bodies, and their rounding errors.
-  type, public :: displacements_t
-    !> Empty where neither displacements nor stresses are needed (n_bodies).
-    type(body_solution_t), allocatable :: body(:)
-    !> Recoveries of all bodies that it took, those of the corrections of ill-conditioned bodies included.
-    integer :: n_recoveries = 0
-  end type displacements_t
-
   !> So many units in the last place are as good as one.
   real(dp), parameter :: few_units = 4
 
@@ -41,9 +32,9 @@ contains
 
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
   subroutine find_displacements(problem, qp, compliance, theta, run, monitor, are_needed, want_stress, conditioning, &
-                                displacements, ahead, state, error)
+                                displacements, state, error)
     !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> Its initial penetration is corrected where bodies are ill-conditioned.
     type(contact_qp_t), intent(inout) :: qp
     !> Its compliance operator; entries that the scheme forms stay there.
@@ -60,10 +51,9 @@ contains
     logical, intent(in) :: want_stress
     !> Counts steps of refinement (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
-    !> Those of the state on return; counts recoveries.
+    !> Those of the state on return, as they were given where they are known; those that are not needed are not
+    !> allocated. Counts recoveries.
     type(displacements_t), intent(inout) :: displacements
-    !> Has the displacements of the state where it is allocated; not allocated on return where they were corrected.
-    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution
     !> after a correction.
     type(solver_state_t), intent(inout) :: state
@@ -85,13 +75,13 @@ contains
           call flag_rounded(distance, norm, tolerance, conditioning)
       end if
       if (any(conditioning%needs_refinement())) then
-        if (allocated(ahead)) deallocate (ahead)
         call monitor%begin_phase(phase_iterate)
         call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, &
                              displacements%n_recoveries, state, rounding, error)
         if (allocated(error)) return
         if (.not. allocated(state%m)) return
         call monitor%begin_phase(phase_recover)
+        call displacements%forget()
         if (are_needed) call recover_and_measure(.true.)
         if (allocated(error)) return
       end if
@@ -101,7 +91,7 @@ contains
         rounding = rounding + relative_rounding([distance, found_rounding, gaps], norm, conditioning)
         if (rounding > tolerance) call storage_rounding(problem, displacements%body, stored)
       else
-        if (allocated(displacements%body)) deallocate (displacements%body)
+        call displacements%forget()
         allocate (displacements%body(size(problem%body)))
       end if
       call state%add_rounding(rounding, few_units*norm2(stored)/max(tiny(rounding), norm), tolerance)
@@ -113,12 +103,10 @@ contains
       logical, intent(in) :: refined
       logical :: is_found(size(distance))
       integer :: b
-      if (allocated(ahead)) then
-        call move_alloc(ahead%body, displacements%body)
-      else
+      if (.not. allocated(displacements%body)) then
         call recover_bodies(problem, qp, compliance, state%m, state%alpha, want_stress, displacements%body)
+        displacements%n_recoveries = displacements%n_recoveries + 1
       end if
-      displacements%n_recoveries = displacements%n_recoveries + 1
       if (refined) then
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
         if (allocated(error)) return

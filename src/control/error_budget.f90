@@ -12,11 +12,10 @@ module dotyk_control_error_budget
   use dotyk_base_kinds, only: dp
   use dotyk_contact_complementarity, only: complementarity_error
   use dotyk_contact_doubtful_force, only: doubtful_force_t, find_doubtful_force
-  use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_case_ahead, only: case_ahead_t
+  use dotyk_control_body_solution, only: displacements_t, element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
-  use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
+  use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -74,9 +73,9 @@ contains
 
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
-                             solution, kept, ahead, state, budget, error)
+                             displacements, kept, state, budget, error)
     !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that the dual scheme forms stay there.
@@ -91,12 +90,10 @@ contains
     logical, intent(in) :: want_mesh
     !> Whether the error of the penalty is estimated.
     logical, intent(in) :: want_penalty
-    !> With displacements where the error of the mesh is wanted (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    !> Known where the error of the mesh is wanted; its squared errors are not, on return.
+    type(displacements_t), intent(inout) :: displacements
     !> What the estimates keep.
     type(kept_estimates_t), intent(inout) :: kept
-    !> Has the errors of the mesh of these displacements where it is allocated; not allocated on return.
-    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> The end of its history gets the errors.
     type(solver_state_t), intent(inout) :: state
     !> Parts that were not asked for, or are not known, are NaN.
@@ -109,7 +106,7 @@ contains
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, kept, ahead, budget, error)
+      call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%m, theta, kept, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -155,11 +152,11 @@ contains
   end subroutine forget_mesh_error
 
   !> The error of the mesh.
-  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, kept, ahead, budget, error)
+  subroutine estimate_mesh_error(problem, displacements, first_row, m, theta, kept, budget, error)
     !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> With displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    type(contact_problem_t), intent(inout) :: problem
+    !> As in `estimate_errors`.
+    type(displacements_t), intent(inout) :: displacements
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
     !> Pressures (n_rows) [pressure].
@@ -168,28 +165,32 @@ contains
     real(dp), intent(in) :: theta(:)
     !> What the estimates keep.
     type(kept_estimates_t), intent(inout) :: kept
-    !> As in `estimate_errors`.
-    type(case_ahead_t), allocatable, intent(inout) :: ahead
     !> Gets discretization, contact and norm.
     type(error_budget_t), intent(inout) :: budget
     !> As in `estimate_errors`.
     type(error_t), allocatable, intent(out) :: error
+    type(displacements_t) :: block(1)
     real(dp) :: norm_square, work
     integer :: b, i, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element, budget%doubtful)
     allocate (budget%of_body(size(problem%body)), budget%doubtful(size(problem%pair)))
-    if (allocated(ahead)) then
-      call ahead%give_estimates(problem, kept, budget%of_element, norm_square)
-      deallocate (ahead)
-    else
-      call estimate_mesh_errors(problem, first_row, m, solution, kept, budget%of_element, norm_square, error)
+    if (.not. allocated(displacements%square)) then
+      block(1)%m = m
+      call move_alloc(displacements%body, block(1)%body)
+      call estimate_mesh_errors(problem, first_row, kept, block, error)
+      call move_alloc(block(1)%body, displacements%body)
+      if (allocated(error)) return
+      call move_alloc(block(1)%square, displacements%square)
+      displacements%norm_square = block(1)%norm_square
     end if
-    if (allocated(error)) return
+    call move_alloc(displacements%square, budget%of_element)
+    norm_square = displacements%norm_square
     work = 0
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k), surface_a => problem%surface_a(k), surface_b => problem%surface_b(k), &
                  rows => [(i, i=first_row(k), first_row(k + 1) - 1)])
-        associate (u_a => solution(pair%body_a)%displacement, u_b => solution(pair%body_b)%displacement)
+        associate (u_a => displacements%body(pair%body_a)%displacement, &
+                   u_b => displacements%body(pair%body_b)%displacement)
           work = work + complementarity_error(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows))
           call find_doubtful_force(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows), budget%doubtful(k))
         end associate

@@ -1,152 +1,225 @@
-!> Discretization errors of all bodies: congruent ones together, in the axes of the representative.
+!> Discretization errors of all bodies in a block of load cases: congruent bodies together, in the axes of the
+!> representative, and all load cases in one pass over each mesh.
 module dotyk_control_mesh_error
   use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_now, memory_t
-  use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups
+  use dotyk_control_body_solution, only: body_solution_t, displacements_t
+  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
-  use dotyk_control_residual_actions, only: collect_actions
-  use dotyk_elasticity_body, only: body_t
+  use dotyk_control_residual_actions, only: collect_actions, join_actions
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
+  use dotyk_elasticity_load_cases, only: take_case
   use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
   use dotyk_ranks_communication, only: n_local_ranks
   implicit none
   private
-
-  !> One number for each element of a body.
-  type, public :: element_field_t
-    !> In the order of the blocks (n_elements).
-    real(dp), allocatable :: value(:)
-  end type element_field_t
-
-  public :: collect_thermal, estimate_mesh_errors, hold_against_residuals, to_representative
+  public :: estimate_mesh_errors, to_representative
 
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
-  real(dp), parameter, public :: least_share = 0.01_dp
+  real(dp), parameter :: least_share = 0.01_dp
   !> Fraction of the memory that is left which tractions of faces take at most [].
   real(dp), parameter :: most_of_memory = 0.125_dp
 
 contains
 
-  !> Squared errors of all elements, and the squared norm of the solution.
-  subroutine estimate_mesh_errors(problem, first_row, m, solution, kept, of_element, norm_square, error)
-    !> Bodies, classes and pairs.
-    type(contact_problem_t), intent(in) :: problem
+  !> Squared errors of all elements, and the squared norms of the solutions.
+  subroutine estimate_mesh_errors(problem, first_row, kept, block, error)
+    !> Bodies, classes and pairs; any of the load cases acts on the bodies on return.
+    type(contact_problem_t), intent(inout) :: problem
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> With displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> What does not depend on the loads; the recovered strains are those of the solution on return.
+    !> What does not depend on the loads; the recovered strains of a load case that acts on the bodies stay here.
     type(kept_estimates_t), intent(inout) :: kept
-    !> Elements in the order of the blocks; not allocated for bodies of other ranks (n_bodies) [energy].
-    type(element_field_t), allocatable, intent(out) :: of_element(:)
-    !> Squared energy norm of the solution [energy].
-    real(dp), intent(out) :: norm_square
+    !> With displacements and pressures (n).
+    type(displacements_t), intent(inout) :: block(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(congruent_group_t), allocatable :: group(:)
-    real(dp) :: of_body(size(problem%body)), of_elements(size(problem%body)), least
-    integer :: g, i, n, part
-    allocate (of_element(size(problem%body)))
+    real(dp) :: of_body(size(problem%body), size(block)), of_elements(size(problem%body)), least(size(block))
+    integer :: b, first, g, j, last, n, part
     call kept%init(size(problem%body))
     call congruent_groups(problem, group)
+    do j = 1, size(block)
+      if (allocated(block(j)%square)) deallocate (block(j)%square)
+      allocate (block(j)%square(size(problem%body)))
+      if (block(j)%case > 0) allocate (block(j)%recovered(size(group)))
+    end do
     of_body = 0
     least = 0
-    n = 0
     ! The residuals after all recovered strains: elements without a share in the error need none.
     do part = 1, 2
       do g = 1, size(group)
-        associate (some => group(g)%body, first => group(g)%representative)
-          if (part == 1) then
-            call kept%of_class(first)%init(problem%body(first))
-            call estimate_some(problem, some, solution, kept%of_class(first), of_element, of_body, error)
-          else
-            call check_some(problem, some, first_row, m, solution, least, kept%of_class(first), of_element, error)
-          end if
+        associate (some => group(g)%body, of_class => kept%of_class(group(g)%representative))
+          call of_class%init(problem%body(group(g)%representative))
+          do first = 1, size(block), max(1, most_bodies/size(some))
+            last = min(first + max(1, most_bodies/size(some)) - 1, size(block))
+            if (part == 1) then
+              call estimate_group(problem, g, some, of_class, block(first:last), of_body(:, first:last), error)
+            else
+              call check_group(problem, some, first_row, least(first:last), of_class, block(first:last), error)
+            end if
+            if (allocated(error)) return
+          end do
         end associate
-        if (allocated(error)) return
       end do
       if (part == 2) exit
-      of_elements = 0
-      do i = 1, size(of_element)
-        if (allocated(of_element(i)%value)) of_elements(i) = sum(of_element(i)%value)
-        n = n + problem%body(i)%mesh%n_whole_elements()
+      n = sum([(problem%body(b)%mesh%n_whole_elements(), b=1, size(problem%body))])
+      do j = 1, size(block)
+        of_elements = 0
+        do b = 1, size(problem%body)
+          if (allocated(block(j)%square(b)%value)) of_elements(b) = sum(block(j)%square(b)%value)
+        end do
+        call problem%ranks%share_sum(of_elements)
+        least(j) = least_share*sum(of_elements)/n
+        call problem%ranks%share_sum(of_body(:, j))
+        block(j)%norm_square = sum(of_body(:, j))
       end do
-      call problem%ranks%share_sum(of_elements)
-      least = least_share*sum(of_elements)/n
     end do
-    call problem%ranks%share_sum(of_body)
-    norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
 
-  !> Hold the errors of some congruent bodies against the residuals of their elements.
-  subroutine check_some(problem, alike, first_row, m, solution, least, kept, of_element, error)
-    !> Bodies, classes and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of the bodies (n).
-    integer, intent(in) :: alike(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Solutions of all bodies, with displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Elements with smaller squared errors are left alone [energy].
-    real(dp), intent(in) :: least
+  !> Recovered strains of congruent bodies, and their errors by them.
+  subroutine estimate_group(problem, g, some, kept, block, norm_square, error)
+    !> Bodies, classes and ranks; the last of the load cases acts on these bodies on return.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The group.
+    integer, intent(in) :: g
+    !> Its bodies (n_bodies).
+    integer, intent(in) :: some(:)
     !> What does not depend on the loads.
     type(kept_class_t), intent(inout) :: kept
-    !> Squared errors; those of these bodies are changed (n_bodies) [energy].
-    type(element_field_t), intent(inout) :: of_element(:)
+    !> Get squared errors and recovered strains (n).
+    type(displacements_t), intent(inout) :: block(:)
+    !> Squared energy norms of all bodies; those of these are set (n_all_bodies, n) [energy].
+    real(dp), intent(inout) :: norm_square(:, :)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    type(residual_data_t) :: data
-    real(dp), allocatable :: u(:, :, :), square(:, :)
-    integer :: i
-    allocate (square(size(alike), problem%body(problem%classes%first(alike(1)))%mesh%n_elements()), source=0.0_dp)
-    do i = 1, size(alike)
-      if (problem%ranks%is_own(alike(i))) square(i, :) = of_element(alike(i))%value
+    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :), of_case(:, :, :), norm(:)
+    integer :: i, j, m, n
+    n = size(some)
+    do j = 1, size(block)
+      call act(problem, some, block(j)%case)
+      call collect_thermal(problem, some, of_case)
+      if (.not. allocated(of_case)) cycle
+      if (.not. allocated(thermal)) &
+        allocate (thermal(n*size(block), size(of_case, 2), size(of_case, 3)), source=0.0_dp)
+      thermal((j - 1)*n + 1:j*n, :, :) = of_case
     end do
-    if (all(square <= least)) return
-    call collect_actions(problem, alike, first_row, m, solution, data)
-    call to_representative(problem, alike, solution, u)
-    call hold_against_residuals(problem%body(problem%classes%first(alike(1))), data, u, &
-                                spread(least, 1, size(alike)), kept, square, error)
+    call displacements_of(problem, some, block, u)
+    associate (first => problem%body(problem%classes%first(some(1))))
+      allocate (square(size(u, 1), first%mesh%n_elements()), norm(size(u, 1)))
+      call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, kept%recovery, square, norm, &
+                                          error, thermal)
+    end associate
     if (allocated(error)) return
-    do i = 1, size(alike)
-      if (problem%ranks%is_own(alike(i))) of_element(alike(i))%value = square(i, :)
+    do j = 1, size(block)
+      do i = 1, n
+        if (.not. problem%ranks%is_own(some(i))) cycle
+        block(j)%square(some(i))%value = square((j - 1)*n + i, :)
+        norm_square(some(i), j) = norm((j - 1)*n + i)
+      end do
+      if (block(j)%case == 0) cycle
+      allocate (block(j)%recovered(g)%of_material(size(kept%recovery)))
+      do m = 1, size(kept%recovery)
+        if (allocated(kept%recovery(m)%u)) &
+          call kept%recovery(m)%give((j - 1)*n + 1, j*n, block(j)%recovered(g)%of_material(m))
+      end do
     end do
-  end subroutine check_some
+  end subroutine estimate_group
 
-  !> Hold the errors of bodies of one mesh against the residuals of their elements.
-  subroutine hold_against_residuals(first, data, u, least, kept, square, error)
-    !> The representative.
-    type(body_t), intent(in) :: first
-    !> What acts on the bodies.
-    type(residual_data_t), intent(in) :: data
-    !> Their displacements in its axes (n, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements of each with smaller squared errors are left alone (n) [energy].
+  !> Hold the errors of congruent bodies against the residuals of their elements.
+  subroutine check_group(problem, some, first_row, least, kept, block, error)
+    !> Bodies, classes and pairs; the last of the load cases acts on these bodies on return.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The bodies (n_bodies).
+    integer, intent(in) :: some(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> Elements with smaller squared errors are left alone (n) [energy].
     real(dp), intent(in) :: least(:)
     !> What does not depend on the loads.
     type(kept_class_t), intent(inout) :: kept
-    !> Squared errors of the elements (n, n_elements) [energy].
-    real(dp), intent(inout) :: square(:, :)
+    !> Their squared errors change (n).
+    type(displacements_t), intent(inout) :: block(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
+    type(residual_data_t), target :: of_case(size(block)), joined
+    type(residual_data_t), pointer :: data
     type(allowance_t) :: face_room
     type(memory_t) :: memory
-    memory = memory_now()
-    if (memory%is_known) face_room%left = int(most_of_memory*memory%left/n_local_ranks(), int64)
-    call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, kept%factor, kept%room, &
-                            face_room, square, error)
-  end subroutine hold_against_residuals
+    real(dp), allocatable :: u(:, :, :), square(:, :)
+    real(dp) :: least_of(size(some)*size(block))
+    integer :: i, j, n
+    n = size(some)
+    associate (first => problem%body(problem%classes%first(some(1))))
+      allocate (square(size(least_of), first%mesh%n_elements()), source=0.0_dp)
+      do j = 1, size(block)
+        least_of((j - 1)*n + 1:j*n) = least(j)
+        do i = 1, n
+          if (problem%ranks%is_own(some(i))) square((j - 1)*n + i, :) = block(j)%square(some(i))%value
+        end do
+      end do
+      if (all(square <= spread(least_of, 2, size(square, 2)))) return
+      do j = 1, size(block)
+        call act(problem, some, block(j)%case)
+        call collect_actions(problem, some, first_row, block(j)%m, block(j)%body, of_case(j))
+      end do
+      data => of_case(1)
+      if (size(block) > 1) then
+        call join_actions(of_case, joined)
+        data => joined
+      end if
+      call displacements_of(problem, some, block, u)
+      memory = memory_now()
+      if (memory%is_known) face_room%left = int(most_of_memory*memory%left/n_local_ranks(), int64)
+      call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least_of, kept%factor, kept%room, &
+                              face_room, square, error)
+    end associate
+    if (allocated(error)) return
+    do j = 1, size(block)
+      do i = 1, n
+        if (problem%ranks%is_own(some(i))) block(j)%square(some(i))%value = square((j - 1)*n + i, :)
+      end do
+    end do
+  end subroutine check_group
+
+  !> Let a load case act on some bodies.
+  subroutine act(problem, some, case)
+    !> The bodies.
+    type(contact_problem_t), intent(inout) :: problem
+    !> Indices of those on which it is to act (n).
+    integer, intent(in) :: some(:)
+    !> The load case; 0: it acts on them already.
+    integer, intent(in) :: case
+    integer :: i
+    if (case == 0) return
+    do i = 1, size(some)
+      call take_case(problem%body(some(i)), case)
+    end do
+  end subroutine act
+
+  !> Displacements of congruent bodies in all load cases, case after case, in the axes of the representative.
+  subroutine displacements_of(problem, some, block, u)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> The bodies (n_bodies).
+    integer, intent(in) :: some(:)
+    !> With displacements (n).
+    type(displacements_t), intent(in) :: block(:)
+    !> (n_bodies*n, dim, n_nodes) [length]
+    real(dp), allocatable, intent(out) :: u(:, :, :)
+    real(dp), allocatable :: of_case(:, :, :)
+    integer :: j
+    do j = 1, size(block)
+      call to_representative(problem, some, block(j)%body, of_case)
+      if (.not. allocated(u)) allocate (u(size(some)*size(block), size(of_case, 2), size(of_case, 3)))
+      u((j - 1)*size(some) + 1:j*size(some), :, :) = of_case
+    end do
+  end subroutine displacements_of
 
   !> Displacements of congruent bodies in the axes of their representative; 0 for those of other ranks.
   subroutine to_representative(problem, alike, solution, u)
@@ -197,38 +270,4 @@ contains
       end associate
     end do
   end subroutine collect_thermal
-
-  !> Some congruent bodies.
-  subroutine estimate_some(problem, alike, solution, kept, of_element, norm_square, error)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of the bodies (n).
-    integer, intent(in) :: alike(:)
-    !> Solutions of all bodies, with displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> What does not depend on the loads.
-    type(kept_class_t), intent(inout) :: kept
-    !> Squared errors; those of these bodies are set (n_bodies) [energy].
-    type(element_field_t), intent(inout) :: of_element(:)
-    !> Squared energy norm of each body (n_bodies) [energy].
-    real(dp), intent(inout) :: norm_square(:)
-    !> Allocated where a formula of a material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :)
-    real(dp) :: of_body(size(alike))
-    integer :: i
-    call to_representative(problem, alike, solution, u)
-    call collect_thermal(problem, alike, thermal)
-    associate (first => problem%body(problem%classes%first(alike(1))))
-      allocate (square(size(alike), first%mesh%n_elements()))
-      call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, kept%recovery, square, &
-                                          of_body, error, thermal)
-    end associate
-    if (allocated(error)) return
-    do i = 1, size(alike)
-      if (.not. problem%ranks%is_own(alike(i))) cycle
-      of_element(alike(i))%value = square(i, :)
-      norm_square(alike(i)) = of_body(i)
-    end do
-  end subroutine estimate_some
 end module dotyk_control_mesh_error

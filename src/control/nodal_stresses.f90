@@ -2,7 +2,7 @@
 module dotyk_control_nodal_stresses
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_body_solution, only: body_solution_t, displacements_t
   use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
@@ -26,11 +26,11 @@ module dotyk_control_nodal_stresses
 contains
 
   !> Recover the stresses of all bodies whose displacements are known.
-  subroutine recover_nodal_stresses(problem, solution, kept, stress, error)
+  subroutine recover_nodal_stresses(problem, displacements, kept, stress, error)
     !> Bodies, classes and ranks.
     type(contact_problem_t), intent(in) :: problem
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    !> Known; recovered strains are not, on return.
+    type(displacements_t), intent(inout) :: displacements
     !> Recovered strains, those of the error estimate where there is one.
     type(kept_estimates_t), intent(inout) :: kept
     !> Their stresses (n_bodies).
@@ -38,14 +38,21 @@ contains
     !> Allocated where a formula of a material cannot be parsed.
     type(error_t), allocatable, intent(out) :: error
     type(congruent_group_t), allocatable :: group(:)
-    integer :: g
+    integer :: g, m
     allocate (stress(size(problem%body)))
     call kept%init(size(problem%body))
     call congruent_groups(problem, group)
     do g = 1, size(group)
       associate (first => group(g)%representative)
         call kept%of_class(first)%init(problem%body(first))
-        call recover_some(problem, group(g)%body, solution, kept%of_class(first), stress, error)
+        if (allocated(displacements%recovered)) then
+          associate (recovered => displacements%recovered(g)%of_material, recovery => kept%of_class(first)%recovery)
+            do m = 1, size(recovery)
+              if (allocated(recovered(m)%u)) call recovery(m)%take(recovered(m))
+            end do
+          end associate
+        end if
+        call recover_some(problem, group(g)%body, displacements%body, kept%of_class(first), stress, error)
       end associate
       if (allocated(error)) return
     end do

@@ -5,11 +5,11 @@ module dotyk_driver_load_case
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: quoted
+  use dotyk_base_text, only: quoted, text_t
   use dotyk_control_body_operators, only: find_modes
-  use dotyk_control_case_ahead, only: case_ahead_t
+  use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t, isolated_body_t
   use dotyk_control_slave_normals, only: find_deviations
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_load_cases, only: take_case
@@ -21,14 +21,34 @@ module dotyk_driver_load_case
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: item_t, share, share_errors
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
+
+  !> A load case of a block whose contact is solved, and that is told later.
+  type, public :: solved_case_t
+    !> Where the scheme ended.
+    type(solver_state_t) :: state
+    !> Displacements, and errors of the mesh.
+    type(displacements_t) :: displacements
+    !> The solution without contact.
+    type(contact_free_t) :: free
+    !> Displacements of bodies that touch no other (n_bodies).
+    type(isolated_body_t), allocatable :: isolated(:)
+    !> What the scheme had to tell.
+    type(text_t), allocatable :: note(:)
+    !> Time that the contact took [s].
+    real(dp) :: seconds = 0
+    !> Right-hand sides per body that it took.
+    integer :: n_sweeps = 0
+  end type solved_case_t
+
   public :: begin_case, next_case, solve_free
 
 contains
 
   !> Begin a load case: the first one acts on the scene as it is built. Nothing is done in a scene without load cases.
-  subroutine begin_case(input, k, case, scene, monitor, error, ahead)
+  subroutine begin_case(input, k, case, scene, monitor, error, solved)
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: input
     !> The load case.
@@ -41,18 +61,18 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> As in `next_case`.
     type(error_t), allocatable, intent(out) :: error
-    !> The load case where it was solved ahead.
-    type(case_ahead_t), intent(inout), optional :: ahead
+    !> The load case where its contact is solved.
+    type(solved_case_t), intent(inout), optional :: solved
     logical, allocatable :: is_changed(:)
     if (.not. case%has_cases()) return
-    if (k > 1) call next_case(input, k, scene, monitor, error, ahead)
+    if (k > 1) call next_case(input, k, scene, monitor, error, solved)
     if (allocated(error)) return
     call contacts_of_case(input, k, case%contact, is_changed)
     call show_case(monitor%log, case, k, scene%problem, is_changed)
   end subroutine begin_case
 
   !> Let another load case act on a scene that is factorized.
-  subroutine next_case(case, k, scene, monitor, error, ahead)
+  subroutine next_case(case, k, scene, monitor, error, solved)
     !> The case.
     type(case_t), intent(in) :: case
     !> The load case.
@@ -63,8 +83,8 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    !> The load case where it is solved ahead: gets the solution without contact, or has it already.
-    type(case_ahead_t), intent(inout), optional :: ahead
+    !> The load case in a block: gets the solution without contact, or has it already.
+    type(solved_case_t), intent(inout), optional :: solved
     integer :: c, i
     logical :: is_solved
     associate (problem => scene%problem)
@@ -84,9 +104,9 @@ contains
     end associate
     call scene%compliance%forget_displacements()
     scene%compliance%n_sweeps = 0
-    call solve_free(scene, error, ahead)
+    call solve_free(scene, error, solved)
     is_solved = .false.
-    if (present(ahead)) is_solved = allocated(ahead%body)
+    if (present(solved)) is_solved = allocated(solved%displacements%body)
     ! A case that is solved is told.
     if (.not. (is_solved .or. allocated(error))) call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
@@ -146,13 +166,13 @@ contains
   end subroutine load_all
 
   !> Solve without contact: the QP of the loads that act on the bodies.
-  subroutine solve_free(scene, error, ahead)
+  subroutine solve_free(scene, error, solved)
     !> With factors, rows of the QP and compliance.
     type(scene_t), intent(inout) :: scene
     !> Allocated where a mode at the contact rows is not finite.
     type(error_t), allocatable, intent(out) :: error
     !> As in `next_case`.
-    type(case_ahead_t), intent(inout), optional :: ahead
+    type(solved_case_t), intent(inout), optional :: solved
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
@@ -164,18 +184,18 @@ contains
       if (allocated(error)) return
       call set_stage('solving without contact')
       is_known = .false.
-      if (present(ahead)) is_known = allocated(ahead%isolated)
+      if (present(solved)) is_known = allocated(solved%isolated)
       if (is_known) then
-        free = ahead%free
-        problem%isolated = ahead%isolated
+        free = solved%free
+        problem%isolated = solved%isolated
       else
         call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
                                    problem%classes%first, compliance%side_by_side, problem%n_blas, free, &
                                    problem%isolated)
       end if
-      if (present(ahead) .and. .not. is_known) then
-        ahead%free = free
-        ahead%isolated = problem%isolated
+      if (present(solved) .and. .not. is_known) then
+        solved%free = free
+        solved%isolated = problem%isolated
       end if
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes)

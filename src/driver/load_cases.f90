@@ -4,18 +4,17 @@ module dotyk_driver_load_cases
   use dotyk_base_error, only: error_t, exit_not_converged
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
-  use dotyk_driver_load_case, only: begin_case
+  use dotyk_driver_case_block, only: case_block_t
+  use dotyk_driver_load_case, only: begin_case, solved_case_t
   use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_results, only: finish_results, write_results
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_solution, only: solve_scene
-  use dotyk_driver_solving_ahead, only: cases_ahead_t
   use dotyk_driver_warm_start, only: initial_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case_table
@@ -52,8 +51,8 @@ contains
     type(case_t) :: case
     type(contact_solution_t) :: solution
     type(results_file_t) :: file
-    type(cases_ahead_t) :: solved
-    type(case_ahead_t), allocatable :: ahead
+    type(case_block_t) :: block
+    type(solved_case_t), allocatable :: solved
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
     real(dp), allocatable :: pressure(:)
@@ -67,16 +66,16 @@ contains
     needs_factors = .false.
     before = 0
     do k = 1, n
-      if (k > solved%last .and. len(restart) == 0) call solved%solve(input, k, run, scene, monitor, solution)
-      call solved%take(k, ahead)
-      call begin_case(input, k, case, scene, monitor, error, ahead)
+      if (k > block%last .and. len(restart) == 0) call block%solve(input, k, run, scene, monitor, solution%state)
+      call block%take(k, solved)
+      call begin_case(input, k, case, scene, monitor, error, solved)
       if (allocated(error)) exit
-      call tell_ahead(ahead, scene, monitor, before)
+      if (allocated(solved)) call tell_contact(solved, scene, monitor, before)
       if (allocated(pressure)) deallocate (pressure)
-      if (.not. allocated(ahead)) &
+      if (.not. allocated(solved)) &
         call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
       if (allocated(error)) exit
-      call solve_scene(case, run, scene, pressure, threads, monitor, solution, ahead, needs_factors, error)
+      call solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, needs_factors, error)
       if (allocated(error) .or. needs_factors) exit
       if (k == n) call scene%compliance%destroy()
       if (allocated(solution%state%m)) call keep_shortenings(solution%state%m, solution%state%y, scene%problem)
@@ -90,8 +89,8 @@ contains
       n_written = k
       if (.not. solution%state%has_converged()) code = exit_not_converged
       if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
-      ! Cases that were solved ahead are told all the same.
-      if (solution%state%was_interrupted() .and. k >= solved%last) exit
+      ! Cases that are solved are told all the same.
+      if (solution%state%was_interrupted() .and. k >= block%last) exit
     end do
     if (needs_factors) return
     is_kept = .false.
@@ -114,10 +113,10 @@ contains
     call monitor%log%line('  results          '//case%scene%output)
   end subroutine solve_cases
 
-  !> Tell what the scheme had to tell of a load case that was solved ahead, and how long it took.
-  subroutine tell_ahead(ahead, scene, monitor, before)
-    !> The load case; not allocated where it was not solved ahead.
-    type(case_ahead_t), allocatable, intent(in) :: ahead
+  !> Tell what the scheme had to tell of a load case whose contact is solved, and how long it took.
+  subroutine tell_contact(solved, scene, monitor, before)
+    !> The load case.
+    type(solved_case_t), intent(in) :: solved
     !> Gets the right-hand sides that it took.
     type(scene_t), intent(inout) :: scene
     !> Log and watch.
@@ -125,11 +124,10 @@ contains
     !> Time of all iterations when this case began [s].
     real(dp), intent(inout) :: before
     integer :: i
-    if (.not. allocated(ahead)) return
-    do i = 1, size(ahead%note)
-      call monitor%note(ahead%note(i)%s)
+    do i = 1, size(solved%note)
+      call monitor%note(solved%note(i)%s)
     end do
-    scene%compliance%n_sweeps = ahead%n_sweeps
-    before = monitor%timing%iterate%wall - ahead%seconds
-  end subroutine tell_ahead
+    scene%compliance%n_sweeps = solved%n_sweeps
+    before = monitor%timing%iterate%wall - solved%seconds
+  end subroutine tell_contact
 end module dotyk_driver_load_cases

@@ -32,9 +32,9 @@ contains
     type(case_t), intent(in) :: case
     !> The load case.
     integer, intent(in) :: step
-    !> The scene, factorized.
-    type(scene_t), intent(in) :: scene
-    !> The solution; what it keeps for nodal stresses changes.
+    !> The scene, factorized; what it keeps for nodal stresses changes.
+    type(scene_t), intent(inout) :: scene
+    !> The solution; nodal stresses take its recovered strains.
     type(contact_solution_t), intent(inout) :: solution
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
@@ -83,7 +83,7 @@ contains
       allocate (nodal_stress(size(problem%body)))
       if (case%output%nodal_stress .and. is_known) then
         call set_stage('recovering stresses at nodes')
-        call recover_nodal_stresses(problem, displacements, solution%kept, nodal_stress, error)
+        call recover_nodal_stresses(problem, solution%displacements, scene%kept, nodal_stress, error)
         if (allocated(error)) return
       end if
       call monitor%watch%lap(monitor%timing%recover)
@@ -137,9 +137,9 @@ contains
   subroutine write_on_the_way(case, scene, solution, threads, monitor, has_warned)
     !> The case.
     type(case_t), intent(in) :: case
-    !> The scene, factorized.
-    type(scene_t), intent(in) :: scene
-    !> Solution so far; what it keeps for nodal stresses changes.
+    !> As in `write_results`.
+    type(scene_t), intent(inout) :: scene
+    !> Solution so far.
     type(contact_solution_t), intent(inout) :: solution
     !> Number of threads.
     integer, intent(in) :: threads

@@ -9,7 +9,7 @@ module dotyk_driver_results_fields
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_fields, only: contact_fields_t, status_none
   use dotyk_control_error_budget, only: error_budget_t
-  use dotyk_control_mesh_error, only: element_field_t
+  use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_pressures, only: nodal_field_t

@@ -4,6 +4,7 @@ module dotyk_driver_scene
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, operator_slot_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -40,6 +41,8 @@ module dotyk_driver_scene
     type(contact_qp_t) :: qp
     !> Its compliance.
     type(body_compliance_t) :: compliance
+    !> What error estimates and nodal stresses keep between rounds and load cases.
+    type(kept_estimates_t) :: kept
     !> Bodies that all ranks compute together.
     type(split_scene_t) :: split
   contains

@@ -5,11 +5,11 @@ module dotyk_driver_solution
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_base_options, only: response_auto
-  use dotyk_control_case_ahead, only: case_ahead_t
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_split_costs, only: factors_fit, iterations_worth_factors
   use dotyk_driver_factorization, only: factorize_scene
+  use dotyk_driver_load_case, only: solved_case_t
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_results, only: write_on_the_way
   use dotyk_driver_run_settings, only: goal_of, may_use_multigrid
@@ -31,7 +31,7 @@ contains
 
   !> Factorize unless that is done, and solve. A scene of bodies that are split over ranks is to be built anew where it
   !> needs their factors.
-  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, ahead, needs_factors, error)
+  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, needs_factors, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Scheme and its settings.
@@ -46,8 +46,8 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> The solution.
     type(contact_solution_t), intent(inout) :: solution
-    !> The load case where it was solved ahead; not allocated on return.
-    type(case_ahead_t), allocatable, intent(inout) :: ahead
+    !> The load case where its contact is solved; not allocated on return.
+    type(solved_case_t), allocatable, intent(inout) :: solved
     !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: no solution yet.
     logical, intent(out) :: needs_factors
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
@@ -82,9 +82,11 @@ contains
       if (scene%is_split()) call scene%split%take_scheme(most_iterations, now%scheme)
       call solution%begin(scene%theta)
       if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
-        call solution%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
-      if (allocated(ahead)) then
-        call solution%take_ahead(ahead)
+        call scene%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
+      if (allocated(solved)) then
+        solution%state = solved%state
+        solution%displacements = solved%displacements
+        deallocate (solved)
       else if (allocated(pressure)) then
         call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       end if
@@ -98,7 +100,8 @@ contains
           call say_why('the contact needs factors', may_return, monitor)
           if (may_return) cycle factors
         end if
-        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), monitor, solution, error)
+        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), scene%kept, monitor, &
+                           solution, error)
         call monitor%end_phase()
         if (allocated(error)) exit factors
         if (solution%state%ended == ended_time) then

@@ -1,8 +1,8 @@
 !> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
 module dotyk_input_solver_checks
   use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_full, response_multigrid, &
-    scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, &
-    scheme_secant, stop_budget, stop_increment, stop_paper, stop_rule_names
+    scheme_auto, scheme_dual, scheme_names, scheme_neumann, scheme_robin, stop_budget, stop_increment, stop_paper, &
+    stop_rule_names
   use dotyk_input_case, only: solver_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -11,12 +11,9 @@ module dotyk_input_solver_checks
   private
   public :: check_solver_keys
 
-  !> Schemes that take gamma from the input. The dual scheme has none, Nesterov's needs 1/(1+L).
-  integer, parameter :: relaxed_schemes(4) = [scheme_neumann, scheme_robin, scheme_anderson, scheme_secant]
-  !> Schemes that (41) is about.
+  !> Schemes with a relaxation parameter, which (41) is about.
   integer, parameter :: schemes_of_paper(2) = [scheme_neumann, scheme_robin]
-  !> Schemes that take products with the compliance one by one, in the form that the user chooses.
-  integer, parameter :: product_schemes(4) = [scheme_neumann, scheme_nesterov, scheme_anderson, scheme_secant]
+  character(*), parameter :: names_of_paper = '''neumann'' or ''robin'''
 
 contains
 
@@ -55,8 +52,8 @@ contains
     subroutine check_relaxation(key)
       !> 'gamma' or 'gamma_rule'.
       character(*), intent(in) :: key
-      if (.not. is_given(group, key) .or. any(scheme == relaxed_schemes)) return
-      call report(problems, group, key, key//' is for scheme='//list_of(relaxed_schemes)//'; '//name// &
+      if (.not. is_given(group, key) .or. any(scheme == schemes_of_paper)) return
+      call report(problems, group, key, key//' is for scheme='//names_of_paper//'; '//name// &
                   ' does not use it: remove it or choose another scheme')
     end subroutine check_relaxation
 
@@ -65,7 +62,7 @@ contains
     subroutine check_stop_rule()
       if (.not. is_given(group, 'stop_rule') .or. .not. is_usable(group, 'stop_rule')) return
       if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
-        call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//list_of(schemes_of_paper)// &
+        call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// &
                     ', which (41) is about; '//name//' ends by ''residual'' or ''budget''')
       if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
         call report(problems, group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
@@ -84,9 +81,9 @@ contains
                       'displacements, without the systems that linear_solver is about; remove linear_solver')
         return
       end if
-      if (any(scheme == product_schemes)) return
+      if (scheme == scheme_neumann) return
       if (scheme == scheme_dual .and. solver%response == response_full) return
-      call report(problems, group, 'response', 'response is for scheme='//list_of(product_schemes)//'; '//name// &
+      call report(problems, group, 'response', 'response is for scheme=''neumann''; '//name// &
                   ' forms the dense compliances that it needs: remove response')
     end subroutine check_response
 
@@ -102,21 +99,4 @@ contains
                     '''; add stop_rule=''budget'' or remove budget_fraction')
     end subroutine check_tolerances
   end subroutine check_solver_keys
-
-  !> Names of schemes: 'a', 'b' or 'c'.
-  pure function list_of(schemes) result(text)
-    !> Some of `scheme_*`, at least one (n).
-    integer, intent(in) :: schemes(:)
-    character(:), allocatable :: text
-    integer :: k
-    text = ''''//option_name(scheme_names, schemes(1))//''''
-    do k = 2, size(schemes)
-      if (k < size(schemes)) then
-        text = text//', '
-      else
-        text = text//' or '
-      end if
-      text = text//''''//option_name(scheme_names, schemes(k))//''''
-    end do
-  end function list_of
 end module dotyk_input_solver_checks

@@ -21,7 +21,7 @@ contains
                   'primal-dual active set on the Lagrange multipliers, any theta, floating bodies; neumann: the '// &
                   'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; robin: the general '// &
                   'iteration (32) with Robin conditions on all constraints, on some (robin_gap) or on some '// &
-                  'pairs (condition); for comparison: nesterov, anderson and secant, accelerations of neumann')
+                  'pairs (condition)')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
                   meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
     call list%add('theta_relative', kind_real, not_negative=.true., &
@@ -39,13 +39,12 @@ contains
     call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
                   meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies that have '// &
                   'one, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
-                  'factor of the stiffness for all others; full, factors for all; in neumann, nesterov, anderson '// &
-                  'and secant: full, solves with the factor; compliance, the dense compliance matrix at the '// &
-                  'contact unknowns, formed once; auto, the '// &
+                  'factor of the stiffness for all others; full, factors for all; in neumann: full, solves with the '// &
+                  'factor; compliance, the dense compliance matrix at the contact unknowns, formed once; auto, the '// &
                   'cheaper one for each body; robin forms dense compliances')
     call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
                   default=option_name(gamma_rule_names, default_gamma_rule), &
-                  meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, the best one by '// &
+                  meaning='relaxation parameter of neumann and robin: spectral, the best one by '// &
                   'eigenvalues, 2/(2+L) in neumann; theory, the best one of Theorem 4, 1/(1+L)^2 in neumann; '// &
                   'fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent, fixed where '// &
                   'gamma is given, and else theory with stop_rule=''paper''')

@@ -40,6 +40,7 @@ module dotyk_scheme_body_compliance
     procedure :: forget_displacements => compliance_forget_displacements
     procedure :: solves_together => compliance_solves_together
     procedure :: solve => compliance_solve
+    procedure :: solve_block => compliance_solve_block
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
     procedure :: form_bodies => compliance_form_bodies
@@ -141,6 +142,21 @@ contains
       call self%response(self%body(b)%representative)%form%solve(x)
     end if
   end subroutine compliance_solve
+
+  !> Solve a body for several right-hand sides: the entries of a factor are read once.
+  subroutine compliance_solve_block(self, b, x)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    if (size(x, 2) == 1) then
+      call self%solve(b, x(:, 1))
+    else
+      call self%response(self%body(b)%representative)%form%solve_block(x)
+    end if
+  end subroutine compliance_solve_block
 
   !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows
   !> touch, or of all of them at once.

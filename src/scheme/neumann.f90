@@ -27,7 +27,7 @@ module dotyk_scheme_neumann
     procedure :: solve => neumann_solve
   end type neumann_t
 
-  public :: begin_iteration, evaluate_step, finish_iteration
+  public :: begin_iteration, finish_iteration
 
 contains
 
@@ -98,7 +98,7 @@ contains
     call move_alloc(iteration, paused)
   end subroutine begin
 
-  !> The first iterate of any form of the scheme, u_0 unless the state has pressures. Without contact rows it is the
+  !> The first iterate, of the Robin scheme as well: u_0 unless the state has pressures. Without contact rows it is the
   !> solution.
   subroutine begin_iteration(qp, compliance, state)
     !> Contact rows, initial penetrations, rigid body modes.

@@ -1,9 +1,7 @@
 !> The schemes by the names of the input.
 module dotyk_scheme_registry
-  use dotyk_base_options, only: scheme_anderson, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant
-  use dotyk_scheme_accelerated, only: anderson_t, secant_t
+  use dotyk_base_options, only: scheme_neumann, scheme_robin
   use dotyk_scheme_dual, only: dual_t
-  use dotyk_scheme_nesterov, only: nesterov_t
   use dotyk_scheme_neumann, only: neumann_t
   use dotyk_scheme_robin, only: robin_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -22,12 +20,6 @@ contains
     select case (name)
     case (scheme_neumann)
       allocate (neumann_t :: scheme)
-    case (scheme_nesterov)
-      allocate (nesterov_t :: scheme)
-    case (scheme_anderson)
-      allocate (anderson_t :: scheme)
-    case (scheme_secant)
-      allocate (secant_t :: scheme)
     case (scheme_robin)
       allocate (robin_t :: scheme)
     case default

@@ -53,8 +53,6 @@ module dotyk_scheme_stopping
     integer, private :: best_step = 0
     !> Steps without any gain after which rounding is to blame.
     integer, private :: patience = 200
-    !> The scheme takes back steps that lead away: growth is no divergence.
-    logical, private :: safeguarded = .false.
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
@@ -81,17 +79,14 @@ module dotyk_scheme_stopping
 contains
 
   !> Begin.
-  subroutine stopping_begin(self, settings, q, safeguarded)
+  subroutine stopping_begin(self, settings, q)
     !> The stopping criterion.
     class(stopping_t), intent(out) :: self
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> Factor per step that the theory promises; 1 or more where it promises none [].
     real(dp), intent(in) :: q
-    !> Whether the scheme takes back steps that lead away; not if absent.
-    logical, intent(in), optional :: safeguarded
     self%settings = settings
-    if (present(safeguarded)) self%safeguarded = safeguarded
     self%start = wall_time()
     self%resumed = self%start
     if (q < 1) self%patience = int(min(most_patience, max(least_patience, patience_factor/(1 - q))))
@@ -180,7 +175,7 @@ contains
     end if
     self%shortest = min(self%shortest, length)
     if (.not. ieee_is_finite(length) .or. &
-        (length > growth_of_divergence*max(self%shortest, shortest_step*norm) .and. .not. self%safeguarded)) then
+        length > growth_of_divergence*max(self%shortest, shortest_step*norm)) then
       state%ended = ended_diverged
       return
     end if

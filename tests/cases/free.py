@@ -359,7 +359,7 @@ class Free(dotyk_case.Case):
     def test_schemes_agree(self):
         """All schemes on held bodies: energies as near as both bounds say."""
         found = {}
-        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+        for scheme in ("dual", "neumann", "robin"):
             self.column(["hex8", "tet4"], [2, 3], solver="scheme='%s', theta_relative=1e-1, tolerance=1e-6" % scheme)
             text = (self.folder / "case.nml").read_text()
             self.write("case.nml", text.replace("&load body='b1', surface='top', pressure=1 /",

@@ -10,7 +10,7 @@ import numpy as np
 
 import dotyk_case
 
-SCHEMES = ("dual", "neumann", "nesterov", "anderson", "secant", "robin")
+SCHEMES = ("dual", "neumann", "robin")
 
 
 class Restart(dotyk_case.Case):

@@ -109,7 +109,7 @@ class Robin(dotyk_case.Case):
                 ((", condition='neumann', robin_gap=1", "", ROBIN), 13, "robin_gap is given, but condition is 'neumann'"),
                 (("", ", condition='robin'", "theta_relative=1"), 14, "condition is for scheme='robin'"),
                 (("", ", robin_gap=1", "scheme='neumann'"), 14, "robin_gap is for scheme='robin'"),
-                (("", "", "scheme='nesterov', robin_gap=1"), 15, "robin_gap is for scheme='robin'"),
+                (("", "", "scheme='dual', robin_gap=1"), 15, "robin_gap is for scheme='robin'"),
                 (("", "", ROBIN + ", stop_rule='paper', gamma=0.5"), 15, "gamma_2")):
             _, text = self.solve(keys, code=2)
             self.assertIn("case.nml:%d:" % line, text)

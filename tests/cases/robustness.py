@@ -104,7 +104,7 @@ class Robustness(dotyk_case.Case):
         return text.replace("value=0,0,-1e-3", "value=0,0,1e-3")
 
     def test_open_contact_has_no_error(self):
-        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+        for scheme in ("dual", "neumann", "robin"):
             self.dotyk(self.scene(steps=2, change=lambda text: self.lifted(text).replace(
                 "theta_relative=1e-2, tolerance=1e-8", "scheme='%s'" % scheme)))
             summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
@@ -112,7 +112,7 @@ class Robustness(dotyk_case.Case):
                 self.assertEqual(summary[part], 0, scheme + " " + part)
 
     def test_exact_meshes_ask_for_no_endless_iteration(self):
-        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+        for scheme in ("dual", "neumann", "robin"):
             self.dotyk(self.scene(change=lambda text: text.replace("theta_relative=1e-2, tolerance=1e-8",
                                                                    "scheme='%s'" % scheme)))
             summary = self.results("case.vtkhdf")["dotyk/summary"].attrs

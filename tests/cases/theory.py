@@ -90,7 +90,7 @@ class Theory(dotyk_case.Case):
 
     def test_bounds_of_all_schemes(self):
         """Never below the true error; how far above is the schemes' own affair."""
-        self.assertEqual(set(self.measured["schemes"]), {"neumann", "nesterov", "anderson", "secant", "robin", "dual"})
+        self.assertEqual(set(self.measured["schemes"]), {"neumann", "robin", "dual"})
         for scheme, ratios in self.measured["schemes"].items():
             self.assertGreaterEqual(min(ratios), 1 - 1e-6, scheme)
 

@@ -13,7 +13,7 @@ import extreme  # noqa: E402
 from extreme import Scene  # noqa: E402
 from units import Variant, vector  # noqa: E402
 
-SCHEMES = ("neumann", "nesterov", "anderson", "secant", "robin", "dual")
+SCHEMES = ("neumann", "robin", "dual")
 ANSWERS = {}
 
 

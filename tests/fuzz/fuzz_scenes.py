@@ -15,7 +15,7 @@ INPUTS = pathlib.Path(__file__).resolve().parents[2] / "inputs"
 KINDS_3D = [kind for kind in fuzz_meshes.KINDS if fuzz_meshes.dimension(kind) == 3]
 KINDS_2D = [kind for kind in fuzz_meshes.KINDS if fuzz_meshes.dimension(kind) == 2]
 FORMATS = [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)]
-SCHEMES = ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"]
+SCHEMES = ["auto", "dual", "neumann", "robin"]
 # A run that does not converge must end in seconds.
 SOLVER = "&solver %s max_iterations=300 /\n"
 OUTPUTS = ["", "", "&output fields='contact', error_parts='' /\n"]

@@ -19,7 +19,7 @@ NUMBERS = {
     "force_density": SCALES, "at": SCALES, "axis": SCALES, "axis_1": SCALES, "axis_2": SCALES,
     "angle": ["0", "90", "180", "360", "1e-300", "45", "1e16", "1e300", "1e308", "-30"]}
 NAMES = {
-    "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"],
+    "scheme": ["auto", "dual", "neumann", "robin"],
     "gamma_rule": ["spectral", "theory", "fixed"],
     "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
     "geometry": ["smooth", "elements"], "quadrature": ["segments", "plain"],

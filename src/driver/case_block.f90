@@ -1,16 +1,15 @@
-!> Load cases that are solved ahead: the contact of several, then their displacements and error estimates together
-!> (`dotyk_control_case_ahead`). Each is told and written afterwards as if it had been solved alone.
-module dotyk_driver_solving_ahead
+!> Blocks of load cases: the contact of each is solved, then their displacements take one solve of each body with as
+!> many right-hand sides, and their error estimates one pass over each mesh. Each is told and written afterwards.
+module dotyk_driver_case_block
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_base_timer, only: wall_time
-  use dotyk_control_case_ahead, only: case_ahead_t
-  use dotyk_control_contact_solution, only: contact_solution_t, first_tolerance, solution_goal_t
-  use dotyk_control_estimates_ahead, only: estimate_ahead
-  use dotyk_control_recovery_ahead, only: move_ahead, recover_ahead
+  use dotyk_control_body_solution, only: displacements_t, recover_block
+  use dotyk_control_contact_solution, only: first_tolerance, solution_goal_t
+  use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_driver_load_case, only: next_case
+  use dotyk_driver_load_case, only: next_case, solved_case_t
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_tied_scheme, only: tie_bodies
@@ -24,18 +23,20 @@ module dotyk_driver_solving_ahead
   implicit none
   private
 
-  !> Cases that are solved ahead.
-  type, public :: cases_ahead_t
+  !> Load cases that are solved and not told yet.
+  type, public :: case_block_t
     !> The first and the last one; none where the last is before the first.
     integer :: first = 1, last = 0
     !> Cases up to this one are solved alone.
     integer, private :: last_alone = 1
     !> first .. last.
-    type(case_ahead_t), allocatable :: case(:)
+    type(solved_case_t), allocatable, private :: case(:)
+    !> Of the same cases.
+    type(displacements_t), allocatable, private :: displacements(:)
   contains
-    procedure :: solve => ahead_solve
-    procedure :: take => ahead_take
-  end type cases_ahead_t
+    procedure :: solve => block_solve
+    procedure :: take => block_take
+  end type case_block_t
 
   !> Cases together at most: of more, the entries of factors and the meshes are read hardly less often.
   integer, parameter :: most_cases = 10
@@ -48,9 +49,9 @@ module dotyk_driver_solving_ahead
 
 contains
 
-  !> Solve the cases from one on ahead, as many as may be together.
-  subroutine ahead_solve(self, input, k, run, scene, monitor, solution)
-    class(cases_ahead_t), intent(inout) :: self
+  !> Solve the cases from one on, as many as may be together; none where that is one case.
+  subroutine block_solve(self, input, k, run, scene, monitor, last)
+    class(case_block_t), intent(inout) :: self
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: input
     !> The load case that is next.
@@ -61,10 +62,10 @@ contains
     type(scene_t), intent(inout) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Solution of the case before; what its estimates keep grows.
-    type(contact_solution_t), intent(inout) :: solution
-    type(case_ahead_t), allocatable :: some(:)
+    !> State of the case before the first one.
+    type(solver_state_t), intent(in) :: last
     type(solution_goal_t) :: goal
+    type(solver_state_t) :: before
     type(error_t), allocatable :: error
     integer :: j, n
     logical :: is_interrupted
@@ -74,47 +75,48 @@ contains
     n = n_together(input, k, scene)
     if (n < 2) return
     goal = goal_of(input)
-    allocate (some(n))
+    if (allocated(self%case)) deallocate (self%case, self%displacements)
+    allocate (self%case(n), self%displacements(n))
     is_interrupted = .false.
+    before = last
     do j = 1, n
-      if (j == 1) then
-        call solve_one(input, k, goal, run, scene, monitor, solution%state, some(1))
-      else
-        call solve_one(input, k + j - 1, goal, run, scene, monitor, some(j - 1)%state, some(j))
-      end if
-      if (.not. allocated(some(j)%body)) exit
-      is_interrupted = some(j)%state%was_interrupted()
+      call solve_one(input, k + j - 1, goal, run, scene, monitor, before, self%case(j), self%displacements(j))
+      if (.not. allocated(self%displacements(j)%body)) exit
+      before = self%case(j)%state
+      is_interrupted = before%was_interrupted()
       if (is_interrupted) exit
     end do
     ! The one after them is solved alone, and tells what is wrong with it.
     if (j <= n .and. .not. is_interrupted) self%last_alone = k + j - 1
     n = min(n, merge(j, j - 1, is_interrupted))
     if (n < 2 .and. .not. is_interrupted) return
-    self%case = some(:n)
-    deallocate (some)
     call monitor%begin_phase(phase_recover)
-    call recover_ahead(scene%problem, scene%qp, scene%compliance, goal%stress, self%case, error)
-    if (.not. allocated(error) .and. goal%needs_mesh_error()) then
+    call recover_block(scene%problem, scene%compliance, goal%stress, self%displacements(:n))
+    if (goal%needs_mesh_error()) then
       call monitor%begin_phase(phase_estimate)
-      call estimate_ahead(scene%problem, scene%qp%pair_first_row, solution%kept, self%case, error)
+      call estimate_mesh_errors(scene%problem, scene%qp%pair_first_row, scene%kept, self%displacements(:n), error)
     end if
     call monitor%end_phase()
     call agree_on_error(error)
     if (.not. allocated(error)) self%last = k + n - 1
-  end subroutine ahead_solve
+  end subroutine block_solve
 
-  !> Take a load case out of those that are solved; not allocated where it is none of them.
-  subroutine ahead_take(self, k, ahead)
-    class(cases_ahead_t), intent(inout) :: self
+  !> Take a load case out of the block; not allocated where it is none of them.
+  subroutine block_take(self, k, solved)
+    class(case_block_t), intent(inout) :: self
     !> The load case.
     integer, intent(in) :: k
     !> The same.
-    type(case_ahead_t), allocatable, intent(out) :: ahead
-    type(case_ahead_t) :: nothing
+    type(solved_case_t), allocatable, intent(out) :: solved
+    type(solved_case_t) :: nothing
     if (k < self%first .or. k > self%last) return
-    ahead = self%case(k - self%first + 1)
-    self%case(k - self%first + 1) = nothing
-  end subroutine ahead_take
+    associate (j => k - self%first + 1)
+      solved = self%case(j)
+      solved%displacements = self%displacements(j)
+      self%case(j) = nothing
+      self%displacements(j) = nothing%displacements
+    end associate
+  end subroutine block_take
 
   !> How many cases from one on may be solved together.
   integer function n_together(input, k, scene) result(n)
@@ -150,7 +152,7 @@ contains
   end function n_together
 
   !> The contact of one case; without displacements on return where it is to be solved alone.
-  subroutine solve_one(input, k, goal, run, scene, monitor, before, ahead)
+  subroutine solve_one(input, k, goal, run, scene, monitor, before, solved, displacements)
     !> The case.
     type(case_t), intent(in) :: input
     !> The load case.
@@ -165,15 +167,16 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> State of the case before.
     type(solver_state_t), intent(in) :: before
-    !> Gets state and displacements, the latter begun.
-    type(case_ahead_t), intent(out) :: ahead
+    !> Gets state, time and what is to be told.
+    type(solved_case_t), intent(out) :: solved
+    !> Begun.
+    type(displacements_t), intent(inout) :: displacements
     type(scheme_run_t) :: now
     type(error_t), allocatable :: error
     real(dp), allocatable :: pressure(:)
     real(dp) :: began
     began = wall_time()
-    ahead%number = k
-    call next_case(input, k, scene, monitor, error, ahead)
+    call next_case(input, k, scene, monitor, error, solved)
     if (allocated(error)) return
     if (scene%problem%n_ties() > 0) then
       ! Bolts that are tightened leave their shortening to the next case.
@@ -184,16 +187,17 @@ contains
     now = run
     now%settings%tolerance = first_tolerance(goal, run%settings%tolerance)
     if (scene%problem%n_ties() > 0) call tie_bodies(scene%problem, run%scheme, now%scheme)
-    if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, ahead%state)
+    if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solved%state)
     call monitor%hold_notes()
     call monitor%begin_phase(phase_iterate)
-    call now%solve(scene%qp, scene%compliance, scene%theta, scene%problem%n_blas, monitor, ahead%state, error)
+    call now%solve(scene%qp, scene%compliance, scene%theta, scene%problem%n_blas, monitor, solved%state, error)
     call monitor%end_phase()
-    call monitor%take_notes(ahead%note)
-    ahead%n_sweeps = scene%compliance%n_sweeps
-    ahead%seconds = wall_time() - began
-    if (allocated(error) .or. .not. allocated(ahead%state%m)) return
-    if (any(ahead%state%ended == [ended_converged, ended_stalled, ended_interrupted])) &
-      call move_ahead(scene%problem, ahead)
+    call monitor%take_notes(solved%note)
+    solved%n_sweeps = scene%compliance%n_sweeps
+    solved%seconds = wall_time() - began
+    if (allocated(error) .or. .not. allocated(solved%state%m)) return
+    if (all(solved%state%ended /= [ended_converged, ended_stalled, ended_interrupted])) return
+    call displacements%begin(scene%problem, scene%qp, solved%state%m, solved%state%alpha)
+    displacements%case = k
   end subroutine solve_one
-end module dotyk_driver_solving_ahead
+end module dotyk_driver_case_block
