@@ -10,7 +10,7 @@ module dotyk_control_factorization
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_control_parallel, only: largest_first, n_dominating, set_blas_threads
   use dotyk_control_response_choice, only: form_direct, form_multigrid, form_whole, operator_slot_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -245,9 +245,8 @@ contains
     end if
   end subroutine check_memory
 
-  !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body
-  !> of their own help the others. Stiffnesses are given back one by one. The digits are the same on any number of
-  !> threads.
+  !> Factorize the representatives, the largest first: those that dominate one after the other, outside parallel
+  !> regions (`set_factor_threads`), the others side by side. Stiffnesses are given back one by one.
   subroutine factorize_bodies(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -265,38 +264,26 @@ contains
     type(operator_slot_t), intent(inout) :: slot(:)
     !> Reports of the representatives (n_bodies).
     type(factorization_report_t), allocatable, intent(out) :: report(:)
-    !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, an interrupt came, and rarer
-    !> ones; names the bodies.
+    !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, and rarer ones; or an
+    !> interrupt came. Names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
-    integer :: i, b, order(size(body))
+    real(dp), allocatable :: flops(:)
+    integer :: i, b, order(size(body)), alone
     allocate (failed(size(body)), report(size(body)))
-    order = largest_first(size_of%flops)
+    flops = merge(size_of%flops, 0.0_dp, ranks%factorizes)
+    order = largest_first(flops)
+    call expect_progress(sum(flops))
+    alone = n_dominating(flops(order))
     call set_blas_threads(1)
-    call expect_progress(sum(size_of%flops, mask=ranks%factorizes))
-    !$omp parallel default(none) private(i, b) &
-    !$omp& shared(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, failed, order)
-    !$omp single
-    do i = 1, size(body)
-      b = order(i)
-      if (interrupted()) cycle
-      if (.not. ranks%factorizes(b)) cycle
-      !$omp task default(none) firstprivate(b) &
-      !$omp& shared(body, modes, split_near_null, size_of, stiffness, slot, report, failed)
-      call set_item("body '"//body(b)%name//"'")
-      select case (size_of(b)%form)
-      case (form_direct)
-        call slot(b)%direct%factorize(body(b), stiffness(b), split_near_null, report(b), failed(b)%error)
-      case (form_whole)
-        call slot(b)%multigrid%factorize_whole(body(b), modes(b), stiffness(b), report(b), failed(b)%error)
-      case default
-        call slot(b)%multigrid%factorize(body(b), report(b), failed(b)%error)
-      end select
-      call set_item('')
-      !$omp end task
+    do i = 1, alone
+      call factorize(order(i))
     end do
-    !$omp end single
-    !$omp end parallel
+    !$omp parallel do default(none) schedule(dynamic, 1) shared(alone, order)
+    do i = alone + 1, size(order)
+      call factorize(order(i))
+    end do
+    !$omp end parallel do
     ! Smoothers use all threads for one body.
     do b = 1, size(body)
       if (.not. allocated(slot(b)%multigrid) .or. allocated(failed(b)%error)) cycle
@@ -306,6 +293,24 @@ contains
     call stop_if_interrupted(error)
     if (.not. allocated(error)) call collect(body, ranks, failed, error)
     if (.not. allocated(error)) call share_reports(ranks, report)
+  contains
+    !> Factorize a body, unless it is another rank's or an interrupt came.
+    subroutine factorize(b)
+      !> Number of the body.
+      integer, intent(in) :: b
+      if (interrupted() .or. .not. ranks%factorizes(b)) return
+      call set_item("body '"//body(b)%name//"'")
+      select case (size_of(b)%form)
+      case (form_direct)
+        call slot(b)%direct%factorize(body(b), stiffness(b), split_near_null, report(b), failed(b)%error)
+      case (form_whole)
+        call slot(b)%multigrid%factorize_whole(body(b), modes(b), stiffness(b), report(b), failed(b)%error)
+      case default
+        call slot(b)%multigrid%factorize(body(b), report(b), failed(b)%error)
+      end select
+      call add_progress(flops(b))
+      call set_item('')
+    end subroutine factorize
   end subroutine factorize_bodies
 
   !> Make what factorizations found out about the condition known to all ranks.

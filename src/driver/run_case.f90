@@ -2,7 +2,7 @@
 module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, exit_converged
   use dotyk_base_memory, only: set_stage
-  use dotyk_control_parallel, only: use_threads
+  use dotyk_control_parallel, only: set_factor_threads, use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_cad_faces, only: show_cad_faces
@@ -43,6 +43,7 @@ contains
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)
     if (allocated(error)) return
+    call set_factor_threads(merge(1, threads, case%solver%reproducible))
     case%no_shell = arguments%no_shell
     call choose_scheme(case, run)
     call show_title(monitor%log, case, threads)

@@ -55,7 +55,7 @@ contains
     if (allocated(error)) return
     call choose_fixing_equations(self%mode, fixed)
     call add_springs(matrix, fixed, spring)
-    call self%factor%factorize_and_discard(matrix, failed_column, error, may_stop=.true.)
+    call self%factor%factorize_and_discard(matrix, failed_column, error)
     if (allocated(error) .or. failed_column == 0) return
     !$omp critical (message)
     call set_error(error, 'the matrix of the last level is not positive definite', exit_not_solvable)

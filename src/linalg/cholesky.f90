@@ -1,22 +1,45 @@
-!> Sparse Cholesky factorization P K P^T = L L^T: symbolic analysis and solves by CHOLMOD with 64-bit indices (Y. Chen,
-!> T. A. Davis, W. W. Hager and S. Rajamanickam, ACM Trans. Math. Softw. 35, 2008), the numeric phase by
-!> dotyk_linalg_multifrontal in CHOLMOD's structure.
+!> Sparse Cholesky factorization P K P^T = L L^T by CHOLMOD's supernodal way with 64-bit indices (Y. Chen, T. A. Davis,
+!> W. W. Hager and S. Rajamanickam, ACM Trans. Math. Softw. 35, 2008). The digits of a factor depend on the number of
+!> BLAS threads.
 module dotyk_linalg_cholesky
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
-  use dotyk_base_interrupt, only: stop_if_interrupted
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t
+  use omp_lib, only: omp_in_parallel
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
-    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_factorize, dotyk_cholmod_end, &
-    dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, statistics_t
-  use dotyk_linalg_multifrontal, only: factor_supernodes
+    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_factorize, dotyk_cholmod_solve, &
+    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, statistics_t
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_linalg_supernodes, only: diagonal_of, find_weakest_pivot, supernodes_t
   implicit none
   private
-  public :: supernodes_t
+  public :: factor_threads, set_factor_threads
+
+  !> The supernodes of a factor, in the memory of CHOLMOD: valid until the factor is analyzed again or destroyed. All
+  !> numbers and positions are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 of L, and the
+  !> rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first. Its values are a dense block by columns
+  !> from value_start(s) on.
+  type, public :: supernodes_t
+    !> Number of supernodes.
+    integer(int64) :: n = 0
+    !> First column of each supernode (0:n).
+    integer(int64), pointer, contiguous :: column_start(:) => null()
+    !> Position of the first row of each supernode in `row` (0:n).
+    integer(int64), pointer, contiguous :: row_start(:) => null()
+    !> Position of the first value of each supernode in `value` (0:n).
+    integer(int64), pointer, contiguous :: value_start(:) => null()
+    !> Rows of the supernodes (0:sum of their rows - 1).
+    integer(int64), pointer, contiguous :: row(:) => null()
+    !> Equation of each row of L (0:order-1).
+    integer(int64), pointer, contiguous :: permutation(:) => null()
+    !> Values of L (0:factor_entries-1); not associated before the factorization.
+    real(dp), pointer, contiguous :: value(:) => null()
+  contains
+    procedure :: columns => supernodes_columns
+    procedure :: rows => supernodes_rows
+  end type supernodes_t
 
   !> Cholesky factor of a symmetric positive definite matrix K. It owns memory of CHOLMOD: never assign one to another,
   !> and call `destroy` at the end. One thread analyzes and factorizes; after that any number of threads may solve with
@@ -28,7 +51,7 @@ module dotyk_linalg_cholesky
     integer(int64) :: factor_entries = 0
     !> Memory of the factor [bytes].
     integer(int64) :: factor_bytes = 0
-    !> Memory of a factorization beside the factor and K: a permuted copy of K and update matrices; an estimate [bytes].
+    !> Estimated memory of a factorization beside the factor and K: a permuted copy of K, an update matrix [bytes].
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
@@ -45,7 +68,6 @@ module dotyk_linalg_cholesky
     procedure :: analyze => cholesky_analyze
     procedure :: factorize => cholesky_factorize
     procedure :: factorize_and_discard => cholesky_factorize_and_discard
-    procedure :: factorize_by_cholmod => cholesky_factorize_by_cholmod
     procedure :: is_factorized => cholesky_is_factorized
     procedure :: solve => cholesky_solve
     procedure :: solve_block => cholesky_solve_block
@@ -57,8 +79,44 @@ module dotyk_linalg_cholesky
 
   !> Right-hand sides of a solve by CHOLMOD: dense products have reached their full rate, and the copies stay small.
   integer, parameter :: block_size = 64
+  !> Operations of a factorization from which on BLAS threads help it: 17 % at 2e9 on two threads, nothing at 4e8.
+  real(dp), parameter, public :: worth_threads = 1.0e9_dp
+
+  !> BLAS threads of a large factorization outside parallel regions.
+  integer, save :: n_factor_threads = 1
 
 contains
+
+  !> Set the number of BLAS threads of large factorizations outside parallel regions; 1 gives the same digits on any
+  !> number of threads.
+  subroutine set_factor_threads(n)
+    !> Number of threads.
+    integer, intent(in) :: n
+    n_factor_threads = n
+  end subroutine set_factor_threads
+
+  !> Number of BLAS threads of large factorizations outside parallel regions.
+  integer function factor_threads()
+    factor_threads = n_factor_threads
+  end function factor_threads
+
+  !> Number of columns of a supernode.
+  pure integer function supernodes_columns(self, s) result(columns)
+    !> The supernodes.
+    class(supernodes_t), intent(in) :: self
+    !> Number of a supernode, from 0.
+    integer, intent(in) :: s
+    columns = int(self%column_start(s + 1) - self%column_start(s))
+  end function supernodes_columns
+
+  !> Number of rows of a supernode, those of its own columns included.
+  pure integer function supernodes_rows(self, s) result(rows)
+    !> The supernodes.
+    class(supernodes_t), intent(in) :: self
+    !> Number of a supernode, from 0.
+    integer, intent(in) :: s
+    rows = int(self%row_start(s + 1) - self%row_start(s))
+  end function supernodes_rows
 
   !> Symbolic analysis: structure, size and cost of the factor. The values of the matrix are not read and may be
   !> missing.
@@ -104,142 +162,125 @@ contains
     integer, intent(out) :: failed_column
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: diagonal(:)
     failed_column = 0
-    call take_matrix(self, matrix, error)
-    if (.not. allocated(error)) call factorize_taken(self, failed_column, error)
+    call take_matrix(self, matrix, diagonal, error)
+    if (.not. allocated(error)) call factorize_taken(self, diagonal, failed_column, error)
   end subroutine cholesky_factorize
 
   !> Numeric factorization of a matrix that is not needed any more: its memory is freed before that of the factor is
   !> allocated.
-  subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error, may_stop)
+  subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error)
     !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K, destroyed on return.
     type(sparse_symmetric_t), intent(inout) :: matrix
     !> As in `factorize`.
     integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory, the matrix is not the one that was analyzed, or an interrupt came.
-    type(error_t), allocatable, intent(out) :: error
-    !> Whether an interrupt ends the factorization, without a factor; not if absent.
-    logical, intent(in), optional :: may_stop
-    failed_column = 0
-    call take_matrix(self, matrix, error)
-    call matrix%destroy()
-    if (.not. allocated(error)) call factorize_taken(self, failed_column, error, may_stop)
-  end subroutine cholesky_factorize_and_discard
-
-  !> Numeric factorization by `cholmod_factorize` on the calling thread: the reference for tests and the benchmark.
-  subroutine cholesky_factorize_by_cholmod(self, matrix, failed_column, error)
-    !> The matrix or its factor.
-    class(cholesky_t), intent(inout) :: self
-    !> The matrix K.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> As in `factorize`.
-    integer, intent(out) :: failed_column
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
-    type(supernodes_t) :: supernodes
     real(dp), allocatable :: diagonal(:)
-    integer(c_int64_t) :: column
     failed_column = 0
-    call begin(self, matrix, error)
-    if (allocated(error) .or. self%n == 0) return
-    call raise(dotyk_cholmod_factorize(self%handle, matrix%column_start, matrix%row, matrix%value, column), &
-               'factorization', self, error)
-    if (allocated(error)) return
-    call self%supernodes(supernodes)
-    diagonal = diagonal_of(self%n, matrix%column_start, matrix%row, matrix%value)
-    call finish(self, supernodes, diagonal(supernodes%permutation + 1), int(column), failed_column)
-  end subroutine cholesky_factorize_by_cholmod
+    call take_matrix(self, matrix, diagonal, error)
+    call matrix%destroy()
+    if (.not. allocated(error)) call factorize_taken(self, diagonal, failed_column, error)
+  end subroutine cholesky_factorize_and_discard
 
-  !> Discard the last factor, and check the matrix that will be factorized.
-  subroutine begin(self, matrix, error)
+  !> Discard the last factor, and make the permuted copy P K P^T.
+  subroutine take_matrix(self, matrix, diagonal, error)
     !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> The matrix is not the one that was analyzed.
+    !> Its diagonal (n) [as K].
+    real(dp), allocatable, intent(out) :: diagonal(:)
+    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     self%factorized = .false.
     self%weakest_pivot = 1
     self%weakest_equation = 0
     if (self%n == 0 .and. matrix%n == 0) then
       self%factorized = .true.
+      allocate (diagonal(0))
     else if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
       call set_error(error, 'the matrix differs from the one analyzed symbolically', exit_not_solvable)
+    else
+      diagonal = matrix%value(matrix%column_start(:self%n) + 1)
+      call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', &
+                 self, error)
     end if
-  end subroutine begin
-
-  !> Make the permuted copy P K P^T.
-  subroutine take_matrix(self, matrix, error)
-    !> The matrix or its factor.
-    class(cholesky_t), intent(inout) :: self
-    !> The matrix K.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
-    call begin(self, matrix, error)
-    if (allocated(error) .or. self%n == 0) return
-    call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', &
-               self, error)
   end subroutine take_matrix
 
-  !> Factorize the permuted copy, and free it.
-  subroutine factorize_taken(self, failed_column, error, may_stop)
+  !> Factorize the permuted copy, free it, and find the weakest pivot.
+  subroutine factorize_taken(self, diagonal, failed_column, error)
     !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
+    !> Diagonal of K (n) [as K].
+    real(dp), intent(in) :: diagonal(:)
     !> As in `cholesky_factorize`.
     integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory, or an interrupt came.
+    !> CHOLMOD has no memory.
     type(error_t), allocatable, intent(out) :: error
-    !> As in `cholesky_factorize_and_discard`.
-    logical, intent(in), optional :: may_stop
     type(supernodes_t) :: supernodes
-    type(c_ptr) :: address(3)
-    integer(int64), pointer, contiguous :: start(:), row(:)
-    real(dp), pointer, contiguous :: value(:)
-    real(dp), allocatable :: diagonal(:)
-    integer :: column
+    integer(c_int64_t) :: column
+    integer(c_int) :: code
+    integer :: before
     failed_column = 0
     if (self%n == 0) return
-    call raise(dotyk_cholmod_begin(self%handle, address(1), address(2), address(3)), 'factorization', self, error)
-    if (allocated(error)) return
-    call c_f_pointer(address(1), start, [self%n + 1])
-    call c_f_pointer(address(2), row, [start(self%n + 1)])
-    call c_f_pointer(address(3), value, [start(self%n + 1)])
-    call self%supernodes(supernodes)
-    diagonal = diagonal_of(self%n, start, row, value)
-    call factor_supernodes(supernodes, start, row, value, column, may_stop)
-    call dotyk_cholmod_end(self%handle)
-    if (present(may_stop)) then
-      if (may_stop) call stop_if_interrupted(error)
+    before = blas_threads()
+    if (self%flops > worth_threads .and. n_factor_threads > before) then
+      if (.not. omp_in_parallel()) call set_blas_threads(n_factor_threads)
     end if
+    code = dotyk_cholmod_factorize(self%handle, column)
+    if (blas_threads() > before) call set_blas_threads(before)
+    call raise(code, 'factorization', self, error)
     if (allocated(error)) return
-    call finish(self, supernodes, diagonal, column, failed_column)
-  end subroutine factorize_taken
-
-  !> Find the weakest pivot, and decide whether there is a factor.
-  subroutine finish(self, supernodes, diagonal, column, failed_column)
-    !> The matrix or its factor.
-    class(cholesky_t), intent(inout) :: self
-    !> Supernodes of the factor, with values.
-    type(supernodes_t), intent(in) :: supernodes
-    !> Diagonal of P K P^T (n) [as K].
-    real(dp), intent(in) :: diagonal(:)
-    !> First column of L whose pivot is not positive, 0 if none was found.
-    integer, intent(in) :: column
-    !> As in `cholesky_factorize`.
-    integer, intent(out) :: failed_column
+    call self%supernodes(supernodes)
     if (column > 0) then
       self%weakest_pivot = 0
       self%weakest_equation = int(supernodes%permutation(column - 1)) + 1
     else
       call find_weakest_pivot(supernodes, diagonal, self%weakest_pivot, self%weakest_equation)
     end if
-    ! False for NaN, too.
     self%factorized = self%weakest_pivot > 0
     failed_column = merge(0, self%weakest_equation, self%factorized)
-  end subroutine finish
+  end subroutine factorize_taken
+
+  !> Find the pivot that is the smallest fraction of its diagonal entry. If a pivot is not positive or not a number, the
+  !> first such one is reported with fraction 0.
+  pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
+    !> The factor, with values.
+    type(supernodes_t), intent(in) :: supernodes
+    !> Diagonal of K (n) [as K].
+    real(dp), intent(in) :: diagonal(:)
+    !> Pivot over diagonal entry, 0 to 1 [].
+    real(dp), intent(out) :: weakest
+    !> Equation of that pivot, from 1.
+    integer, intent(out) :: equation
+    integer :: s, rows, number
+    integer(int64) :: k, at
+    real(dp) :: fraction
+    weakest = 1
+    equation = 0
+    do s = 0, int(supernodes%n) - 1
+      rows = supernodes%rows(s)
+      at = supernodes%value_start(s)
+      do k = supernodes%column_start(s), supernodes%column_start(s + 1) - 1
+        number = int(supernodes%permutation(k)) + 1
+        fraction = supernodes%value(at)**2/diagonal(number)
+        if (.not. fraction > 0) then ! NaN too: LAPACK does not always see it
+          weakest = 0
+          equation = number
+          return
+        end if
+        if (fraction < weakest .or. equation == 0) then
+          weakest = fraction
+          equation = number
+        end if
+        at = at + rows + 1
+      end do
+    end do
+  end subroutine find_weakest_pivot
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)

@@ -4,8 +4,8 @@ module dotyk_linalg_cholmod
   use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_int64_t, c_double
   implicit none
   private
-  public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, &
-    dotyk_cholmod_factorize, dotyk_cholmod_end, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, &
+  public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, &
+    dotyk_cholmod_factorize, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, &
     dotyk_cholmod_solve_trailing
 
   !> No error.
@@ -72,40 +72,14 @@ module dotyk_linalg_cholmod
       real(c_double), intent(in) :: value(*)
     end function dotyk_cholmod_permute
 
-    !> Allocate the values of the factor.
-    integer(c_int) function dotyk_cholmod_begin(handle, start, row, value) bind(c)
-      import :: c_ptr, c_int
+    !> Numeric factorization of P K P^T, which is freed.
+    integer(c_int) function dotyk_cholmod_factorize(handle, failed) bind(c)
+      import :: c_ptr, c_int, c_int64_t
       !> Handle of the factor.
       type(c_ptr), value :: handle
-      !> Address of the starts of the columns of P K P^T, 0-based (n+1).
-      type(c_ptr), intent(out) :: start
-      !> Address of its rows, 0-based (entries).
-      type(c_ptr), intent(out) :: row
-      !> Address of its values (entries).
-      type(c_ptr), intent(out) :: value
-    end function dotyk_cholmod_begin
-
-    !> Numeric factorization by `cholmod_factorize`.
-    integer(c_int) function dotyk_cholmod_factorize(handle, start, row, value, failed) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
-      !> Handle of the factor.
-      type(c_ptr), value :: handle
-      !> Position of the first entry of each column of the lower triangle of K, 0-based (n+1).
-      integer(c_int64_t), intent(in) :: start(*)
-      !> Row of each entry, 0-based (entries).
-      integer(c_int64_t), intent(in) :: row(*)
-      !> Value of each entry (entries) [any].
-      real(c_double), intent(in) :: value(*)
       !> First column of L (from 1) whose pivot is not positive, 0 if there is none.
       integer(c_int64_t), intent(out) :: failed
     end function dotyk_cholmod_factorize
-
-    !> Free the lower triangle of P K P^T.
-    subroutine dotyk_cholmod_end(handle) bind(c)
-      import :: c_ptr
-      !> Handle of the factor.
-      type(c_ptr), value :: handle
-    end subroutine dotyk_cholmod_end
 
     !> Solve K X = B.
     integer(c_int) function dotyk_cholmod_solve(handle, n, m, x) bind(c)

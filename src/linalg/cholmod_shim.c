@@ -1,12 +1,11 @@
 /* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
  *
  * The struct layouts of cholmod.h are known here and nowhere else. Functions that may fail return one of the codes
- * below. analyze, permute, begin, factorize and end change a handle, one thread at a time. Solves only read it: several
- * threads may solve with one factor at the same time. CHOLMOD reports memory that it cannot get; malloc and calloc of
- * this file end the program with a message (src/out_of_memory.c). */
+ * below. analyze, permute and factorize change a handle, one thread at a time. Solves only read it: several threads may
+ * solve with one factor at the same time. CHOLMOD reports memory that it cannot get; malloc and calloc of this file end
+ * the program with a message (src/out_of_memory.c). */
 #include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include <cholmod.h>
 #include <omp.h>
@@ -16,7 +15,7 @@ enum { OK = 0, OUT_OF_MEMORY = 1, NOT_POSITIVE = 2, TOO_LARGE = 3, INVALID = 4 }
 typedef struct {
   cholmod_common common;
   cholmod_factor *L;
-  cholmod_sparse *permuted; /* lower triangle of P K P^T, from permute to end */
+  cholmod_sparse *permuted; /* lower triangle of P K P^T, from permute to factorize */
   int64_t n;
 } handle_t;
 
@@ -74,24 +73,6 @@ void *dotyk_cholmod_new(void) {
   return h;
 }
 
-/* View of the lower triangle of a symmetric matrix by columns, 0-based: start (n+1), row, value (null: the pattern). */
-static cholmod_sparse lower_triangle(int64_t n, int64_t *start, int64_t *row, double *value) {
-  cholmod_sparse a;
-  memset(&a, 0, sizeof a);
-  a.nrow = a.ncol = (size_t)n;
-  a.nzmax = (size_t)start[n];
-  a.p = start;
-  a.i = row;
-  a.x = value;
-  a.stype = -1;
-  a.itype = CHOLMOD_LONG;
-  a.xtype = value ? CHOLMOD_REAL : CHOLMOD_PATTERN;
-  a.dtype = CHOLMOD_DOUBLE;
-  a.sorted = 1;
-  a.packed = 1;
-  return a;
-}
-
 /* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based;
  * permutation (n): the equation that comes k-th, 0-based; its last `trailing` ones stay last. The arrays are read where
  * they are. */
@@ -101,7 +82,10 @@ int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row,
   cholmod_common *c = &h->common;
   cholmod_l_free_factor(&h->L, c);
   h->n = n;
-  cholmod_sparse a = lower_triangle(n, start, row, NULL);
+  /* View of the pattern. */
+  cholmod_sparse a = {.nrow = (size_t)n, .ncol = (size_t)n, .nzmax = (size_t)start[n], .p = start, .i = row,
+                      .stype = -1, .itype = CHOLMOD_LONG, .xtype = CHOLMOD_PATTERN, .dtype = CHOLMOD_DOUBLE,
+                      .sorted = 1, .packed = 1};
   int levels = forbid_threads();
   c->postorder = 1;
   h->L = cholmod_l_analyze_p(&a, (SuiteSparse_long *)permutation, NULL, 0, c);
@@ -140,8 +124,8 @@ int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row,
   return OK;
 }
 
-/* Make the lower triangle of P K P^T, so that the caller may free K before the factor is allocated. CHOLMOD makes
- * two such copies at a time, and reads K to the end. */
+/* Make the lower triangle of P K P^T, so that the caller may free K before the factor is allocated: cholmod_factorize
+ * makes two such copies at a time, and reads K to the end. */
 int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row, const double *value) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
@@ -176,41 +160,21 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   return OK;
 }
 
-/* Allocate the values of the factor. start, row, value: the arrays that permute has made. */
-int dotyk_cholmod_begin(void *handle, void **start, void **row, void **value) {
-  handle_t *h = handle;
-  if (!h->permuted) return INVALID;
-  if (!h->L->x) {
-    cholmod_l_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, h->L, &h->common);
-    if (!h->L->x) return code_of_status(&h->common) == OK ? INVALID : code_of_status(&h->common);
-  }
-  *start = h->permuted->p;
-  *row = h->permuted->i;
-  *value = h->permuted->x;
-  return OK;
-}
-
-/* Numeric factorization by cholmod_factorize on the calling thread; permute is not needed. start (n+1), row, value:
- * lower triangle of K, as for analyze. failed: first column of L (from 1) whose pivot is not positive, 0 if there is
- * none. */
-int dotyk_cholmod_factorize(void *handle, int64_t *start, int64_t *row, double *value, int64_t *failed) {
+/* Numeric factorization of the matrix that permute has made, which is freed: the numeric phase of cholmod_factorize.
+ * failed: first column of L (from 1) whose pivot is not positive, 0 if there is none. */
+int dotyk_cholmod_factorize(void *handle, int64_t *failed) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
-  cholmod_sparse a = lower_triangle(h->n, start, row, value);
+  double shift[2] = {0, 0};
   int levels = forbid_threads();
-  int good = cholmod_l_factorize(&a, h->L, c);
+  int good = cholmod_l_super_numeric(h->permuted, NULL, shift, h->L, c);
   omp_set_max_active_levels(levels);
-  cholmod_l_free_work(c);
   int code = code_of_status(c);
+  cholmod_l_free_work(c);
+  cholmod_l_free_sparse(&h->permuted, c);
   *failed = code == NOT_POSITIVE ? (int64_t)h->L->minor + 1 : 0;
   if (code == NOT_POSITIVE) return OK;
   return code == OK && !good ? INVALID : code;
-}
-
-/* Free the arrays that permute has made. */
-void dotyk_cholmod_end(void *handle) {
-  handle_t *h = handle;
-  cholmod_l_free_sparse(&h->permuted, &h->common);
 }
 
 /* The equations of the last m columns of L (1-based). */

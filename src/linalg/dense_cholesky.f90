@@ -1,10 +1,10 @@
 !> Cholesky factors of dense matrices that are factorized again and again: one array holds matrix and factor, and stays
-!> for the next one. The tiles of `dotyk_linalg_fronts` give the same digits on any number of threads.
+!> for the next one. The tiles depend on the matrix alone, and each is one call of BLAS on one thread: the digits are
+!> the same on any number of threads.
 module dotyk_linalg_dense_cholesky
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_blas, only: blas_threads, dgemm, dgemv, dsyrk, dtrsm, dtrsv, set_blas_threads
-  use dotyk_linalg_fronts, only: factor_panel
   use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
@@ -30,8 +30,6 @@ module dotyk_linalg_dense_cholesky
   integer, parameter :: worth_threads = 400
   !> Columns of a panel, and rows and columns of a task.
   integer, parameter :: panel = 256
-  !> Operations within the envelope, as a fraction of all, from which on it is not worth its panels.
-  real(dp), parameter :: nearly_full = 0.7_dp
 
 contains
 
@@ -57,9 +55,8 @@ contains
     integer, intent(out) :: failed
     !> Last row with an entry of each column, at least the column: entries beyond stay zero; all rows if absent (n).
     integer, intent(in), optional :: last(:)
-    real(dp) :: part
     integer :: threads, k, n_panels, far
-    logical :: is_full, shared_out
+    logical :: shared_out
     failed = 0
     n_panels = (self%n + panel - 1)/panel
     if (allocated(self%last)) deallocate (self%last)
@@ -67,15 +64,11 @@ contains
     if (self%n == 0) return
     if (present(last)) then
       far = 0
-      part = 0
       do k = 1, n_panels
         far = max(far, maxval(last((k - 1)*panel + 1:min(k*panel, self%n))))
         self%last(k) = far
-        part = part + 3.0_dp*panel*(real(far - (k - 1)*panel, dp)/self%n)**2/self%n
       end do
-      if (part > nearly_full) self%last = self%n
     end if
-    is_full = all(self%last == self%n)
     shared_out = .not. omp_in_parallel() .and. self%n >= worth_threads
     if (shared_out) shared_out = omp_get_max_threads() > 1
     threads = 1
@@ -83,13 +76,9 @@ contains
       threads = blas_threads()
       call set_blas_threads(1)
     end if
-    !$omp parallel default(none) shared(self, failed, shared_out, is_full) if (shared_out)
+    !$omp parallel default(none) shared(self, failed) if (shared_out)
     !$omp single
-    if (is_full) then
-      call factor_panel(self%n, self%n, self%value, shared_out, .false., failed)
-    else
-      call factor_envelope(self%n, self%last, self%value, failed)
-    end if
+    call factor_envelope(self%n, self%last, self%value, failed)
     !$omp end single
     !$omp end parallel
     if (shared_out) call set_blas_threads(threads)

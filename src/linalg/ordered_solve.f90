@@ -1,15 +1,17 @@
 !> Solves of one right-hand side with a supernodal Cholesky factor, by all threads and with the same digits on any
 !> number of them: the coarse level of p-multigrid, solved once in each cycle.
 !>
-!> The elimination tree is cut into subtrees and a top, as for the factorization (`dotyk_linalg_supernodes`). Threads
-!> share the subtrees; what a subtree subtracts from the top waits in an array of its own, and is added in the order of
-!> the subtrees. Threads share the rows of each supernode of the top.
+!> The elimination tree is cut into subtrees and a top. Threads share the subtrees; what a subtree subtracts from the
+!> top waits in an array of its own, and is added in the order of the subtrees. Threads share the rows of each supernode
+!> of the top in chunks. Subtrees and chunks depend on the factor alone, and each product is one call of BLAS on one
+!> thread.
 module dotyk_linalg_ordered_solve
-  use, intrinsic :: iso_c_binding, only: c_double, c_int64_t
-  use omp_lib, only: omp_get_num_threads, omp_get_thread_num
+  use omp_lib, only: omp_in_parallel
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_supernodes, only: make_tree, supernode_tree_t, supernodes_t
+  use dotyk_base_sort, only: sort_order
+  use dotyk_linalg_blas, only: blas_threads, dgemv, dtrsv, set_blas_threads
+  use dotyk_linalg_cholesky, only: cholesky_t, supernodes_t
+  use dotyk_linalg_forward_substitution, only: elimination_tree_t
   implicit none
   private
 
@@ -27,8 +29,12 @@ module dotyk_linalg_ordered_solve
     integer :: n = 0
     !> The supernodes, in the memory of the factor.
     type(supernodes_t), private :: list
-    !> Their tree.
-    type(supernode_tree_t), private :: tree
+    !> Supernodes of the subtrees, children before parents, one subtree after the other; they count from 0.
+    integer, allocatable, private :: order(:)
+    !> Position of the first supernode of each subtree in `order`; the last one is its root (number of subtrees + 1).
+    integer, allocatable, private :: first(:)
+    !> Supernodes of the top, children before parents.
+    integer, allocatable, private :: top(:)
     !> For each row of each supernode of a subtree: the row of L, or -i for row i below the root of the subtree
     !> (0:sum of the rows of all supernodes - 1).
     integer, allocatable, private :: place(:)
@@ -44,74 +50,8 @@ module dotyk_linalg_ordered_solve
   real(dp), parameter :: subtree_fraction = 1/64.0_dp, least_subtree_work = 1.0e8_dp
   !> Columns of a panel.
   integer, parameter :: panel_columns = 128
-  !> Rows in one sum of products; sums are added in their order.
-  integer, parameter :: chunk_rows = 1024
-
-  interface
-    !> x := L^{-1} x with the lower triangle of m columns.
-    subroutine dotyk_panel_solve(m, lead, l, x) bind(c)
-      import :: c_double, c_int64_t
-      !> Columns.
-      integer(c_int64_t), value :: m
-      !> Distance of columns.
-      integer(c_int64_t), value :: lead
-      !> The panel, from its diagonal on (lead, m) [any].
-      real(c_double), intent(in) :: l(*)
-      !> (m) [any].
-      real(c_double), intent(inout) :: x(*)
-    end subroutine dotyk_panel_solve
-
-    !> x := L^{-T} x with the lower triangle of m columns.
-    subroutine dotyk_panel_solve_back(m, lead, l, x) bind(c)
-      import :: c_double, c_int64_t
-      !> Columns.
-      integer(c_int64_t), value :: m
-      !> Distance of columns.
-      integer(c_int64_t), value :: lead
-      !> The panel, from its diagonal on (lead, m) [any].
-      real(c_double), intent(in) :: l(*)
-      !> (m) [any].
-      real(c_double), intent(inout) :: x(*)
-    end subroutine dotyk_panel_solve_back
-
-    !> y := y - L x for the rows first to last - 1 of m columns.
-    subroutine dotyk_panel_subtract(m, lead, l, x, first, last, y) bind(c)
-      import :: c_double, c_int64_t
-      !> Columns.
-      integer(c_int64_t), value :: m
-      !> Distance of columns.
-      integer(c_int64_t), value :: lead
-      !> The panel, from its diagonal on (lead, m) [any].
-      real(c_double), intent(in) :: l(*)
-      !> (m) [any].
-      real(c_double), intent(in) :: x(*)
-      !> First row, from 0.
-      integer(c_int64_t), value :: first
-      !> One beyond the last row, from 0.
-      integer(c_int64_t), value :: last
-      !> From row 0 on [L x].
-      real(c_double), intent(inout) :: y(*)
-    end subroutine dotyk_panel_subtract
-
-    !> s = L^T y over the rows first to last - 1 of m columns.
-    subroutine dotyk_panel_products(m, lead, l, first, last, y, s) bind(c)
-      import :: c_double, c_int64_t
-      !> Columns.
-      integer(c_int64_t), value :: m
-      !> Distance of columns.
-      integer(c_int64_t), value :: lead
-      !> The panel, from its diagonal on (lead, m) [any].
-      real(c_double), intent(in) :: l(*)
-      !> First row, from 0.
-      integer(c_int64_t), value :: first
-      !> One beyond the last row, from 0.
-      integer(c_int64_t), value :: last
-      !> From row 0 on [any].
-      real(c_double), intent(in) :: y(*)
-      !> (m) [L y].
-      real(c_double), intent(inout) :: s(*)
-    end subroutine dotyk_panel_products
-  end interface
+  !> Rows of a chunk; what backward substitution sums over chunks is added in their order.
+  integer, parameter :: chunk_rows = 256
 
 contains
 
@@ -125,17 +65,63 @@ contains
     if (.not. factor%is_factorized() .or. factor%n == 0) return
     self%n = factor%n
     call factor%supernodes(self%list)
-    call make_tree(self%list, subtree_fraction, least_subtree_work, self%tree)
+    call cut_tree(self, factor)
     do s = 0, int(self%list%n) - 1
       self%most_rows = max(self%most_rows, self%list%rows(s))
     end do
     allocate (self%place(0:size(self%list%row, kind=int64) - 1))
     !$omp parallel do default(none) shared(self) schedule(dynamic, 1)
-    do t = 1, size(self%tree%first)
+    do t = 1, size(self%first) - 1
       call find_places(self, t)
     end do
     !$omp end parallel do
   end subroutine ordered_solve_init
+
+  !> Cut the elimination tree into subtrees that are as large as allowed, and a top.
+  subroutine cut_tree(self, factor)
+    !> The solve; gets subtrees and top.
+    type(ordered_solve_t), intent(inout) :: self
+    !> As in `init`.
+    type(cholesky_t), intent(in) :: factor
+    type(elimination_tree_t) :: tree
+    !> Of the subtree of each supernode [operations].
+    real(dp), allocatable :: work(:)
+    integer, allocatable :: subtree(:), order(:)
+    real(dp) :: own, below, most
+    integer :: n, s, t
+    call tree%init(factor)
+    n = int(self%list%n)
+    allocate (work(n), source=0.0_dp)
+    do s = 1, n
+      own = self%list%columns(s - 1)
+      below = self%list%rows(s - 1) - own
+      work(s) = work(s) + own**3/3 + own**2*below + own*below**2
+      if (tree%parent(s) > 0) work(tree%parent(s)) = work(tree%parent(s)) + work(s)
+    end do
+    most = max(least_subtree_work, subtree_fraction*sum(work, mask=tree%parent == 0))
+    self%top = pack([(s, s=0, n - 1)], work > most)
+    ! Subtree of each supernode, 0 in the top: parents come after their children.
+    allocate (subtree(0:n), source=0)
+    t = 0
+    do s = n, 1, -1
+      if (work(s) > most) cycle
+      subtree(s) = subtree(tree%parent(s))
+      if (subtree(s) > 0) cycle
+      t = t + 1
+      subtree(s) = t
+    end do
+    allocate (self%first(t + 1), source=0)
+    do s = 1, n
+      self%first(subtree(s) + 1) = self%first(subtree(s) + 1) + 1
+    end do
+    self%first(1) = 1
+    do t = 1, size(self%first) - 1
+      self%first(t + 1) = self%first(t) + self%first(t + 1)
+    end do
+    allocate (order(n))
+    call sort_order(subtree(1:), order)
+    self%order = order(size(self%top) + 1:) - 1
+  end subroutine cut_tree
 
   !> Places of the rows of a subtree.
   subroutine find_places(self, t)
@@ -145,10 +131,10 @@ contains
     integer, intent(in) :: t
     integer(int64) :: k, below, end_of_root
     integer :: i, s, root
-    root = self%tree%order(self%tree%last(t))
+    root = self%order(self%first(t + 1) - 1)
     end_of_root = self%list%column_start(root + 1)
-    do i = self%tree%first(t), self%tree%last(t)
-      s = self%tree%order(i)
+    do i = self%first(t), self%first(t + 1) - 1
+      s = self%order(i)
       ! Rows beyond the columns of the subtree are some of those below its root, ascending as these.
       below = self%list%row_start(root) + self%list%columns(root)
       do k = self%list%row_start(s), self%list%row_start(s + 1) - 1
@@ -171,10 +157,13 @@ contains
     real(dp), intent(inout) :: x(:)
     type(update_t), allocatable :: update(:)
     real(dp), allocatable :: y(:), shared_front(:), front(:), part(:, :)
-    integer :: i, t, n_parts
+    integer :: i, t, n_parts, n_blas
     if (self%n == 0) return
+    n_blas = 1
+    if (.not. omp_in_parallel()) n_blas = blas_threads()
+    if (n_blas > 1) call set_blas_threads(1)
     n_parts = (self%most_rows + chunk_rows - 1)/chunk_rows
-    allocate (y(0:self%n - 1), update(size(self%tree%first)), shared_front(0:self%most_rows - 1), &
+    allocate (y(0:self%n - 1), update(size(self%first) - 1), shared_front(0:self%most_rows - 1), &
               part(panel_columns, n_parts))
     !$omp parallel default(none) shared(self, x, y, update, shared_front, part) private(front, i, t)
     allocate (front(0:self%most_rows - 1))
@@ -184,7 +173,7 @@ contains
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
-    do t = 1, size(self%tree%first)
+    do t = 1, size(self%first) - 1
       call forward_subtree(self, t, front, y, update(t))
     end do
     !$omp end do
@@ -193,14 +182,14 @@ contains
       y(update(t)%row) = y(update(t)%row) + update(t)%value
     end do
     !$omp end single
-    do i = 1, size(self%tree%top)
-      call forward_top(self, self%tree%top(i), shared_front, y)
+    do i = 1, size(self%top)
+      call forward_top(self, self%top(i), shared_front, y)
     end do
-    do i = size(self%tree%top), 1, -1
-      call backward_top(self, self%tree%top(i), shared_front, part, y)
+    do i = size(self%top), 1, -1
+      call backward_top(self, self%top(i), shared_front, part, y)
     end do
     !$omp do schedule(dynamic, 1)
-    do t = 1, size(self%tree%first)
+    do t = 1, size(self%first) - 1
       call backward_subtree(self, t, front, y)
     end do
     !$omp end do
@@ -210,6 +199,7 @@ contains
     end do
     !$omp end do
     !$omp end parallel
+    if (n_blas > 1) call set_blas_threads(n_blas)
   end subroutine ordered_solve_solve
 
   !> Forward substitution in a subtree.
@@ -219,31 +209,26 @@ contains
     !> The subtree.
     integer, intent(in) :: t
     !> Space for a front (0:most_rows - 1).
-    real(dp), intent(inout) :: front(0:)
+    real(dp), intent(inout), contiguous :: front(0:)
     !> Right-hand side in the order of L, solved for the columns of the subtree on return (0:n - 1) [any].
-    real(dp), intent(inout) :: y(0:)
+    real(dp), intent(inout), contiguous :: y(0:)
     !> What the top gets.
     type(update_t), intent(inout) :: update
     integer :: i, j, s, columns, rows, first
     integer(int64) :: k, at
-    s = self%tree%order(self%tree%last(t))
+    s = self%order(self%first(t + 1) - 1)
     update%row = int(self%list%row(self%list%row_start(s) + self%list%columns(s):self%list%row_start(s + 1) - 1))
     allocate (update%value(size(update%row)), source=0.0_dp)
-    do i = self%tree%first(t), self%tree%last(t)
-      s = self%tree%order(i)
+    do i = self%first(t), self%first(t + 1) - 1
+      s = self%order(i)
       columns = self%list%columns(s)
       rows = self%list%rows(s)
       first = int(self%list%column_start(s))
-      front(0:columns - 1) = y(first:first + columns - 1)
-      front(columns:rows - 1) = 0
-      do j = 0, columns - 1, panel_columns
-        associate (m => int(min(panel_columns, columns - j), int64), lead => int(rows, int64))
-          at = self%list%value_start(s) + j*(lead + 1)
-          call dotyk_panel_solve(m, lead, self%list%value(at:), front(j:))
-          call dotyk_panel_subtract(m, lead, self%list%value(at:), front(j:), m, lead - j, front(j:))
-        end associate
-      end do
-      y(first:first + columns - 1) = front(0:columns - 1)
+      at = self%list%value_start(s)
+      call dtrsv('L', 'N', 'N', columns, self%list%value(at:), rows, y(first:), 1)
+      if (rows == columns) cycle
+      call dgemv('N', rows - columns, columns, -1.0_dp, self%list%value(at + columns:), rows, y(first:), 1, 0.0_dp, &
+                 front(columns:), 1)
       k = self%list%row_start(s)
       do j = columns, rows - 1
         associate (place => self%place(k + j))
@@ -264,29 +249,23 @@ contains
     !> The subtree.
     integer, intent(in) :: t
     !> Space for a front (0:most_rows - 1).
-    real(dp), intent(inout) :: front(0:)
+    real(dp), intent(inout), contiguous :: front(0:)
     !> Solution in the order of L (0:n - 1) [any].
-    real(dp), intent(inout) :: y(0:)
-    integer :: i, j, s, columns, rows, first
+    real(dp), intent(inout), contiguous :: y(0:)
+    integer :: i, s, columns, rows, first
     integer(int64) :: at
-    real(dp) :: part(panel_columns)
-    do i = self%tree%last(t), self%tree%first(t), -1
-      s = self%tree%order(i)
+    do i = self%first(t + 1) - 1, self%first(t), -1
+      s = self%order(i)
       columns = self%list%columns(s)
       rows = self%list%rows(s)
       first = int(self%list%column_start(s))
-      front(0:rows - 1) = y(self%list%row(self%list%row_start(s):self%list%row_start(s + 1) - 1))
-      do j = panel_columns*((columns - 1)/panel_columns), 0, -panel_columns
-        associate (m => int(min(panel_columns, columns - j), int64), lead => int(rows, int64))
-          at = self%list%value_start(s) + j*(lead + 1)
-          if (lead - j > m) then
-            call dotyk_panel_products(m, lead, self%list%value(at:), m, lead - j, front(j:), part)
-            front(j:j + m - 1) = front(j:j + m - 1) - part(:m)
-          end if
-          call dotyk_panel_solve_back(m, lead, self%list%value(at:), front(j:))
-        end associate
-      end do
-      y(first:first + columns - 1) = front(0:columns - 1)
+      at = self%list%value_start(s)
+      if (rows > columns) then
+        front(columns:rows - 1) = y(self%list%row(self%list%row_start(s) + columns:self%list%row_start(s + 1) - 1))
+        call dgemv('T', rows - columns, columns, -1.0_dp, self%list%value(at + columns:), rows, front(columns:), 1, &
+                   1.0_dp, y(first:), 1)
+      end if
+      call dtrsv('L', 'T', 'N', columns, self%list%value(at:), rows, y(first:), 1)
     end do
   end subroutine backward_subtree
 
@@ -297,31 +276,30 @@ contains
     !> The supernode.
     integer, intent(in) :: s
     !> The front, shared (0:most_rows - 1).
-    real(dp), intent(inout) :: front(0:)
+    real(dp), intent(inout), contiguous :: front(0:)
     !> Right-hand side in the order of L, shared (0:n - 1) [any].
-    real(dp), intent(inout) :: y(0:)
-    integer :: j, columns, rows, first, thread, threads
-    integer(int64) :: at, m, lead, below
+    real(dp), intent(inout), contiguous :: y(0:)
+    integer :: j, k, m, columns, rows, first
+    integer(int64) :: at
     columns = self%list%columns(s)
     rows = self%list%rows(s)
     first = int(self%list%column_start(s))
-    lead = rows
-    thread = omp_get_thread_num()
-    threads = omp_get_num_threads()
     do j = 0, columns - 1, panel_columns
       m = min(panel_columns, columns - j)
-      at = self%list%value_start(s) + j*(lead + 1)
+      at = self%list%value_start(s) + j*(rows + 1_int64)
       !$omp single
       if (j == 0) then
         front(0:columns - 1) = y(first:first + columns - 1)
         front(columns:rows - 1) = 0
       end if
-      call dotyk_panel_solve(m, lead, self%list%value(at:), front(j:))
+      call dtrsv('L', 'N', 'N', m, self%list%value(at:), rows, front(j:), 1)
       !$omp end single
-      below = lead - j - m
-      call dotyk_panel_subtract(m, lead, self%list%value(at:), front(j:), m + below*thread/threads, &
-                                m + below*(thread + 1)/threads, front(j:))
-      !$omp barrier
+      !$omp do schedule(static)
+      do k = m, rows - j - 1, chunk_rows
+        call dgemv('N', min(chunk_rows, rows - j - k), m, -1.0_dp, self%list%value(at + k:), rows, front(j:), 1, &
+                   1.0_dp, front(j + k:), 1)
+      end do
+      !$omp end do
     end do
     !$omp single
     y(first:first + columns - 1) = front(0:columns - 1)
@@ -338,34 +316,33 @@ contains
     !> The supernode.
     integer, intent(in) :: s
     !> The front, shared (0:most_rows - 1).
-    real(dp), intent(inout) :: front(0:)
+    real(dp), intent(inout), contiguous :: front(0:)
     !> Products of chunks of rows, shared (panel_columns, chunks).
-    real(dp), intent(inout) :: part(:, :)
+    real(dp), intent(inout), contiguous :: part(:, :)
     !> Solution in the order of L, shared (0:n - 1) [any].
-    real(dp), intent(inout) :: y(0:)
-    integer :: j, k, columns, rows, first
-    integer(int64) :: at, m, lead
+    real(dp), intent(inout), contiguous :: y(0:)
+    integer :: j, k, m, columns, rows, first
+    integer(int64) :: at
     columns = self%list%columns(s)
     rows = self%list%rows(s)
     first = int(self%list%column_start(s))
-    lead = rows
     !$omp single
     front(0:rows - 1) = y(self%list%row(self%list%row_start(s):self%list%row_start(s + 1) - 1))
     !$omp end single
     do j = panel_columns*((columns - 1)/panel_columns), 0, -panel_columns
       m = min(panel_columns, columns - j)
-      at = self%list%value_start(s) + j*(lead + 1)
+      at = self%list%value_start(s) + j*(rows + 1_int64)
       !$omp do schedule(static)
-      do k = 1, int((lead - j - m + chunk_rows - 1)/chunk_rows)
-        call dotyk_panel_products(m, lead, self%list%value(at:), m + int(k - 1, int64)*chunk_rows, &
-                                  min(lead - j, m + int(k, int64)*chunk_rows), front(j:), part(:, k))
+      do k = m, rows - j - 1, chunk_rows
+        call dgemv('T', min(chunk_rows, rows - j - k), m, 1.0_dp, self%list%value(at + k:), rows, front(j + k:), 1, &
+                   0.0_dp, part(:, 1 + k/chunk_rows), 1)
       end do
       !$omp end do
       !$omp single
-      do k = 1, int((lead - j - m + chunk_rows - 1)/chunk_rows)
-        front(j:j + m - 1) = front(j:j + m - 1) - part(:m, k)
+      do k = m, rows - j - 1, chunk_rows
+        front(j:j + m - 1) = front(j:j + m - 1) - part(:m, 1 + k/chunk_rows)
       end do
-      call dotyk_panel_solve_back(m, lead, self%list%value(at:), front(j:))
+      call dtrsv('L', 'T', 'N', m, self%list%value(at:), rows, front(j:), 1)
       if (j == 0) y(first:first + columns - 1) = front(0:columns - 1)
       !$omp end single
     end do
@@ -376,6 +353,6 @@ contains
     class(ordered_solve_t), intent(inout) :: self
     self%n = 0
     self%most_rows = 0
-    if (allocated(self%place)) deallocate (self%place)
+    if (allocated(self%place)) deallocate (self%place, self%first)
   end subroutine ordered_solve_destroy
 end module dotyk_linalg_ordered_solve

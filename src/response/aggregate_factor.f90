@@ -47,13 +47,12 @@ contains
     type(direct_response_t), intent(inout) :: response
     !> Condition of the Galerkin matrix.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where the Galerkin matrix is not positive definite beside its null vectors, memory runs out, or an
-    !> interrupt came.
+    !> Allocated where the Galerkin matrix is not positive definite beside its null vectors, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: spring(:)
     integer :: failed_column
     call add_springs(self%matrix, response%fixing_equation, spring)
-    call response%factor%factorize_and_discard(self%matrix, failed_column, error, may_stop=.true.)
+    call response%factor%factorize_and_discard(self%matrix, failed_column, error)
     if (.not. allocated(error) .and. failed_column > 0) then
       !$omp critical (message)
       call set_error(error, 'the stiffness is not positive definite: the body, or a part of it that is connected '// &

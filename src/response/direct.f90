@@ -87,8 +87,8 @@ contains
     logical, intent(in) :: split_near_null
     !> Condition, near-null-space modes.
     type(factorization_report_t), intent(out) :: report
-    !> As in `factorize_stiffness`: the stiffness is not positive definite (names a node), memory runs out, an interrupt
-    !> came, and rarer ones.
+    !> As in `factorize_stiffness`: the stiffness is not positive definite (names a node), memory runs out, and
+    !> rarer ones.
     type(error_t), allocatable, intent(out) :: error
     call factorize_stiffness(body, stiffness, self%factor, self%fixing_equation, split_near_null, report, error)
   end subroutine direct_factorize

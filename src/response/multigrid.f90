@@ -160,7 +160,7 @@ contains
     class(multigrid_t), intent(inout) :: self
     !> Condition of the corner space.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
+    !> Allocated where the stiffness is not positive definite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     if (self%is_aggregated .and. self%interpolation%aggregates%n > 0) then
       call self%aggregated%init_aggregates(self%interpolation%aggregates, error)

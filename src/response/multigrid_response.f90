@@ -104,7 +104,7 @@ contains
     type(body_t), intent(in) :: body
     !> Condition of the corner space; the diagonal is that of the body.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
+    !> Allocated where the stiffness is not positive definite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     type(factorization_report_t) :: of_corners
     real(dp), allocatable :: diagonal(:)

@@ -66,7 +66,7 @@ contains
     logical, intent(in) :: split_near_null
     !> Condition, springs, near-null-space modes.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where the stiffness is not positive definite (names a node), memory runs out, or an interrupt came.
+    !> Allocated where the stiffness is not positive definite (names a node), or memory runs out.
     !> Where pivots are small also: a formula of the material cannot be evaluated again, the smallest eigenvalues are
     !> not found (a solution is not finite, or LAPACK does not converge), or the near-null-space modes are linearly
     !> dependent.
@@ -76,7 +76,7 @@ contains
     integer :: failed_column, n, i
     call add_springs(stiffness%matrix, fixing_equation, spring)
     diagonal = [(stiffness%matrix%value(stiffness%matrix%column_start(i) + 1), i=1, stiffness%matrix%n)]
-    call factor%factorize_and_discard(stiffness%matrix, failed_column, error, may_stop=.true.)
+    call factor%factorize_and_discard(stiffness%matrix, failed_column, error)
     if (allocated(error)) return
     ! A part that is not held can pass the factorization by round-off, which is all that its last pivot consists of.
     if (failed_column == 0 .and. factor%weakest_pivot < suspicious_pivot) then
@@ -138,7 +138,7 @@ contains
     end do
     call choose_fixing_equations(scaled, report%fixing_equation)
     call add_springs(stiffness%matrix, report%fixing_equation, report%spring)
-    call factor%factorize_and_discard(stiffness%matrix, failed_column, error, may_stop=.true.)
+    call factor%factorize_and_discard(stiffness%matrix, failed_column, error)
     if (allocated(error)) return
     if (failed_column > 0) then
       call refuse(body, failed_column, error)

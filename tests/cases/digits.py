@@ -176,7 +176,8 @@ class Incompressible(dotyk_case.Case):
             self.assertBetween(1e-14, bound, 1e-8)
 
     def test_no_digit_of_the_pressures(self):
-        text = self.solve("0.4999999999999999", code=3)
+        # K/G = 5e14. From 2e15 on rounding decides whether the factorization fails instead.
+        text = self.solve("0.499999999999999", code=3)
         self.assertIn("body 'tube': no significant digit remains in the pressures of the nearly incompressible "
                       "material 'rubber'", text)
 
