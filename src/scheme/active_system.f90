@@ -9,7 +9,7 @@
 !> `[M_p -G; -G^T -S]` (Keller, Gould, Wathen, SIAM J. Matrix Anal. Appl. 21, 2000), M_p being M without some of the
 !> couplings of the rows:
 !>
-!>  - none left out: M_p = M, and conjugate gradients refine a direct solution;
+!>  - none left out: M_p = M, and the solution is a direct one with iterative refinement;
 !>  - couplings of different pairs: contacts yield near their points, and a body couples its pairs weakly; the number of
 !>    iterations depends on the shape of the bodies, not on how many there are;
 !>  - all couplings, and an approximate diagonal: nothing but products with the compliance is needed.
@@ -545,7 +545,7 @@ contains
     real(dp), intent(in) :: b(:)
     !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
     real(dp), intent(in) :: c(:)
-    !> Contact forces; an initial guess on entry (n) [force].
+    !> Contact forces; an initial guess on entry, which is not used where all rows couple (n) [force].
     real(dp), intent(inout) :: lambda(:)
     !> Amplitudes of the modes (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
@@ -556,6 +556,8 @@ contains
     allocate (r_b(n), x(n), next_b(n), r_c(qp%coarse%n), beta(qp%coarse%n), next_c(qp%coarse%n))
     alpha = 0
     scale = 0
+    ! Redundant rows share the force of least norm where the start is none.
+    if (self%coupling == coupling_all) lambda = 0
     if (any(abs(lambda) > 0)) then
       call find_residuals(self, qp, compliance, b, c, lambda, alpha, r_b, r_c)
     else
@@ -618,8 +620,9 @@ contains
     allocate (z_modes(size(r_c)), imbalance(size(r_c)))
     ! The first step brings equilibrium; all others keep it.
     call apply_preconditioner(self, qp, r_b, r_c, x, beta)
-    ! Rigid bodies on foundations: the preconditioner is the matrix.
-    if (.not. any(self%diagonal > 0)) return
+    ! The preconditioner is the matrix, but for the proximal term: rounds refine its solution. Conjugate gradients would
+    ! divide by the curvature along redundant rows. Rigid bodies on foundations have no compliance.
+    if (self%coupling == coupling_all .or. .not. any(self%diagonal > 0)) return
     call apply_matrix(self, qp, compliance, x, q)
     call qp%mode_displacement(beta, moved)
     r = r_b - q + moved(self%row)

@@ -107,7 +107,7 @@ contains
     associate (not_needed => same_type_as(self, self))
     end associate
     suits = qp%n_rows == 0
-    if (allocated(qp%coarse%stiffness) .or. allocated(qp%coarse%deviation) .or. suits) return
+    if (allocated(qp%coarse%stiffness) .or. suits) return
     select type (compliance)
     class is (body_compliance_t)
       if (.not. compliance%has_grids()) return

@@ -16,6 +16,7 @@ module dotyk_scheme_winkler_start
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
+  use dotyk_scheme_proximal_motion, only: largest_rest
   implicit none
   private
   public :: winkler_equilibrium, find_unbounded_direction
@@ -160,7 +161,7 @@ contains
       end do
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
-    found = maxval(abs(motion)) > imbalance
+    found = is_unbounded()
     if (.not. found .or. qp%coarse%n < many_modes) return
     ! Many bodies on each other: the penalty yields to the loads of all of them. The forces that it took are given now
     ! (method of multipliers), and a motion that contact stops is 0.
@@ -168,7 +169,26 @@ contains
     none = max(0.0_dp, none)
     motion = 0
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
-    found = maxval(abs(motion)) > imbalance
+    found = is_unbounded()
+  contains
+    !> Whether the loads of a body do work on the direction, by more than weak springs may carry of its loads and of the
+    !> forces by which its initial penetrations press on it.
+    pure logical function is_unbounded()
+      real(dp) :: on_body
+      integer :: body
+      is_unbounded = .false.
+      do body = 1, size(qp%block)
+        associate (one => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, row => qp%block(body)%row)
+          if (last < one) cycle
+          on_body = maxval(abs(e(one:last)))
+          if (allocated(qp%foundation)) on_body = max(on_body, &
+            sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, qp%initial_penetration(row)))/length)
+          if (.not. maxval(abs(motion(one:last))) > imbalance) cycle
+          if (dot_product(e(one:last), motion(one:last)) > largest_rest*on_body*norm2(motion(one:last))) &
+            is_unbounded = .true.
+        end associate
+      end do
+    end function is_unbounded
   end subroutine find_unbounded_direction
 
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.

@@ -160,7 +160,7 @@ class Springs(dotyk_case.Case):
                            ("z x", "'block': translation along (0, 1, 0) and rotation about"[9:34])):
             printed = self.run_scene([self.block("hex8"), "&spring body='block', surface='bottom', fix='%s', modulus=5 /" % fix,
                                       "&load body='block', surface='top', force=0,0,-3 /", SOLVER])
-            self.assertIn("indeterminate    'block': " + modes, printed)
+            self.assertIn("undetermined     'block': " + modes, printed)
 
     def test_mistakes(self):
         """Messages name line and remedy."""

@@ -278,7 +278,7 @@ def alone(theta):
     def nothing(answer):
         yield np.abs(answer.displacement).max(), 0.0, "displacement"
 
-    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="indeterminate    '")
+    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="undetermined     '")
 
 
 def in_a_box(n, theta):
