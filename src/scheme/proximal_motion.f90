@@ -11,7 +11,8 @@
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `largest_rest` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
-!> determine such a motion.
+!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as the
+!> contact there.
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -173,7 +174,7 @@ contains
     logical, intent(out) :: done
     real(dp) :: step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
     real(dp) :: greatest, on_body, size_now
-    logical :: goes_on, may_rest
+    logical :: goes_on, may_rest, is_free
     integer :: b, n_active
     done = .true.
     self%has_changed = .false.
@@ -196,12 +197,14 @@ contains
         n_active = count(active(row))
         if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
           self%rest(b) = size_now/max(on_body, largest_rounding*greatest)
-          may_rest = is_uncertain()
+          call judge(is_free, may_rest)
           may_rest = may_rest .and. self%rest(b) <= largest_rest
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then
             if (may_weaken()) done = .false.
+          else if (is_free) then
+            if (may_stiffen()) done = .false.
           end if
         end if
         ! A body that has met others: what these do not resist is held as before.
@@ -217,17 +220,21 @@ contains
 
   contains
 
-    !> Whether the active rows resist the step by no more than they are uncertain.
-    logical function is_uncertain()
-      real(dp) :: resisted, doubted, weight, whole
+    !> Whether the active rows would not resist the step if the other bodies were at rest, and whether they resist it by
+    !> no more than they are uncertain.
+    subroutine judge(nothing_resists, may_be_uncertain)
+      logical, intent(out) :: nothing_resists, may_be_uncertain
+      real(dp) :: resisted, alone, doubted, weight, whole
       associate (row => qp%block(b)%row, first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
         weight = sum(foundation(row), mask=active(row))
         resisted = sum(foundation(row)*moved(row)**2, mask=active(row))
+        alone = sum(foundation(row)*matmul(qp%coarse%block(b)%value, step(first:last))**2, mask=active(row))
         doubted = sum(foundation(row)*uncertainty(row)**2, mask=active(row))
         whole = sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
       end associate
-      is_uncertain = doubted >= uncertain**2*resisted .or. resisted <= no_resistance**2*weight*whole
-    end function is_uncertain
+      nothing_resists = alone <= no_resistance**2*weight*whole
+      may_be_uncertain = resisted <= no_resistance**2*weight*whole .or. doubted >= uncertain**2*resisted
+    end subroutine judge
 
     !> Weaken the springs of the body along its step, unless they are the weakest already.
     logical function may_weaken() result(may)
@@ -246,6 +253,25 @@ contains
         self%has_changed = .true.
       end associate
     end function may_weaken
+
+    !> Bring the body back along its step, and make its springs as stiff as the contact there, unless they are.
+    logical function may_stiffen() result(may)
+      real(dp), allocatable :: force(:), first_springs(:, :)
+      real(dp) :: along, at_first
+      associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
+        force = self%imbalance(first:last)
+        along = dot_product(step(first:last), force)
+        first_springs = springs_of(qp, b, foundation, active)
+        at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
+        may = fraction*along < slow*at_first
+        if (.not. may) return
+        self%centre(first:last) = self%centre(first:last) - step(first:last)*dot_product(force, self%centre(first:last))/along
+        springs = springs + (at_first/fraction - along)/along**2* &
+          matmul(reshape(force, [size(force), 1]), reshape(force, [1, size(force)]))
+        self%last(b) = -1
+        self%has_changed = .true.
+      end associate
+    end function may_stiffen
   end subroutine motion_advance
 
   !> The motions that contact does not determine: rows resist them by less than the springs do, or than they are

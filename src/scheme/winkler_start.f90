@@ -172,7 +172,7 @@ contains
     found = is_unbounded()
   contains
     !> Whether the loads of a body do work on the direction, by more than weak springs may carry of its loads and of the
-    !> forces by which its initial penetrations press on it.
+    !> forces of press fits.
     pure logical function is_unbounded()
       real(dp) :: on_body
       integer :: body
@@ -182,7 +182,7 @@ contains
           if (last < one) cycle
           on_body = maxval(abs(e(one:last)))
           if (allocated(qp%foundation)) on_body = max(on_body, &
-            sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, qp%initial_penetration(row)))/length)
+            sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, -qp%gap(row)))/length)
           if (.not. maxval(abs(motion(one:last))) > imbalance) cycle
           if (dot_product(e(one:last), motion(one:last)) > largest_rest*on_body*norm2(motion(one:last))) &
             is_unbounded = .true.

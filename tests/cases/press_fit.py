@@ -222,23 +222,24 @@ Physical Curve("joint") = {joint[]};
         np.testing.assert_allclose(pressure, pressure_of_twin, rtol=1e-5)
 
     def test_lever_and_pin_without_supports(self):
-        """The two have all motions but the swing in common: pressures are those of a pin on weak springs."""
+        """The two have all motions but the swing in common: pressures are those of a pin on weak springs, but for the swing
+        that the mesh excites."""
         held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
         bore = ["&spring body='pin', surface='bore', fix='xyz', modulus=1e-3 /"]
         _, pressure, _ = self.lever(8.0, [])
-        np.testing.assert_allclose(pressure, self.lever(8.0, bore)[1], rtol=1e-4)
+        np.testing.assert_allclose(pressure, self.lever(8.0, bore)[1], rtol=2e-3)
         self.assertGreater(np.max(np.abs(pressure / self.lever(8.0, held)[1] - 1)), 1e-3)
 
     def test_load_that_nothing_resists(self):
-        """A moment about the pin is lost on a lever that may swing: half a percent of the contact forces is no noise of the
-        normals."""
+        """A moment about the pin on a lever that may swing: weak springs carry up to one percent of the contact forces, and
+        the log says so; a larger one ends the run."""
         held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
         force = 2 * np.pi * np.mean(self.lever(8.0, held)[1])
-        for part, code in (0.005, 1), (0.0005, 0):
+        for part, code in (0.05, 1), (0.005, 0), (0.0005, 0):
             with self.subTest(part=part):
                 load = "&load body='lever', surface='tip', force=0,%r,0 /" % (part * force)
                 log = self.lever(8.0, held + [load], code=code)[2]
-                self.assertEqual("the loads of 'lever' have" in log and "contact does not resist" in log, code == 1)
+                self.assertIn("on springs " if code == 0 else "out of balance ", log)
 
     def test_rigid_ring_held_beside_its_axis(self):
         """A pin in a rigid ring that may rotate about a point beside the pin: the ring has no spin of its own, and the two

@@ -92,7 +92,7 @@ class Restart(dotyk_case.Case):
         self.dotyk("stack.nml")
         self.dotyk("stack.nml", "--restart", "stack.vtkhdf", "--output", "again.vtkhdf")
         first, again = self.results("stack.vtkhdf"), self.results("again.vtkhdf")
-        self.assertEqual(again["dotyk/summary"].attrs["iterations"], 1)
+        self.assertLess(again["dotyk/summary"].attrs["iterations"], first["dotyk/summary"].attrs["iterations"])
         for name in first["dotyk/contact"]:
             a, b = (file["dotyk/contact"][name]["pressure"][:] for file in (first, again))
             np.testing.assert_allclose(b, a, atol=1e-8*a.max())
