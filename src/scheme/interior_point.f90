@@ -34,9 +34,6 @@ module dotyk_scheme_interior_point
   !> Such a start is used where its forces are out of balance by this fraction of the loads at most: farther from
   !> equilibrium it takes more steps than a start from nothing.
   real(dp), parameter :: most_imbalance = 0.01_dp
-  !> Iterates with products above this fraction of the energy are kept: the last one is a start of problems next to this
-  !> one, where rows that change from open to closed have room on both sides.
-  real(dp), parameter :: early = 0.1_dp
   !> A shorter step than this is stopped by rounding errors.
   real(dp), parameter :: shortest_step = 1.0e-8_dp
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
@@ -48,7 +45,7 @@ contains
 
   !> Forces, amplitudes and active set near the solution.
   subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
-                                   steps, error, accuracy, penetration, motion, kept)
+                                   steps, error, accuracy, penetration, motion)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator, formed at all usable rows.
@@ -79,14 +76,11 @@ contains
     real(dp), intent(in), optional :: penetration(:)
     !> Its amplitudes; present with `penetration` (coarse%n) [length].
     real(dp), intent(in), optional :: motion(:)
-    !> An iterate of such a problem that is still far from its solution, to begin with where it has forces; that of this
-    !> problem on return.
-    type(point_t), intent(inout), optional :: kept
     type(point_t) :: now
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: row(:)
     real(dp) :: least
-    logical :: converged, is_done, is_kept
+    logical :: converged, is_done
     integer :: i, n, more
     least = least_product
     if (present(accuracy)) least = accuracy
@@ -101,16 +95,10 @@ contains
     fraction = qp%weight(row)/sum(qp%weight(row))
     system%step_reduction = step_reduction
     converged = .false.
-    is_kept = .false.
-    if (present(kept)) is_kept = allocated(kept%lambda)
-    if (is_kept) then
-      now = kept
-      call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error, kept)
-    else if (present(penetration)) then
+    if (present(penetration)) then
       if (is_near(qp, max(0.0_dp, merge(penetration/foundation, 0.0_dp, usable)), motion)) then
         call start_near(qp, row, foundation(row), fraction, penetration(row), motion, now)
-        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error, &
-                         kept)
+        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
       end if
     end if
     is_done = converged .or. allocated(error)
@@ -118,8 +106,7 @@ contains
     if (.not. is_done) then
       call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
       if (.not. allocated(error)) &
-        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, more, converged, error, &
-                         kept)
+        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, more, converged, error)
       if (.not. allocated(error)) steps = steps + more
     end if
     system%step_reduction = 0
@@ -130,8 +117,7 @@ contains
   end subroutine interior_point_method
 
   !> Follow the central path from an iterate.
-  subroutine follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error, &
-                         kept)
+  subroutine follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator, formed at all usable rows.
@@ -156,8 +142,6 @@ contains
     logical, intent(out) :: converged
     !> The linear system cannot be prepared (`init` of its type).
     type(error_t), allocatable, intent(out) :: error
-    !> See `interior_point_method`.
-    type(point_t), intent(inout), optional :: kept
     type(point_t) :: step
     real(dp), allocatable :: r_dual(:), r_balance(:), product(:)
     real(dp) :: mu, mu_ahead, sigma, length
@@ -169,9 +153,6 @@ contains
       if (interrupted()) exit
       call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
-      if (present(kept)) then
-        if (mu > early*energy_of(qp, row, now)) kept = now
-      end if
       converged = mu <= least*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)
       if (converged) exit
       call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)

@@ -9,7 +9,6 @@ module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t, coupling_none
-  use dotyk_scheme_centrality, only: point_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
@@ -43,7 +42,7 @@ module dotyk_scheme_winkler_start
 contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
-  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha, start, kept)
+  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha)
     !> Contact rows and rigid body modes, with the resultants of the loads.
     type(contact_qp_t), intent(in) :: qp
     !> Resultants that the contact forces have to balance (qp%coarse%n) [force].
@@ -54,16 +53,11 @@ contains
     real(dp), intent(in) :: y(:)
     !> Amplitudes (qp%coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
-    !> Amplitudes of an equilibrium next to this one, for many bodies to begin with (qp%coarse%n) [length].
-    real(dp), intent(in), optional :: start(:)
-    !> An iterate on the way to that equilibrium, to begin with where it has forces; on the way to this one on return.
-    type(point_t), intent(inout), optional :: kept
     logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
     if (qp%coarse%n >= many_modes) then
-      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found, start, &
-                                  kept)
+      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found)
       if (found) return
       alpha = 0
     end if
@@ -71,7 +65,7 @@ contains
   end subroutine winkler_equilibrium
 
   !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
-  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found, start, kept)
+  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found)
     !> Contact rows and rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> See `winkler_equilibrium` (qp%coarse%n) [force].
@@ -86,16 +80,11 @@ contains
     real(dp), intent(out) :: alpha(:)
     !> Whether it has found them.
     logical, intent(out) :: found
-    !> See `winkler_equilibrium` (qp%coarse%n) [length].
-    real(dp), intent(in), optional :: start(:)
-    !> See `winkler_equilibrium`.
-    type(point_t), intent(inout), optional :: kept
     type(error_t), allocatable :: error
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
     type(active_system_t) :: system
     real(dp) :: lambda(qp%n_rows), layer(qp%n_rows)
-    real(dp), allocatable :: penetration(:)
     logical :: active(qp%n_rows)
     integer :: b, i, steps
     rigid%n_rows = qp%n_rows
@@ -113,14 +102,8 @@ contains
     call none%init(rigid)
     system%coupling = coupling_none
     layer = 1
-    if (present(start)) then
-      allocate (penetration(qp%n_rows))
-      call qp%mode_displacement(start, penetration)
-      penetration = y + penetration
-    end if
-    ! An array that is not allocated is an absent argument.
     call interior_point_method(rigid, none, layer, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
-                               accuracy, penetration, start, kept)
+                               accuracy)
     call system%destroy()
     found = .not. allocated(error)
     if (found) found = all(abs(alpha) <= huge(mu))
