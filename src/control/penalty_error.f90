@@ -316,8 +316,8 @@ contains
     associate (working => state%m > 0)
       call restrict_qp(qp, working, part)
       ! As the dual scheme did it.
-      call choose_coupling(part, compliance, merge(linear_solver_direct, linear_solver_iterative, compliance%has_entries()), &
-                           [(.true., k=1, part%n_rows)], system)
+      call choose_coupling(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
+                                                   compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
       system%reduction = reduction
       if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
       lambda = part%weight*pack(state%m, working)

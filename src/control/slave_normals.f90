@@ -47,7 +47,8 @@ contains
                         problem%surface_b, operator)
     allocate (coarse%deviation(size(modes)))
     do b = 1, size(modes)
-      associate (of_body => coarse%deviation(b), n => size(modes(b)%resultant), n_contact => size(operator%block(b)%row))
+      associate (of_body => coarse%deviation(b), n => size(modes(b)%resultant), &
+                 n_contact => size(operator%block(b)%row))
         allocate (of_body%value(size(block(b)%row), n), source=0.0_dp)
         do j = 1, n
           ! Rows of ties come behind those of contact.

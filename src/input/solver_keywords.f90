@@ -39,9 +39,9 @@ contains
     call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
                   meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies that have '// &
                   'one, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
-                  'factor of the stiffness for all others; full, factors for all; in neumann: full, solves with the '// &
-                  'factor; compliance, the dense compliance matrix at the contact unknowns, formed once; auto, the '// &
-                  'cheaper one for each body; robin forms dense compliances')
+                  'factor of the stiffness for all others; full, factors for all; in neumann: full, solves with '// &
+                  'the factor; compliance, the dense compliance matrix at the contact unknowns, formed once; auto, '// &
+                  'the cheaper one for each body; robin forms dense compliances')
     call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
                   default=option_name(gamma_rule_names, default_gamma_rule), &
                   meaning='relaxation parameter of neumann and robin: spectral, the best one by '// &

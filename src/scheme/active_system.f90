@@ -1,7 +1,7 @@
 !> The linear system of an active set: contact forces on the active rows, and amplitudes of the rigid body modes.
 !>
-!> With M = C + Theta W^{-1} on the active rows, G their rows of the coarse space, and S the stiffness of the modes, that
-!> of near-null-space modes and of the springs that keep floating bodies (`dotyk_scheme_proximal_motion`):
+!> With M = C + Theta W^{-1} on the active rows, G their rows of the coarse space, and S the stiffness of the modes,
+!> that of near-null-space modes and of the springs that keep floating bodies (`dotyk_scheme_proximal_motion`):
 !>
 !>     M lambda - G alpha = b,    G^T lambda + S alpha = c.
 !>
@@ -20,8 +20,8 @@
 !>
 !> With theta = 0 rows can be linearly dependent and M singular: M_p has a small fraction of its diagonal more, the
 !> proximal point method (Rockafellar, SIAM J. Control Optim. 14, 1976). Consistent equations are solved exactly,
-!> redundant rows share the force of least norm. The fraction goes with 1/w, as a penalty theta does: the norm is that of
-!> the pressures, sum lambda^2/w, and redundant forces are the limit of those with theta -> 0.
+!> redundant rows share the force of least norm. The fraction goes with 1/w, as a penalty theta does: the norm is that
+!> of the pressures, sum lambda^2/w, and redundant forces are the limit of those with theta -> 0.
 module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
@@ -187,9 +187,10 @@ contains
     end if
     if (.not. is_singular) return
     deallocate (self%row)
-    call set_error(error, 'the compliance matrix of the active constraints is not positive definite (constraints are '// &
-                   'linearly dependent to rounding): a spring that holds a body may be too weak beside its elements, '// &
-                   'a stiffer one or a support helps; else give a greater theta', exit_not_solvable)
+    call set_error(error, 'the compliance matrix of the active constraints is not positive definite '// &
+                   '(constraints are linearly dependent to rounding): a spring that holds a body may be too weak '// &
+                   'beside its elements, a stiffer one or a support helps; else give a greater theta', &
+                   exit_not_solvable)
   end subroutine system_init
 
   !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as

@@ -247,7 +247,8 @@ contains
       if (allocated(qp%coarse%deviation)) allocate (coarse%deviation(size(group)))
       do g = 1, size(group)
         associate (own => group(g), motion => group(g)%free(:size(group(g)%mode), :))
-          coarse%mean_square(coarse%first(g):coarse%first(g + 1) - 1) = matmul(qp%coarse%mean_square(own%mode), motion**2)
+          coarse%mean_square(coarse%first(g):coarse%first(g + 1) - 1) = &
+            matmul(qp%coarse%mean_square(own%mode), motion**2)
           if (.not. allocated(coarse%deviation)) cycle
           allocate (rows(size(own%contact), qp%coarse%n))
           call qp%coarse%rows(own%contact, rows, uncertain=.true.)

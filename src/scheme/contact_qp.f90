@@ -254,8 +254,8 @@ contains
     if (allocated(self%coarse%lift)) work = work - dot_product(self%coarse%lift, alpha)
   end function qp_load_work
 
-  !> Whether the bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell,
-  !> active sets cycle, and all rows cost little.
+  !> Whether the bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies
+  !> tell, active sets cycle, and all rows cost little.
   pure logical function qp_is_heap(self) result(is_heap)
     class(contact_qp_t), intent(in) :: self
     is_heap = self%coarse%n > many_modes .and. self%n_rows < rows_per_mode*self%coarse%n

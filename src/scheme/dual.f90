@@ -300,7 +300,8 @@ contains
         call system%solve(with_springs, compliance, 0*now%lambda, with_springs%coarse%resultant, now%lambda, now%alpha)
         state%ended = ended_converged
       else
-        call find_active_set(qp, with_springs, compliance, theta, max(1, settings%max_iterations - state%history%n), monitor, &
+        call find_active_set(qp, with_springs, compliance, theta, &
+                             max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
       end if

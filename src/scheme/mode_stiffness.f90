@@ -1,5 +1,5 @@
-!> A symmetric positive definite matrix on the rigid body modes of many bodies: a block for each body and for each couple
-!> of coupled bodies, factorized by CHOLMOD in the order of a nested dissection of the bodies.
+!> A symmetric positive definite matrix on the rigid body modes of many bodies: a block for each body and for each
+!> couple of coupled bodies, factorized by CHOLMOD in the order of a nested dissection of the bodies.
 module dotyk_scheme_mode_stiffness
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64

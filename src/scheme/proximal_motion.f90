@@ -11,8 +11,8 @@
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `largest_rest` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
-!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as the
-!> contact there.
+!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as
+!> the contact there.
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -265,7 +265,8 @@ contains
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
         may = fraction*along < slow*at_first
         if (.not. may) return
-        self%centre(first:last) = self%centre(first:last) - step(first:last)*dot_product(force, self%centre(first:last))/along
+        self%centre(first:last) = self%centre(first:last) - &
+          step(first:last)*(dot_product(force, self%centre(first:last))/along)
         springs = springs + (at_first/fraction - along)/along**2* &
           matmul(reshape(force, [size(force), 1]), reshape(force, [1, size(force)]))
         self%last(b) = -1

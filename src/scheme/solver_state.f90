@@ -47,8 +47,8 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: alpha(:)
     !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.
     type(mode_columns_t) :: indeterminate
-    !> What springs carry for want of contact that would (`dotyk_scheme_proximal_motion`): forces on the rigid body modes
-    !> (as `alpha`) [force], and as a fraction of the forces on each body, 0 where it is rounding (n_bodies) [].
+    !> What springs carry for want of contact that would (`dotyk_scheme_proximal_motion`): forces on the rigid body
+    !> modes (as `alpha`) [force], and as a fraction of the forces on each body, 0 where it is rounding (n_bodies) [].
     real(dp), allocatable :: imbalance(:), rest(:)
     !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
     !> can stop.
