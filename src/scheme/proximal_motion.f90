@@ -202,9 +202,9 @@ contains
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then
-            if (may_weaken()) done = .false.
+            if (may_change(stiffer=.false.)) done = .false.
           else if (is_free) then
-            if (may_stiffen()) done = .false.
+            if (may_change(stiffer=.true.)) done = .false.
           end if
         end if
         ! A body that has met others: what these do not resist is held as before.
@@ -236,43 +236,34 @@ contains
       may_be_uncertain = resisted <= no_resistance**2*weight*whole .or. doubted >= uncertain**2*resisted
     end subroutine judge
 
-    !> Weaken the springs of the body along its step, unless they are the weakest already.
-    logical function may_weaken() result(may)
+    !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact there.
+    !> False where they are so already.
+    logical function may_change(stiffer) result(may)
+      !> Whether they become stiffer.
+      logical, intent(in) :: stiffer
       real(dp), allocatable :: force(:), first_springs(:, :)
-      real(dp) :: along, at_first
+      real(dp) :: along, at_first, next
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
         force = self%imbalance(first:last)
         along = dot_product(step(first:last), force)
         first_springs = springs_of(qp, b, foundation, active)
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
-        may = along > weakest*at_first
+        if (stiffer) then
+          may = fraction*along < slow*at_first
+          next = at_first/fraction
+        else
+          may = along > weakest*at_first
+          next = weakening*along
+        end if
         if (.not. may) return
-        springs = springs - (1 - weakening)/along*matmul(reshape(force, [size(force), 1]), &
-                                                         reshape(force, [1, size(force)]))
-        self%last(b) = -1
-        self%has_changed = .true.
-      end associate
-    end function may_weaken
-
-    !> Bring the body back along its step, and make its springs as stiff as the contact there, unless they are.
-    logical function may_stiffen() result(may)
-      real(dp), allocatable :: force(:), first_springs(:, :)
-      real(dp) :: along, at_first
-      associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
-        force = self%imbalance(first:last)
-        along = dot_product(step(first:last), force)
-        first_springs = springs_of(qp, b, foundation, active)
-        at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
-        may = fraction*along < slow*at_first
-        if (.not. may) return
-        self%centre(first:last) = self%centre(first:last) - &
+        if (stiffer) self%centre(first:last) = self%centre(first:last) - &
           step(first:last)*(dot_product(force, self%centre(first:last))/along)
-        springs = springs + (at_first/fraction - along)/along**2* &
-          matmul(reshape(force, [size(force), 1]), reshape(force, [1, size(force)]))
+        springs = springs + (next - along)/along**2*matmul(reshape(force, [size(force), 1]), &
+                                                           reshape(force, [1, size(force)]))
         self%last(b) = -1
         self%has_changed = .true.
       end associate
-    end function may_stiffen
+    end function may_change
   end subroutine motion_advance
 
   !> The motions that contact does not determine: rows resist them by less than the springs do, or than they are
