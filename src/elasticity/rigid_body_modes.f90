@@ -42,6 +42,7 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: rotate => rigid_body_modes_rotate
     procedure :: motions => rigid_body_modes_motions
     procedure :: amplitudes => rigid_body_modes_amplitudes
+    procedure :: translations => rigid_body_modes_translations
     procedure :: combination_text => rigid_body_modes_combination_text
     procedure :: span_text => rigid_body_modes_span_text
     procedure :: carry => rigid_body_modes_carry
@@ -126,6 +127,19 @@ contains
       !$omp end critical (message)
     end do
   end subroutine rigid_body_modes_move
+
+  !> Translation of the centre of each connected component by each mode (3*n_components, n) [].
+  pure function rigid_body_modes_translations(self) result(translation)
+    class(rigid_body_modes_t), intent(in) :: self
+    real(dp), allocatable :: translation(:, :)
+    integer :: k
+    allocate (translation(3*size(self%radius), self%n), source=0.0_dp)
+    do k = 1, self%n
+      associate (p => self%component(k))
+        translation(3*p - 2:3*p, k) = self%coefficient(1:3, k)
+      end associate
+    end do
+  end function rigid_body_modes_translations
 
   !> Take another basis of the modes.
   subroutine rigid_body_modes_rotate(self, basis)

@@ -103,9 +103,10 @@ contains
     if (.not. allocated(state%rest)) return
     if (.not. any(state%rest > 0)) return
     b = maxloc(state%rest, 1)
+    if (any(state%excess > largest_rest)) b = maxloc(state%excess, 1)
     text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)//' rest on weak springs'
     if (count(state%rest > 0) > 1) text = text//' (of '//to_text(count(state%rest > 0))//' bodies the largest)'
-    if (state%rest(b) > largest_rest) then
+    if (state%excess(b) > largest_rest) then
       first = first_mode(problem%modes)
       associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b + 1) - 1))
         force = 0
@@ -116,7 +117,9 @@ contains
                ', which contact does not resist; constrain it with a &support or a &spring'
       end associate
     end if
-    call log%line('  '//merge('out of balance   ', 'on springs       ', state%rest(b) > largest_rest)//text)
+    if (state%rest(b) > largest_rest .and. .not. state%excess(b) > largest_rest) &
+      text = text//': facets resist these motions by no more than their normals are uncertain'
+    call log%line('  '//merge('out of balance   ', 'on springs       ', state%excess(b) > largest_rest)//text)
   end subroutine note_rest
 
   !> Bodies with the same text: classes by their first members.

@@ -25,6 +25,9 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute values that these resultants are made up of (n) [force].
     real(dp), allocatable :: resultant_size(:)
+    !> Translations of the centres of its connected components by each rigid body mode; not allocated for
+    !> near-null-space modes (any, n) [].
+    real(dp), allocatable :: translation(:, :)
     !> Mean square displacement of all nodes of the body: the same for all its orthonormal modes [].
     real(dp) :: mean_square = 1
   end type contact_modes_t
@@ -53,6 +56,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: scale(:)
     !> Mean square displacement of the nodes of the body by each mode (n) [].
     real(dp), allocatable :: mean_square(:)
+    !> Translations of the centres of the connected components of each body by each mode (n_bodies) [].
+    type(mode_block_t), allocatable :: translation(:)
     !> G by bodies (n_bodies).
     type(mode_block_t), allocatable :: block(:)
     !> How uncertain G is: its change where the normals of the slave surfaces are taken for those of the master
@@ -97,7 +102,7 @@ contains
     integer :: b, j
     call self%destroy()
     call self%take_rows(block, n_rows)
-    allocate (self%first(size(block) + 1), self%block(size(block)))
+    allocate (self%first(size(block) + 1), self%block(size(block)), self%translation(size(block)))
     self%first(1) = 1
     do b = 1, size(block)
       self%first(b + 1) = self%first(b) + size(modes(b)%resultant)
@@ -107,6 +112,7 @@ contains
     do b = 1, size(block)
       associate (own => modes(b), first => self%first(b))
         allocate (self%block(b)%value(size(block(b)%row), size(own%resultant)))
+        if (allocated(own%translation)) self%translation(b)%value = own%translation
         do j = 1, size(own%resultant)
           self%scale(first + j - 1) = 1
           self%resultant(first + j - 1) = own%resultant(j)
@@ -117,6 +123,7 @@ contains
           if (most > rounding) self%scale(first + j - 1) = 1/most
           self%resultant(first + j - 1) = self%scale(first + j - 1)*own%resultant(j)
           self%mean_square(first + j - 1) = self%scale(first + j - 1)**2*own%mean_square
+          if (allocated(own%translation)) self%translation(b)%value(:, j) = self%scale(first + j - 1)*own%translation(:, j)
           call block(b)%matrix%multiply(self%scale(first + j - 1)*own%displacement(:, j), self%block(b)%value(:, j))
           ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
           if (allocated(own%stiffness)) cycle
@@ -312,6 +319,7 @@ contains
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)
     if (allocated(self%scale)) deallocate (self%scale, self%mean_square)
     if (allocated(self%deviation)) deallocate (self%deviation)
+    if (allocated(self%translation)) deallocate (self%translation)
     if (allocated(self%stiffness)) deallocate (self%stiffness)
     if (allocated(self%lift)) deallocate (self%lift, self%resultant_size)
     if (allocated(self%resultant)) deallocate (self%resultant)

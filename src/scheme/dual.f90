@@ -311,6 +311,7 @@ contains
     end do
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest
+    state%excess = motion%excess
     call motion%find_undetermined(qp, foundation, active, state%indeterminate)
     call finish(qp, with_springs, compliance, theta, settings%tolerance, system, now, state)
   end subroutine solve_working_set
@@ -344,7 +345,7 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
-                      .not. any(state%rest > largest_rest)
+                      .not. any(state%excess > largest_rest)
     if (has_equilibrium) then
       state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)

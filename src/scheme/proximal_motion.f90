@@ -16,7 +16,7 @@
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_linalg_inverse_root, only: find_inverse_root
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -32,12 +32,16 @@ module dotyk_scheme_proximal_motion
     real(dp), allocatable :: centre(:)
     !> T (alpha_{k+1} - alpha_k) of the last step (n_modes) [force].
     real(dp), allocatable :: imbalance(:)
-    !> Imbalance of each body as a fraction of the forces on it, where it is more than rounding (n_bodies) [].
-    real(dp), allocatable :: rest(:)
+    !> Imbalance of each body as a fraction of the forces on it, where it is more than rounding, and without what the
+    !> uncertainty of the normals explains (n_bodies) [].
+    real(dp), allocatable :: rest(:), excess(:)
     !> Number of steps so far.
     integer :: n_steps = 0
     !> Whether T is another one than in the last step.
     logical :: has_changed = .true.
+    !> Directions of motion that are held, by bodies: rows resist them by no more than they are uncertain, or not at all.
+    !> Orthonormal in the mean square displacement (modes of the body, number of directions) [].
+    type(mode_block_t), allocatable, private :: held(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
     !> Active rows of each body in the last step (n_bodies).
@@ -61,6 +65,9 @@ module dotyk_scheme_proximal_motion
   !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
   !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
   real(dp), parameter :: uncertain = 0.5_dp
+  !> Directions that are held from the first step on are spins about an axis of the body: nothing but facets resists them.
+  !> They are rotations by more than this fraction.
+  real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
   !> Forces along motions that contact does not determine are an error of the loads or of the mesh up to this fraction
@@ -88,11 +95,14 @@ contains
     integer :: b
     associate (n_bodies => size(qp%block))
       allocate (self%stiffness(n_bodies), self%n_active(n_bodies))
-      allocate (self%rest(n_bodies), source=0.0_dp)
+      allocate (self%rest(n_bodies), self%excess(n_bodies), source=0.0_dp)
       allocate (self%last(n_bodies), source=-1.0_dp)
+      allocate (self%held(n_bodies))
       do b = 1, n_bodies
         self%stiffness(b)%value = springs_of(qp, b, foundation, active)
         self%n_active(b) = count(active(qp%block(b)%row))
+        call find_uncertain(qp, b, foundation, self%stiffness(b)%value, self%held(b)%value)
+        call hold(self%held(b)%value, self%stiffness(b)%value)
       end do
     end associate
     self%centre = alpha
@@ -127,6 +137,63 @@ contains
       end do
     end associate
   end function springs_of
+
+  !> Rotations about the centre of a body that all its rows together resist by no more than they are uncertain: the spin
+  !> of a ball. Springs against them carry moments alone.
+  subroutine find_uncertain(qp, b, foundation, springs, direction)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> The body.
+    integer, intent(in) :: b
+    !> Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: foundation(:)
+    !> The springs of the body (modes, modes) [force/length].
+    real(dp), intent(in) :: springs(:, :)
+    !> Orthonormal in the mean square displacement (modes, number of directions) [].
+    real(dp), allocatable, intent(out) :: direction(:, :)
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: root(:), g(:, :), d(:, :), values(:), vectors(:, :), q(:, :), columns(:, :)
+    integer :: n, n_translations, rank
+    n = size(springs, 1)
+    allocate (direction(n, 0))
+    if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. allocated(qp%coarse%translation))) return
+    associate (first => qp%coarse%first(b), row => qp%block(b)%row)
+      if (size(row) == 0) return
+      root = sqrt(qp%coarse%mean_square(first:first + n - 1))
+      g = spread(sqrt(foundation(row)), 2, n)*qp%coarse%block(b)%value/spread(root, 1, size(row))
+      d = spread(sqrt(foundation(row)), 2, n)*qp%coarse%deviation(b)%value/spread(root, 1, size(row))
+      if (.not. maxval(abs(d)) > 0) return
+      allocate (values(n), vectors(n, n), q(n, n))
+      call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
+      if (allocated(error)) return
+      columns = transpose(qp%coarse%translation(b)%value)/spread(root, 2, size(qp%coarse%translation(b)%value, 1))
+      call orthonormal_range(columns, half, q, n_translations)
+      call orthonormal_range(reshape([q(:, :n_translations), vectors(:, :count(values < 0))], &
+                                     [n, n_translations + count(values < 0)]), half, q, rank)
+      direction = q(:, n_translations + 1:rank)/spread(root, 2, rank - n_translations)
+    end associate
+  end subroutine find_uncertain
+
+  !> Springs as stiff as the contact in some directions.
+  pure subroutine hold(direction, springs)
+    !> Orthonormal in the mean square displacement (modes, number of directions) [].
+    real(dp), intent(in) :: direction(:, :)
+    !> Its first springs in; stiffer on return (modes, modes) [force/length].
+    real(dp), intent(inout) :: springs(:, :)
+    if (size(direction) > 0) springs = springs + stiff_part(direction, springs)/fraction
+  end subroutine hold
+
+  !> The part of springs that acts in some directions.
+  pure function stiff_part(direction, springs) result(part)
+    !> As in `hold`.
+    real(dp), intent(in) :: direction(:, :)
+    !> As stiff in all of these directions (modes, modes) [force/length].
+    real(dp), intent(in) :: springs(:, :)
+    real(dp) :: part(size(springs, 1), size(springs, 1))
+    real(dp) :: force(size(springs, 1), size(direction, 2))
+    force = matmul(springs, direction)
+    part = matmul(force, transpose(force))/dot_product(direction(:, 1), force(:, 1))
+  end function stiff_part
 
   !> The QP with the springs, of which nothing else may change between the steps.
   subroutine motion_apply(self, qp, with_springs)
@@ -172,12 +239,14 @@ contains
     logical, intent(in) :: active(:)
     !> Whether all bodies are in equilibrium, or contact does not determine what they go on doing.
     logical, intent(out) :: done
-    real(dp) :: step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
+    real(dp) :: before(size(alpha)), step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
+    real(dp), allocatable :: held_force(:), free_force(:)
     real(dp) :: greatest, on_body, size_now
     logical :: goes_on, may_rest, is_free
     integer :: b, n_active
     done = .true.
     self%has_changed = .false.
+    before = self%centre
     step = alpha - self%centre
     self%centre = alpha
     self%n_steps = self%n_steps + 1
@@ -188,17 +257,22 @@ contains
       associate (springs => self%stiffness(b)%value, row => qp%block(b)%row, &
                  first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
         self%rest(b) = 0
+        self%excess(b) = 0
         if (size(springs) == 0) cycle
         self%imbalance(first:last) = matmul(springs, step(first:last))
-        size_now = maxval(abs(self%imbalance(first:last)))
-        on_body = max(sum(abs(lambda(row))), maxval(abs(qp%coarse%resultant(first:last))))
+        on_body = max(sum(abs(lambda(row))), maxval(abs(qp%coarse%resultant(first:last))), largest_rounding*greatest, &
+                      tiny(greatest))
+        call judge_held(held_force, self%rest(b), self%excess(b))
+        free_force = self%imbalance(first:last) - held_force
+        size_now = maxval(abs(free_force))
         goes_on = self%last(b) >= 0 .and. .not. size_now < slow*self%last(b)
         self%last(b) = size_now
         n_active = count(active(row))
         if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
-          self%rest(b) = size_now/max(on_body, largest_rounding*greatest)
+          self%rest(b) = max(self%rest(b), size_now/on_body)
+          self%excess(b) = max(self%excess(b), size_now/on_body)
           call judge(is_free, may_rest)
-          may_rest = may_rest .and. self%rest(b) <= largest_rest
+          may_rest = may_rest .and. self%excess(b) <= largest_rest
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then
@@ -210,6 +284,7 @@ contains
         ! A body that has met others: what these do not resist is held as before.
         if (n_active > self%n_active(b)) then
           springs = springs_of(qp, b, foundation, active)
+          call hold(self%held(b)%value, springs)
           self%last(b) = -1
           self%has_changed = .true.
         end if
@@ -219,6 +294,64 @@ contains
     if (self%n_steps >= most_steps) done = .true.
 
   contains
+
+    !> Forces of the springs of the body in directions that are held: their feet stay. A direction is released where loads
+    !> act along it, or the springs carry more than the uncertainty of the normals makes of the contact forces.
+    subroutine judge_held(force, rest, excess)
+      !> (modes of the body) [force]
+      real(dp), allocatable, intent(out) :: force(:)
+      !> As fractions of the forces on the body: these forces, and what is beyond the uncertainty [].
+      real(dp), intent(out) :: rest, excess
+      real(dp), allocatable :: carried(:), loads(:)
+      rest = 0
+      excess = 0
+      associate (held => self%held(b)%value, row => qp%block(b)%row, &
+                 first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
+        if (size(held) == 0) then
+          force = 0*self%imbalance(first:last)
+          return
+        end if
+        associate (mean => qp%coarse%mean_square(first:last))
+          carried = matmul(self%imbalance(first:last), held)
+          loads = matmul(qp%coarse%resultant(first:last), held)
+          force = mean*matmul(held, carried)
+          step(first:last) = step(first:last) - matmul(held, matmul(mean*step(first:last), held))
+          self%centre(first:last) = before(first:last) + step(first:last)
+        end associate
+        rest = norm2(carried)/on_body
+        if (norm2(loads) > largest_rest*on_body) then
+          call release(loads/norm2(loads))
+        else if (rest > largest_rest) then
+          carried = carried/norm2(carried)
+          excess = rest - sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, matmul(held, carried))))/ &
+            (uncertain*on_body)
+          if (excess > largest_rest) call release(carried)
+        end if
+      end associate
+    end subroutine judge_held
+
+    !> Hold the body no longer in a direction.
+    subroutine release(direction)
+      !> In terms of the held ones, of length 1 (number of these) [].
+      real(dp), intent(in) :: direction(:)
+      real(dp) :: mirror(size(direction))
+      real(dp), allocatable :: held(:, :)
+      integer :: k
+      ! The reflection that takes it to a unit vector leaves the others an orthonormal basis of what is still held.
+      k = maxloc(abs(direction), 1)
+      mirror = direction
+      mirror(k) = mirror(k) + sign(1.0_dp, direction(k))
+      held = self%held(b)%value
+      held = held - matmul(reshape(matmul(held, mirror), [size(held, 1), 1]), &
+                           reshape(mirror, [1, size(mirror)]))*(2/dot_product(mirror, mirror))
+      held(:, k) = held(:, size(held, 2))
+      self%held(b)%value = held(:, :size(held, 2) - 1)
+      self%stiffness(b)%value = springs_of(qp, b, foundation, active)
+      call hold(self%held(b)%value, self%stiffness(b)%value)
+      self%last(b) = -1
+      self%has_changed = .true.
+      done = .false.
+    end subroutine release
 
     !> Whether the active rows would not resist the step if the other bodies were at rest, and whether they resist it by
     !> no more than they are uncertain.
@@ -241,11 +374,10 @@ contains
     logical function may_change(stiffer) result(may)
       !> Whether they become stiffer.
       logical, intent(in) :: stiffer
-      real(dp), allocatable :: force(:), first_springs(:, :)
+      real(dp), allocatable :: first_springs(:, :)
       real(dp) :: along, at_first, next
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
-        force = self%imbalance(first:last)
-        along = dot_product(step(first:last), force)
+        along = dot_product(step(first:last), free_force)
         first_springs = springs_of(qp, b, foundation, active)
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
         if (stiffer) then
@@ -257,9 +389,9 @@ contains
         end if
         if (.not. may) return
         if (stiffer) self%centre(first:last) = self%centre(first:last) - &
-          step(first:last)*(dot_product(force, self%centre(first:last))/along)
-        springs = springs + (next - along)/along**2*matmul(reshape(force, [size(force), 1]), &
-                                                           reshape(force, [1, size(force)]))
+          step(first:last)*(dot_product(free_force, self%centre(first:last))/along)
+        springs = springs + (next - along)/along**2*matmul(reshape(free_force, [size(free_force), 1]), &
+                                                           reshape(free_force, [1, size(free_force)]))
         self%last(b) = -1
         self%has_changed = .true.
       end associate
@@ -320,14 +452,21 @@ contains
     allocate (weak(n, n), source=0.0_dp)
     allocate (values(n), vectors(n, n), alpha(mode(n)))
     i = 0
-    do k = 1, size(body)
-      associate (springs => self%stiffness(body(k))%value)
-        weak(i + 1:i + size(springs, 1), i + 1:i + size(springs, 1)) = springs
-        i = i + size(springs, 1)
-      end associate
-    end do
     call rows_of(qp, qp%coarse%block, row, foundation, before, mode(n), g)
     g = g(:, mode)
+    do k = 1, size(body)
+      associate (springs => self%stiffness(body(k))%value, held => self%held(body(k))%value, &
+                 last => i + size(self%stiffness(body(k))%value, 1), first_mode => qp%coarse%first(body(k)))
+        weak(i + 1:last, i + 1:last) = springs
+        ! What is held is not determined, and does not count as resistance.
+        if (size(held) > 0) then
+          weak(i + 1:last, i + 1:last) = springs - (1 - fraction)*stiff_part(held, springs)
+          g(:, i + 1:last) = g(:, i + 1:last) - matmul(matmul(g(:, i + 1:last), held), transpose( &
+            spread(qp%coarse%mean_square(first_mode:first_mode + last - i - 1), 2, size(held, 2))*held))
+        end if
+        i = last
+      end associate
+    end do
     if (allocated(qp%coarse%deviation)) then
       call rows_of(qp, qp%coarse%deviation, row, foundation, before, mode(n), d)
       d = d(:, mode)

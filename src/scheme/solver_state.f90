@@ -48,8 +48,9 @@ module dotyk_scheme_solver_state
     !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.
     type(mode_columns_t) :: indeterminate
     !> What springs carry for want of contact that would (`dotyk_scheme_proximal_motion`): forces on the rigid body
-    !> modes (as `alpha`) [force], and as a fraction of the forces on each body, 0 where it is rounding (n_bodies) [].
-    real(dp), allocatable :: imbalance(:), rest(:)
+    !> modes (as `alpha`) [force], as a fraction of the forces on each body, 0 where it is rounding (n_bodies) [], and
+    !> without what the uncertainty of the normals explains (n_bodies) [].
+    real(dp), allocatable :: imbalance(:), rest(:), excess(:)
     !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
     !> can stop.
     real(dp), allocatable :: unbounded(:)

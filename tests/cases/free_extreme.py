@@ -125,10 +125,12 @@ class FreeExtreme(dotyk_case.Case):
                 self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
                 self.assertLessEqual(summary["error_bound"], 1e-6)
                 self.assertAlmostEqual(weight / (4 * np.pi / 3), 1, delta=0.1)  # of a ball of triangles
-                self.assertLess(spread, 1e-3)
+                # What may rest on springs is 1 % of the forces on a ball; spins that facets resist carry moments alone.
+                self.assertLess(spread, 1e-2)
+                self.assertNotIn("large motion", log)
                 self.assertLess(floor, 1e-3)
                 # Active sets alone had not ended after 60.
-                self.assertLess(summary["iterations"], 60)
+                self.assertLess(summary["iterations"], 30)
 
     def test_network_of_balls(self):
         """64 balls, whose 384 modes take conjugate gradients on their network: the solution of one factor of everything."""
@@ -139,7 +141,7 @@ class FreeExtreme(dotyk_case.Case):
             _, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf", log)
             self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
             self.assertLessEqual(summary["error_bound"], 1e-6)
-            self.assertLess(spread, 1e-3)
+            self.assertLess(spread, 1e-2)
             self.assertLess(floor, 1e-3)
             energy.append(summary["energy"])
         self.assertAlmostEqual(energy[0] / energy[1], 1, delta=1e-6)
