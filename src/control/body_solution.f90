@@ -99,7 +99,7 @@ contains
     call self%forget()
     self%m = m
     allocate (self%body(size(problem%body)))
-    first = first_mode(problem%modes)
+    first = first_mode(problem%modes, problem%tie)
     do b = 1, size(problem%body)
       if (.not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b), solution => self%body(b))
@@ -110,7 +110,7 @@ contains
           allocate (solution%force(body%constraint%n_equations))
           call forces_on_body(body, qp, b, m, solution%force)
         end if
-        call add_modes(problem%modes(b), alpha(first(b):first(b + 1) - 1), solution%displacement)
+        call add_modes(problem%modes(b), alpha(first(b):first(b) + problem%modes(b)%n - 1), solution%displacement)
       end associate
     end do
   end subroutine displacements_begin

@@ -12,6 +12,7 @@ module dotyk_control_contact_problem
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_scheme_coarse_space, only: slide_t
   implicit none
   private
 
@@ -51,6 +52,8 @@ module dotyk_control_contact_problem
     real(dp) :: force = 0
     !> How far its halves overlap: given, or of the last load case in which it was tightened [length].
     real(dp) :: shortening = 0
+    !> Whether nothing determines the shortening of a bolt that slides: a half of it is free along the normal.
+    logical :: is_free = .false.
   contains
     procedure :: lock => tie_lock
   end type tied_surfaces_t
@@ -84,6 +87,7 @@ module dotyk_control_contact_problem
   contains
     procedure :: n_ties => problem_n_ties
     procedure :: are_tied => problem_are_tied
+    procedure :: slides => problem_slides
   end type contact_problem_t
 
   public :: build_rows, first_mode, mesh_compliance
@@ -125,13 +129,28 @@ contains
     end do
   end function problem_are_tied
 
+  !> Bolts of given tension (n_slides).
+  function problem_slides(self) result(slide)
+    class(contact_problem_t), intent(in) :: self
+    type(slide_t), allocatable :: slide(:)
+    integer :: k, first
+    allocate (slide(0))
+    first = sum(self%pair%n_rows) + 1
+    do k = 1, self%n_ties()
+      associate (tie => self%tie(k), n => self%tie(k)%component(1)%n_rows, d => size(self%tie(k)%component))
+        if (tie%slides) slide = [slide, slide_t(tie%component(1)%body_a, first, n, d, tie%normal, tie%force)]
+        first = first + d*n
+      end associate
+    end do
+  end function problem_slides
+
   !> The operator of contact pairs and ties.
   subroutine build_rows(problem, dimension, operator, divided)
     !> Bodies, pairs and ties.
     type(contact_problem_t), intent(in) :: problem
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Rows of the pairs, and those of the ties after them; its pairs are the contact pairs alone.
+    !> Rows of the pairs, and those of the ties after them, each component as a pair.
     type(contact_operator_t), intent(out) :: operator
     !> Whether ranks divide the rows.
     logical, intent(in) :: divided
@@ -161,19 +180,24 @@ contains
         end do
       end do
       call build_operator(dimension, size(problem%body), rows, side_a, side_b, operator, divided)
-      operator%pair_first_row = operator%pair_first_row(:n_pairs + 1)
     end associate
   end subroutine build_rows
 
   !> Index of the first mode of each body among all modes, and one more (n_bodies + 1).
-  pure function first_mode(modes) result(first)
+  pure function first_mode(modes, tie) result(first)
     !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
+    !> Ties; the shortenings of bolts that slide come after the modes of their slave bodies; none if absent (n_ties).
+    type(tied_surfaces_t), intent(in), optional :: tie(:)
     integer :: first(size(modes) + 1)
-    integer :: b
+    integer :: b, k
     first(1) = 1
     do b = 1, size(modes)
       first(b + 1) = first(b) + modes(b)%n
+      if (.not. present(tie)) cycle
+      do k = 1, size(tie)
+        if (tie(k)%slides .and. tie(k)%component(1)%body_a == b) first(b + 1) = first(b + 1) + 1
+      end do
     end do
   end function first_mode
 

@@ -76,7 +76,7 @@ contains
       call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, solution, left, error)
       if (allocated(error)) return
       call penetrations(qp, solution, y)
-      call qp%shift_penetration(y - state%y)
+      call qp%shift_penetration(y + qp%opened_by_slides(state%alpha) - state%y)
       last = state
       call now%solve(qp, compliance, theta, problem%n_blas, monitor, state, error)
       if (allocated(error)) return

@@ -112,8 +112,7 @@ contains
         if (allocated(error)) return
         state%energy = energy_of(problem, qp, theta, displacements%body, state%y)
         ! The work of the tensions of bolts is none of loads on displacements.
-        if (allocated(state%terms)) &
-          state%energy = state%energy - (state%terms(2) - qp%load_work(state%m, state%alpha/qp%coarse%scale))
+        state%energy = state%energy - sum(qp%coarse%resultant*state%alpha, mask=qp%coarse%is_slide)
       end if
       norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
       call expect_rounding(problem, displacements%body, norm, distance)
@@ -123,7 +122,8 @@ contains
           merge(worth_measuring_found, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
         call measure_rounding(problem, qp, compliance, state%m, displacements%body, distance, error)
         ! The bound of a scheme that finds displacements has what they leave of the gaps.
-        if (.not. any(is_found)) gaps = gap_rounding(qp, theta, compliance, displacements%body, state%m, state%y)
+        if (.not. any(is_found)) gaps = gap_rounding(qp, theta, compliance, displacements%body, state%m, &
+                                                     state%y - qp%opened_by_slides(state%alpha))
       else
         where (is_found) distance = of_block_rows*distance
       end if

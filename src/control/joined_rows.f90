@@ -38,24 +38,26 @@ module dotyk_control_joined_rows
 contains
 
   !> Number the rows, those that are one together, in the order of the first of each.
-  subroutine find_joined_rows(pair, tie, joined_row, n_split)
+  subroutine find_joined_rows(pair, tie, n_rows, joined_row, n_split)
     !> Contact pairs, whose rows follow each other (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> Number of each contact row (sum of the rows of the pairs).
+    !> Ties; none if absent (n_ties).
+    type(tied_surfaces_t), intent(in), optional :: tie(:)
+    !> Number of rows, with those of the ties after those of the pairs.
+    integer, intent(in) :: n_rows
+    !> Number of each row; not allocated where each is one by itself (n_rows).
     integer, allocatable, intent(out) :: joined_row(:)
     !> Number of rows of each pair at each tie that have no counterpart on the other side, where contact goes on, in the
     !> same place: the meshes do not fit (n_pairs, n_ties).
-    integer, allocatable, intent(out) :: n_split(:, :)
+    integer, allocatable, intent(out), optional :: n_split(:, :)
     type(side_rows_t) :: slave, master
-    integer, allocatable :: parent(:)
+    integer, allocatable :: parent(:), of_pair(:, :)
     integer :: i, k, n, found
     logical :: faces_other
-    n = sum(pair%n_rows)
-    allocate (parent(n), joined_row(n), n_split(size(pair), size(tie)))
-    parent(:) = [(i, i=1, n)]
-    n_split = 0
+    if (.not. present(tie)) return
+    allocate (parent(n_rows), joined_row(n_rows), of_pair(size(pair), size(tie)))
+    parent(:) = [(i, i=1, n_rows)]
+    of_pair = 0
     do k = 1, size(tie)
       associate (rows => tie(k)%component(1))
         call find_rows_near(pair, rows%body_a, tie(k), .false., slave)
@@ -66,7 +68,7 @@ contains
           if (found > 0) then
             call join(parent, slave%row(i), found)
           else if (faces_other) then
-            n_split(slave%pair(i), k) = n_split(slave%pair(i), k) + 1
+            of_pair(slave%pair(i), k) = of_pair(slave%pair(i), k) + 1
           end if
         end do
       end associate
@@ -81,6 +83,8 @@ contains
         joined_row(i) = joined_row(root_of(parent, i))
       end if
     end do
+    if (n == n_rows) deallocate (joined_row)
+    if (present(n_split)) n_split = of_pair
   end subroutine find_joined_rows
 
   !> The row on the master side of a tie that is one with a row on the slave side.

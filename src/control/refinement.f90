@@ -65,7 +65,7 @@ contains
     real(dp) :: of_body(size(problem%body)), steps(size(problem%body)), norm
     integer :: b, k, first(size(problem%body) + 1)
     of_body = 0
-    first = first_mode(problem%modes)
+    first = first_mode(problem%modes, problem%tie)
     do b = 1, size(problem%body)
       if (.not. conditioning(b)%needs_refinement() .or. .not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b), representative => problem%classes%first(b))

@@ -172,7 +172,7 @@ contains
     difference = difference - y
     call compliance%nodal_diagonal(rows, yields)
     yields = yields + theta/rows%weight
-    distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=m > 0 .and. yields > 0))
+    distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=(m > 0 .or. rows%is_tied) .and. yields > 0))
   end function gap_rounding
 
   !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double

@@ -49,7 +49,7 @@ contains
     do b = 1, size(modes)
       associate (of_body => coarse%deviation(b), n => size(modes(b)%resultant), &
                  n_contact => size(operator%block(b)%row))
-        allocate (of_body%value(size(block(b)%row), n), source=0.0_dp)
+        allocate (of_body%value(size(block(b)%row), size(coarse%block(b)%value, 2)), source=0.0_dp)
         do j = 1, n
           ! Rows of ties come behind those of contact.
           if (n_contact == 0) cycle

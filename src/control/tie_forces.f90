@@ -1,9 +1,11 @@
 !> What ties transmit: force and moment on the slave body; tension and shortening of bolts.
 module dotyk_control_tie_forces
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
 
@@ -13,17 +15,20 @@ module dotyk_control_tie_forces
     type(pair_resultant_t) :: resultant
     !> Of a bolt: force on the slave body along the normal of the cut, out of it [force].
     real(dp) :: tension = 0
-    !> Of a bolt: how far its halves overlap [length].
+    !> Of a bolt: how far its halves overlap; NaN where nothing determines it [length].
     real(dp) :: shortening = 0
   end type tie_force_t
 
   public :: find_tie_forces, keep_shortenings
 
+  !> Shares of shortenings in motions that nothing determines are rounding below this [].
+  real(dp), parameter :: rounding = 1.0e-6_dp
+
 contains
 
   !> Forces of all ties.
   function find_tie_forces(problem, m, y) result(of_tie)
-    !> Bodies, pairs and ties.
+    !> Bodies, pairs and ties, with the shortenings of the solution.
     type(contact_problem_t), intent(in) :: problem
     !> Pressures of the contact rows and tractions of the ties after them (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
@@ -48,24 +53,36 @@ contains
             n = last
           end associate
         end do
+        if (tie%slides) of_tie(k)%shortening = tie%shortening
+        if (tie%is_free) of_tie(k)%shortening = ieee_value(tie%shortening, ieee_quiet_nan)
         of_tie(k)%tension = dot_product(all%force, tie%normal)
       end associate
     end do
   end function find_tie_forces
 
-  !> Keep how far bolts are shortened, for the load cases in which they are locked.
-  subroutine keep_shortenings(m, y, problem)
-    !> As in `find_tie_forces`.
-    real(dp), intent(in) :: m(:)
-    !> As in `find_tie_forces`.
-    real(dp), intent(in) :: y(:)
+  !> Keep how far bolts that slide are shortened, for the load cases in which they are locked.
+  subroutine keep_shortenings(state, problem)
+    !> With amplitudes of all modes.
+    type(solver_state_t), intent(in) :: state
     !> Its bolts that slide get their shortenings.
     type(contact_problem_t), intent(inout) :: problem
-    type(tie_force_t), allocatable :: force(:)
-    integer :: k
-    force = find_tie_forces(problem, m, y)
-    do k = 1, size(force)
-      if (problem%tie(k)%slides) problem%tie(k)%shortening = force(k)%shortening
+    real(dp) :: motion(size(state%alpha))
+    integer :: i, k, j, first(size(problem%body) + 1), n_before(size(problem%body))
+    if (problem%n_ties() == 0) return
+    first = first_mode(problem%modes, problem%tie)
+    n_before = problem%modes%n
+    do k = 1, size(problem%tie)
+      associate (tie => problem%tie(k), b => problem%tie(k)%component(1)%body_a)
+        tie%is_free = .false.
+        if (.not. tie%slides) cycle
+        i = first(b) + n_before(b)
+        n_before(b) = n_before(b) + 1
+        tie%shortening = state%alpha(i)
+        do j = 1, state%indeterminate%n
+          call state%indeterminate%get(j, motion)
+          if (abs(motion(i)) > rounding*maxval(abs(motion))) tie%is_free = .true.
+        end do
+      end associate
     end do
   end subroutine keep_shortenings
 end module dotyk_control_tie_forces

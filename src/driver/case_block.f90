@@ -12,7 +12,6 @@ module dotyk_driver_case_block
   use dotyk_driver_load_case, only: next_case, solved_case_t
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
-  use dotyk_driver_tied_scheme, only: tie_bodies
   use dotyk_driver_warm_start, only: initial_pressures, start_from_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
@@ -186,7 +185,6 @@ contains
     if (allocated(error)) return
     now = run
     now%settings%tolerance = first_tolerance(goal, run%settings%tolerance)
-    if (scene%problem%n_ties() > 0) call tie_bodies(scene%problem, run%scheme, now%scheme)
     if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solved%state)
     call monitor%hold_notes()
     call monitor%begin_phase(phase_iterate)

@@ -7,6 +7,7 @@ module dotyk_driver_factorization
   use dotyk_control_body_operators, only: make_operators
   use dotyk_control_factorization, only: check_memory, factorize_bodies
   use dotyk_control_response_choice, only: form_multigrid
+  use dotyk_control_joined_rows, only: find_joined_rows
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_driver_load_case, only: solve_free
@@ -42,6 +43,8 @@ contains
     type(body_operator_t), allocatable :: operators(:)
     type(coarse_space_t) :: coarse
     real(dp), allocatable :: foundation(:), cost(:), nothing(:)
+    integer, allocatable :: joined_row(:)
+    integer :: i
     logical :: side_by_side
     if (scene%is_split()) then
       call scene%split%factorize(scene%problem%body, scene%operator, scene%problem%report, error)
@@ -57,11 +60,13 @@ contains
       call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
       ! All ranks solve one body after the other.
       side_by_side = side_by_side .and. .not. scene%is_split()
-      call foundation_compliance(problem%body, problem%pair, scene%operator%n_rows, foundation)
+      call foundation_compliance(problem%body, problem%pair, foundation, problem%tie)
       ! The rows; loads come after it.
       call coarse%take_rows(block, scene%operator%n_rows)
       allocate (nothing(scene%operator%n_rows), source=0.0_dp)
-      call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse)
+      call find_joined_rows(problem%pair, problem%tie, scene%operator%n_rows, joined_row)
+      call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse, &
+                   [(i > sum(problem%pair%n_rows), i=1, scene%operator%n_rows)], joined_row)
       call compliance%init(qp, response, operators, side_by_side)
       if (case%n_cases() > 1) scene%modes = problem%modes
       call solve_free(scene, error)

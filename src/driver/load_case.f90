@@ -198,7 +198,7 @@ contains
         solved%isolated = problem%isolated
       end if
       scene%n_full_solves = free%n_solves
-      call coarse%init(qp%block, qp%n_rows, modes)
+      call coarse%init(qp%block, qp%n_rows, modes, problem%slides())
       if (.not. scene%is_split()) call find_deviations(problem, qp%block, modes, coarse)
       call qp%set_loads(scene%operator%gap, free%initial_penetration, free%load_displacement, free%energy, &
                         free%norm_square, coarse)

@@ -78,7 +78,7 @@ contains
       call solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, needs_factors, error)
       if (allocated(error) .or. needs_factors) exit
       if (k == n) call scene%compliance%destroy()
-      if (allocated(solution%state%m)) call keep_shortenings(solution%state%m, solution%state%y, scene%problem)
+      if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
       call note_modes(scene%problem, solution%state, monitor%log)
       call check_bodies(scene, solution, monitor)
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &

@@ -14,7 +14,6 @@ module dotyk_driver_solution
   use dotyk_driver_results, only: write_on_the_way
   use dotyk_driver_run_settings, only: goal_of, may_use_multigrid
   use dotyk_driver_scene, only: scene_t
-  use dotyk_driver_tied_scheme, only: tie_bodies
   use dotyk_driver_warm_start, only: start_from_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_outcome, only: refuse_unsolvable
@@ -73,7 +72,6 @@ contains
         deallocate (now%scheme)
         allocate (primal_t :: now%scheme)
       end if
-      if (scene%problem%n_ties() > 0) call tie_bodies(scene%problem, run%scheme, now%scheme)
       may_return = may_return_to_factors(case, scene)
       may_rebuild = scene%is_split() .and. case%solver%response == response_auto
       if (may_rebuild) may_rebuild = factors_fit(scene%problem%body)
@@ -128,7 +126,6 @@ contains
       ! The scheme does not know the line of its settings.
       if (index(error%message, '&solver') == 1) &
         call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
-      if (index(error%message, 'tie ') == 1) call add_context(error, case%file//': ')
     else if (needs_factors) then
       call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor '// &
                         'on one of them')

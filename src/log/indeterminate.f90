@@ -32,12 +32,12 @@ contains
     logical :: is_open(size(problem%body)), alike(size(problem%body))
     integer :: b, n_lines, class(size(problem%body)), kind(size(problem%body))
     if (amplitude%n == 0) return
-    call amplitude%by_bodies(first_mode(problem%modes), of_body)
+    call amplitude%by_bodies(first_mode(problem%modes, problem%tie), of_body)
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
         if (modes%n > 0 .and. .not. modes%is_near_null()) &
-          motion(b)%s = modes%span_text(of_body(b)%value)
+          motion(b)%s = modes%span_text(of_body(b)%value(:modes%n, :))
       end associate
       short(b)%s = without_places(motion(b)%s)
       kinds(b)%s = kinds_of_motion(motion(b)%s)
@@ -107,8 +107,8 @@ contains
     text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)//' rest on weak springs'
     if (count(state%rest > 0) > 1) text = text//' (of '//to_text(count(state%rest > 0))//' bodies the largest)'
     if (state%excess(b) > largest_rest) then
-      first = first_mode(problem%modes)
-      associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b + 1) - 1))
+      first = first_mode(problem%modes, problem%tie)
+      associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b) + problem%modes(b)%n - 1))
         force = 0
         do i = 1, size(modes%shape, 1)
           force(i) = sum(matmul(modes%shape(i, :, :), along))

@@ -12,15 +12,16 @@ module dotyk_log_outcome
   use dotyk_log_indeterminate, only: note_rest, note_undetermined
   use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_rigid_constraint, &
-    ended_rotated
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_open_tie, &
+    ended_rigid_constraint, ended_rotated
   implicit none
   private
   public :: refuse_unsolvable, note_modes
 
 contains
 
-  !> Refuse a scene without a solution: loads that no contact balances, or supports on both sides of contact rows.
+  !> Refuse a scene without a solution: loads that no contact balances, supports on both sides of contact rows, or ties
+  !> that cannot be closed.
   subroutine refuse_unsolvable(case, problem, qp, state, error)
     !> The case.
     type(case_t), intent(in) :: case
@@ -33,8 +34,10 @@ contains
     !> Allocated where there is no solution; names body or pair, with its line.
     type(error_t), allocatable, intent(out) :: error
     if (state%ended == ended_no_equilibrium) &
-      call refuse_motion(case, problem%body, problem%modes, qp, state%unbounded, error)
+      call refuse_motion(case, problem%body, problem%modes, first_mode(problem%modes, problem%tie), qp, &
+                         state%unbounded, error)
     if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, problem%pair, qp, state, error)
+    if (state%ended == ended_open_tie) call refuse_open_tie(case, problem, state, error)
   end subroutine refuse_unsolvable
 
   !> Say which modes are indeterminate, and which bodies rotate too far. A solution with a rotation by more than the
@@ -52,18 +55,20 @@ contains
     call note_undetermined(problem, state%indeterminate, log)
     call note_rest(problem, state, log)
     if (.not. allocated(state%alpha)) return
-    call note_rotations(problem%body, problem%modes, state%alpha, log, largest)
+    call note_rotations(problem%body, problem%modes, first_mode(problem%modes, problem%tie), state%alpha, log, largest)
     if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated
   end subroutine note_modes
 
   !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
-  subroutine refuse_motion(case, body, modes, qp, amplitude, error)
+  subroutine refuse_motion(case, body, modes, first, qp, amplitude, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
+    !> First mode of each body (n_bodies + 1).
+    integer, intent(in) :: first(:)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
@@ -73,7 +78,7 @@ contains
     character(:), allocatable :: others, carried
     real(dp) :: work(size(body)), own_work(size(body))
     logical :: moved(size(body))
-    integer :: b, worst, n_named, first(size(body) + 1)
+    integer :: b, worst, n_named
     integer, parameter :: most_named = 3
     ! A body moves if its loads do at least this fraction of the work of the body moved most, or of their own where
     ! nothing is in the way.
@@ -81,10 +86,9 @@ contains
     integer :: n_carried
     work = 0
     own_work = 0
-    first = first_mode(modes)
     do b = 1, size(body)
       if (modes(b)%is_near_null()) cycle
-      associate (one => first(b), last => first(b + 1) - 1)
+      associate (one => first(b), last => first(b) + modes(b)%n - 1)
         work(b) = dot_product(amplitude(one:last), modes(b)%resultant)
         own_work(b) = sum(qp%coarse%resultant(one:last)**2)/maxval(abs(qp%coarse%resultant))
       end associate
@@ -95,13 +99,13 @@ contains
     if (.not. any(moved)) then
       ! No load does work: the tensions of bolts do.
       do b = 1, size(body)
-        work(b) = largest_displacement(modes(b), amplitude(first(b):first(b + 1) - 1))
+        work(b) = largest_displacement(modes(b), amplitude(first(b):first(b) + modes(b)%n - 1))
       end do
       worst = maxloc(work, 1)
       call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
                      ': no equilibrium: the tension of '//bolts_of(worst)//' moves it, and neither supports nor '// &
                      'contact resist: '// &
-                     modes(worst)%combination_text(amplitude(first(worst):first(worst + 1) - 1))// &
+                     modes(worst)%combination_text(amplitude(first(worst):first(worst) + modes(worst)%n - 1))// &
                      '; add a &support, or a &contact that the bolt presses together', exit_not_solvable)
       return
     end if
@@ -120,7 +124,7 @@ contains
     n_carried = 0
     do b = 1, size(body)
       if (moved(b) .or. modes(b)%is_near_null()) cycle
-      if (all(abs(amplitude(first(b):first(b + 1) - 1)) <= much*maxval(abs(amplitude)))) cycle
+      if (all(abs(amplitude(first(b):first(b) + modes(b)%n - 1)) <= much*maxval(abs(amplitude)))) cycle
       n_carried = n_carried + 1
       if (n_carried > 1 .and. n_carried <= most_named) carried = carried//', '
       if (n_carried <= most_named) &
@@ -157,7 +161,7 @@ contains
       !> Index of the body.
       integer, intent(in) :: which
       character(:), allocatable :: text
-      associate (own => amplitude(first(which):first(which + 1) - 1))
+      associate (own => amplitude(first(which):first(which) + modes(which)%n - 1))
         text = modes(which)%combination_text(own)//', resultant '// &
                to_text(dot_product(own, modes(which)%resultant)/largest_displacement(modes(which), own), 4)
       end associate
@@ -200,7 +204,6 @@ contains
     n = state%rigid_row
     overlap = state%overlap
     if (n == 0) then
-      ! Rows of ties come after those of the pairs.
       n = maxloc(qp%initial_penetration(:qp%pair_first_row(size(case%contact) + 1) - 1), 1)
       overlap = qp%initial_penetration(n)
     end if
@@ -219,30 +222,52 @@ contains
                    place, exit_not_solvable)
   end subroutine refuse_rigid_constraint
 
+  !> Ties contradict each other or supports.
+  subroutine refuse_open_tie(case, problem, state, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Contact pairs and ties.
+    type(contact_problem_t), intent(in) :: problem
+    !> State of the scheme at its end.
+    type(solver_state_t), intent(in) :: state
+    !> Allocated on return: names the tie, and what stays open.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k, n
+    n = sum(problem%pair%n_rows)
+    do k = 1, size(problem%tie) - 1
+      n = n + sum(problem%tie(k)%component%n_rows)
+      if (state%rigid_row <= n) exit
+    end do
+    call set_error(error, case%file//': tie '//quoted(problem%tie(k)%name)//' cannot be closed: '// &
+                   to_text(state%overlap, 2)//' of '//to_text(state%overlap_of, 2)//' remain open; supports '// &
+                   'with different displacements hold both sides, or ties contradict each other', exit_not_solvable)
+  end subroutine refuse_open_tie
+
   !> Say which bodies rotate so far that small displacements are no good approximation.
-  subroutine note_rotations(body, modes, amplitude, log, most)
+  subroutine note_rotations(body, modes, first, amplitude, log, most)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
+    !> First mode of each body (n_bodies + 1).
+    integer, intent(in) :: first(:)
     !> Amplitudes of the modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Largest displacement by rotation, relative to the size of the body [].
     real(dp), intent(out) :: most
-    integer :: b, n_far, farthest, first(size(body) + 1)
+    integer :: b, n_far, farthest
     real(dp) :: ratio
     ! Displacements by rotation, relative to the size of the body.
     real(dp), parameter :: far = 0.05_dp
     most = 0
     if (size(amplitude) == 0) return
-    first = first_mode(modes)
     n_far = 0
     farthest = 0
     do b = 1, size(body)
       if (modes(b)%n == 0) cycle
-      ratio = rotation_ratio(body(b), modes(b), amplitude(first(b):first(b + 1) - 1))
+      ratio = rotation_ratio(body(b), modes(b), amplitude(first(b):first(b) + modes(b)%n - 1))
       if (ratio > most) farthest = b
       most = max(most, ratio)
       if (ratio > far) n_far = n_far + 1

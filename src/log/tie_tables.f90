@@ -72,7 +72,7 @@ contains
                         quoted(body(pair(p)%body_b)%name)//' in the same planes')
       end do
     end do
-    call find_joined_rows(pair, tie, joined_row, n_split)
+    call find_joined_rows(pair, tie, sum(pair%n_rows), joined_row, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)
         q = pair_of_other_roles(pair, tie(k), p)
@@ -171,8 +171,12 @@ contains
         more = ''
         if (any(abs(all%moment) > 0)) more = ', moment '//vector_text(all%moment)//' about the origin'
         if (abs(all%radial) > 0) more = more//', radial '//to_text(all%radial, 5)//' around the circumference'
-        if (tie(k)%is_bolt) more = more//', tension '//to_text(force(k)%tension, 5)//', shortened by '// &
-                                   to_text(force(k)%shortening, 5)
+        if (tie(k)%is_bolt) more = more//', tension '//to_text(force(k)%tension, 5)
+        if (tie(k)%is_free) then
+          more = more//'; nothing determines its shortening: one half is free along the normal'
+        else if (tie(k)%is_bolt) then
+          more = more//', shortened by '//to_text(force(k)%shortening, 5)
+        end if
         call log%line('  '//tie(k)%name//': tie force '//vector_text(all%force)//' on the slave body'//more)
       end associate
     end do

@@ -6,6 +6,7 @@ module dotyk_model_pairs
   use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_contact_pair_exchange, only: share_pairs
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
@@ -146,19 +147,24 @@ contains
   end subroutine share_searched
 
   !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
-  subroutine foundation_compliance(body, pair, n_rows, foundation)
+  subroutine foundation_compliance(body, pair, foundation, tie)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    !> Number of rows: those of ties, after those of the pairs, have no foundation.
-    integer, intent(in) :: n_rows
-    !> Compliance of each row; 1 for ties (n_rows) [length/pressure].
+    !> Compliance of each row (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: foundation(:)
+    !> Ties, whose rows follow those of the pairs; none if absent (n_ties).
+    type(tied_surfaces_t), intent(in), optional :: tie(:)
     real(dp) :: compliance(size(body))
     logical :: is_paired(size(body))
-    integer :: b, k, n
+    integer :: b, k, c, n_ties
+    n_ties = 0
+    if (present(tie)) n_ties = size(tie)
     is_paired = .false.
+    do k = 1, n_ties
+      is_paired([tie(k)%component(1)%body_a, tie(k)%component(1)%body_b]) = .true.
+    end do
     is_paired(pair%body_a) = .true.
     is_paired(pair%body_b) = .true.
     ! By a size that does not depend on the axes; once for each body, not for each of its pairs.
@@ -166,11 +172,23 @@ contains
     do b = 1, size(body)
       if (is_paired(b)) compliance(b) = foundation_depth*shortest_extent(body(b)%mesh)/body(b)%young()
     end do
-    allocate (foundation(n_rows), source=1.0_dp)
-    n = 0
+    allocate (foundation(0))
     do k = 1, size(pair)
-      foundation(n + 1:n + pair(k)%n_rows) = compliance(pair(k)%body_a) + compliance(pair(k)%body_b)
-      n = n + pair(k)%n_rows
+      call append(pair(k))
     end do
+    do k = 1, n_ties
+      do c = 1, size(tie(k)%component)
+        call append(tie(k)%component(c))
+      end do
+    end do
+
+  contains
+
+    !> Append the rows of one pair.
+    subroutine append(rows)
+      !> The pair.
+      type(contact_pair_t), intent(in) :: rows
+      foundation = [foundation, spread(compliance(rows%body_a) + compliance(rows%body_b), 1, rows%n_rows)]
+    end subroutine append
   end subroutine foundation_compliance
 end module dotyk_model_pairs

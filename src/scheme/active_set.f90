@@ -5,6 +5,7 @@
 !> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the
 !> active rows cannot carry a floating body, the rows on which it comes to rest on a Winkler foundation are added.
 !> Should active sets cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution.
+!> Rows of ties are always active.
 !> Should they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its
 !> bound says how accurate it is.
 module dotyk_scheme_active_set
@@ -59,7 +60,7 @@ contains
 
   !> Iterate until the active set does not change.
   subroutine find_active_set(qp, with_springs, compliance, theta, max_iterations, monitor, system, now, active, state, &
-                             error, start_inside)
+                             error, start_inside, is_held)
     !> Contact rows, initial penetrations, rigid body modes: what bounds and energies are those of.
     type(contact_qp_t), intent(in) :: qp
     !> The same with springs on the modes: what is solved (`dotyk_scheme_proximal_motion`).
@@ -85,7 +86,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior-point method begins, without any active set; false if absent.
     logical, intent(in), optional :: start_inside
-    logical :: next(size(active)), is_rigid(size(active)), cycles, tried, joined, is_shared, is_new
+    !> Contact rows that ties hold: they stay inactive; none if absent (n_rows).
+    logical, intent(in), optional :: is_held(:)
+    logical :: next(size(active)), is_rigid(size(active)), presses(size(active))
+    logical :: cycles, tried, joined, is_shared, is_new
     integer :: changes(most_first_steps + most_last_steps)
     type(iterate_t) :: last, inside, unjoined
     logical, allocatable :: inside_active(:), unjoined_active(:)
@@ -96,6 +100,8 @@ contains
     begin = wall_time()
     allocate (change(size(active)))
     is_rigid = .false.
+    if (present(is_held)) is_rigid = is_held
+    active = (active .or. qp%is_tied) .and. .not. is_rigid
     state%ended = ended_limit
     tried = .false.
     joined = .false.
@@ -120,9 +126,11 @@ contains
       end if
       call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
       ! Rigid rows that have joined a solution penetrate by rounding only.
-      if (.not. joined .and. any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
+      presses = is_rigid .and. .not. (theta > 0 .or. qp%is_tied)
+      if (present(is_held)) presses = presses .and. .not. is_held
+      if (.not. joined .and. any(presses .and. qp%initial_penetration > 0)) then
         state%ended = ended_rigid_constraint
-        place = maxloc(qp%initial_penetration, 1, is_rigid .and. .not. theta > 0)
+        place = maxloc(qp%initial_penetration, 1, presses)
         state%rigid_row = qp%parent_row(place)
         state%overlap = qp%initial_penetration(place)
         return
@@ -147,18 +155,19 @@ contains
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
       ! Springs that are moved up solve the system of the same set again: no step of the iteration.
       if (is_new) then
-        call add_to_history(qp, theta, now, wall_time() - begin, length, count(active), state)
+        call add_to_history(qp, theta, now, wall_time() - begin, length, count(active .and. .not. qp%is_tied), state)
         ! Active sets are found or not: no rate of convergence leads to a tolerance.
         call monitor%step(state%history, 0.0_dp, state%error_bound)
       end if
 
       ! Rows may be active without any force, such as those that push a floating body away.
       largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, &
-        qp%initial_penetration)))
+        qp%initial_penetration), mask=.not. qp%is_tied))
       largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
-      next = next .and. .not. is_rigid
+      next = (next .or. qp%is_tied) .and. .not. is_rigid
       call add_support(with_springs, theta, now, next)
+      if (present(is_held)) next = next .and. .not. is_held
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         state%ended = ended_converged
@@ -236,7 +245,7 @@ contains
                              qp%initial_penetration, now%alpha)
     call qp%mode_displacement(now%alpha, motion)
     now%y = qp%initial_penetration + motion
-    active = now%y > 0
+    active = now%y > 0 .or. qp%is_tied
   end subroutine rest_on_winkler_foundation
 
   !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
@@ -277,7 +286,8 @@ contains
     ! Where nothing is loaded all forces are rounding errors of those that the initial penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
     if (size(lambda) > 0) &
-      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)))
+      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration), &
+                                mask=.not. qp%is_tied))
     if (qp%coarse%n > 0) scale = max(scale, maxval(abs(qp%coarse%resultant)))
     ! NaN and infinity, as of a foundation without compliance, balance nothing.
     is_balanced = qp%coarse%n == 0 .or. (scale <= huge(scale) .and. all(abs(missing) <= balanced*scale))
@@ -319,7 +329,7 @@ contains
     ! An array that is not allocated is an absent argument.
     if (present(starts_near)) then
       if (starts_near) then
-        start = merge(now%lambda/foundation_stiffness(qp, theta), min(0.0_dp, now%y), now%lambda > 0)
+        start = merge(now%lambda/foundation_stiffness(qp, theta), min(0.0_dp, now%y), now%lambda > 0 .or. qp%is_tied)
         motion = now%alpha
       end if
     end if
@@ -394,11 +404,13 @@ contains
     real(dp) :: norm, gap, m(size(now%lambda))
     norm = reference_norm(qp, theta, now)
     m = now%lambda/qp%weight
-    gap = duality_gap(qp%weight, theta, m, now%y)
+    ! That of closed ties.
+    gap = duality_gap(qp%weight, theta, merge(0.0_dp, m, qp%is_tied), merge(0.0_dp, now%y, qp%is_tied))
     state%error_bound = huge(1.0_dp)
     if (gap < huge(1.0_dp) .and. is_balanced(qp, theta, now%lambda, now%alpha)) &
       state%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call state%history%add(seconds, length, length/max(norm, tiny(norm)), state%error_bound, &
-                           qp%energy(theta, m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
+                           qp%energy(theta, m, now%y, now%alpha), &
+                           max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied)), n_active)
   end subroutine add_to_history
 end module dotyk_scheme_active_set

@@ -21,7 +21,8 @@
 !> With theta = 0 rows can be linearly dependent and M singular: M_p has a small fraction of its diagonal more, the
 !> proximal point method (Rockafellar, SIAM J. Control Optim. 14, 1976). Consistent equations are solved exactly,
 !> redundant rows share the force of least norm. The fraction goes with 1/w, as a penalty theta does: the norm is that
-!> of the pressures, sum lambda^2/w, and redundant forces are the limit of those with theta -> 0.
+!> of the pressures, sum lambda^2/w, and redundant forces are the limit of those with theta -> 0. With ties it is a
+!> hundredth of that: the compliance of a facet of a slender body is as small beside that of its bending.
 module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
@@ -35,7 +36,6 @@ module dotyk_scheme_active_system
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
   implicit none
   private
-  public :: proximal_term
 
   !> Couplings of rows that the preconditioner knows: all, those within a pair, none.
   integer, parameter, public :: coupling_all = 1, coupling_pairs = 2, coupling_none = 3
@@ -44,10 +44,8 @@ module dotyk_scheme_active_system
   type :: pair_rows_t
     !> Active rows first .. last.
     integer :: first = 1, last = 0
-    !> Bodies; 0 where there is no second one.
-    integer :: body(2) = 0
-    !> Modes of the first and the second body.
-    integer :: n_modes(2) = 0
+    !> Bodies, 0 where there are fewer than of other rows; and their numbers of modes (n).
+    integer, allocatable :: body(:), n_modes(:)
   end type pair_rows_t
 
   !> The system. It owns factors: never copy it, destroy it in the end.
@@ -97,17 +95,23 @@ module dotyk_scheme_active_system
   real(dp), parameter :: proximal_fraction = 1.0e-9_dp
   !> Most of it, where weights or stiffnesses differ: six digits a step.
   real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
+  !> With ties, over the same without.
+  real(dp), parameter :: proximal_of_ties = 1.0e-2_dp
   !> A residual in the norm of the preconditioner is rounding at this fraction of the right-hand side.
   real(dp), parameter :: tolerance = 1.0e-14_dp
   !> Conjugate gradients begin anew, from the true residual, when they have reduced it to this fraction.
   real(dp), parameter :: restart = 1.0e-8_dp
   !> Iterations from one true residual to the next at most, and true residuals.
   integer, parameter :: most_iterations = 2000, most_rounds = 8
+  !> Rounds at most with ties.
+  integer, parameter :: most_rounds_of_ties = 40
   !> Iterations of a solution with the couplings within pairs: balls in a box take 1 to 20, bodies whose contacts lie
   !> close together a hundred.
   integer, parameter :: most_of_pairs = 30
   !> Rounds go on while the squared residual falls to this fraction (of contact rows, of equilibrium).
   real(dp), parameter :: worthwhile_gain = 0.1_dp, worthwhile_gain_of_equilibrium = 0.01_dp
+  !> The same of rows where there are ties: solutions cost little beside factors.
+  real(dp), parameter :: worthwhile_gain_of_ties = 0.5_dp
   !> Directions whose forces are out of equilibrium by this fraction are rounding errors: as many rows as modes leave no
   !> self-equilibrated forces.
   real(dp), parameter :: most_imbalance = 1.0e-5_dp
@@ -174,7 +178,7 @@ contains
       self%level = qp%level
     end if
     associate (k => self%matrix%column_start(:size(self%row)) + 1)
-      self%matrix%value(k) = self%diagonal + self%layer + &
+      self%matrix%value(k) = self%diagonal + self%layer + merge(proximal_of_ties, 1.0_dp, any(qp%is_tied(self%row)))* &
         proximal_term(self%diagonal + self%layer, self%layer, qp%weight(self%row))
     end associate
     call self%factor%factorize(self%matrix, failed, error)
@@ -248,10 +252,10 @@ contains
     call self%factor%analyze(self%matrix, order, error)
     if (allocated(error)) return
     ! Bodies that H couples: those of each pair, or all together.
-    allocate (member(2*size(self%pair)), first(size(self%pair) + 1), source=1)
+    allocate (member(size(self%pair)*size(qp%coarse%body, 1)), first(size(self%pair) + 1), source=1)
     n = 0
     do p = 1, size(self%pair)
-      do k = 1, 2
+      do k = 1, size(self%pair(p)%body)
         if (self%pair(p)%n_modes(k) == 0) cycle
         n = n + 1
         member(n) = self%pair(p)%body(k)
@@ -290,7 +294,8 @@ contains
         n = n + 1
         found(n)%first = i
         found(n)%body = qp%coarse%body(:, row(i))
-        do k = 1, 2
+        found(n)%n_modes = 0*found(n)%body
+        do k = 1, size(found(n)%body)
           b = found(n)%body(k)
           if (b > 0) found(n)%n_modes(k) = qp%coarse%first(b + 1) - qp%coarse%first(b)
         end do
@@ -341,7 +346,7 @@ contains
       clique(p)%row = [(i, i=pair(p)%first, pair(p)%last)]
       n = size(clique(p)%row)
       allocate (clique(p)%value(n, n), source=0.0_dp)
-      do k = 1, 2
+      do k = 1, size(pair(p)%body)
         if (pair(p)%body(k) == 0) cycle
         call compliance%get_entries(qp, pair(p)%body(k), row(clique(p)%row), entries)
         clique(p)%value = clique(p)%value + entries
@@ -356,10 +361,10 @@ contains
     !> With the coarse space.
     type(contact_qp_t), intent(in) :: qp
     real(dp), allocatable :: g(:, :), h(:, :)
-    integer :: b, c, p, k, at
+    integer :: b, c, p, k, l, at, before
     call self%network%clear()
     associate (first => qp%coarse%first, n_bodies => size(qp%block))
-      allocate (g(size(self%row), maxval([0, self%pair%n_modes(1) + self%pair%n_modes(2)])))
+      allocate (g(size(self%row), maxval([0, (sum(self%pair(p)%n_modes), p=1, size(self%pair))])))
       call rows_of_pairs(self, qp, g)
       if (self%coupling == coupling_all) then
         if (allocated(self%spread)) deallocate (self%spread)
@@ -372,7 +377,7 @@ contains
       if (size(self%spread) > 0) call self%factor%solve_block(self%spread)
       do p = 1, size(self%pair)
         at = 0
-        do k = 1, 2
+        do k = 1, size(self%pair(p)%body)
           associate (rows => self%pair(p)%first, last => self%pair(p)%last, b_k => self%pair(p)%body(k), &
                      n => self%pair(p)%n_modes(k))
             if (n == 0) cycle
@@ -381,9 +386,14 @@ contains
                 h(first(b_k):first(b_k + 1) - 1, :) = h(first(b_k):first(b_k + 1) - 1, :) + &
                   matmul(of_body, self%spread(rows:last, :))
               else
-                call self%network%add(b_k, b_k, matmul(of_body, self%spread(rows:last, at + 1:at + n)))
-                if (k == 2 .and. at > 0) &
-                  call self%network%add(b_k, self%pair(p)%body(1), matmul(of_body, self%spread(rows:last, :at)))
+                before = 0
+                do l = 1, k
+                  associate (n_l => self%pair(p)%n_modes(l))
+                    if (n_l > 0) call self%network%add(b_k, self%pair(p)%body(l), &
+                                                       matmul(of_body, self%spread(rows:last, before + 1:before + n_l)))
+                    before = before + n_l
+                  end associate
+                end do
               end if
             end associate
             at = at + n
@@ -404,7 +414,7 @@ contains
     end associate
   end subroutine form_network
 
-  !> G at the active rows: the modes of the first body of each pair before those of the second.
+  !> G at the active rows: the modes of the bodies of each pair one after the other.
   pure subroutine rows_of_pairs(self, qp, g)
     !> With rows and pairs.
     type(active_system_t), intent(in) :: self
@@ -416,7 +426,7 @@ contains
     g = 0
     do p = 1, size(self%pair)
       at = 0
-      do k = 1, 2
+      do k = 1, size(self%pair(p)%body)
         associate (b => self%pair(p)%body(k), n => self%pair(p)%n_modes(k))
           if (n == 0) cycle
           do i = self%pair(p)%first, self%pair(p)%last
@@ -457,7 +467,7 @@ contains
     do p = 1, size(self%pair)
       associate (first => self%pair(p)%first, last => self%pair(p)%last)
         at = 0
-        do k = 1, 2
+        do k = 1, size(self%pair(p)%body)
           do j = 1, self%pair(p)%n_modes(k)
             x(first:last) = x(first:last) + &
               alpha(qp%coarse%first(self%pair(p)%body(k)) + j - 1)*self%spread(first:last, at + j)
@@ -551,9 +561,12 @@ contains
     !> Amplitudes of the modes (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
     real(dp), allocatable :: r_b(:), r_c(:), x(:), beta(:), next_b(:), next_c(:)
-    real(dp) :: residual, previous, imbalance, previous_imbalance, scale, once
+    real(dp) :: residual, previous, imbalance, previous_imbalance, scale, once, gain
     integer :: k, n
+    logical :: has_ties
     n = size(self%row)
+    has_ties = any(qp%is_tied(self%row))
+    gain = merge(worthwhile_gain_of_ties, worthwhile_gain, has_ties)
     allocate (r_b(n), x(n), next_b(n), r_c(qp%coarse%n), beta(qp%coarse%n), next_c(qp%coarse%n))
     alpha = 0
     scale = 0
@@ -569,7 +582,7 @@ contains
     previous_imbalance = huge(previous_imbalance)
     once = max(self%step_reduction, self%reduction)
     self%n_solutions = self%n_solutions + 1
-    do k = 1, most_rounds
+    do k = 1, merge(most_rounds_of_ties, most_rounds, has_ties)
       if (interrupted()) exit
       call conjugate_gradients(self, qp, compliance, merge(once, restart, once > 0), r_b, r_c, scale, x, beta)
       if (once > 0) then
@@ -586,7 +599,7 @@ contains
       alpha = alpha + beta
       r_b = next_b
       r_c = next_c
-      if (.not. (residual < worthwhile_gain*previous .or. &
+      if (.not. (residual < gain*previous .or. &
                  imbalance < worthwhile_gain_of_equilibrium*previous_imbalance)) exit
       previous = residual
       previous_imbalance = imbalance

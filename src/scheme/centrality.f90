@@ -6,7 +6,7 @@ module dotyk_scheme_centrality
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
-  public :: newton_step, correct_centrality, correct_and_shorten, longest_step
+  public :: newton_step, correct_centrality, correct_and_shorten
 
   !> Fraction of the distance to the boundary that a step goes.
   real(dp), parameter, public :: fraction_to_boundary = 0.995_dp
@@ -39,6 +39,11 @@ module dotyk_scheme_centrality
     real(dp), allocatable :: s(:)
     !> Amplitudes of the rigid body modes (coarse%n) [length].
     real(dp), allocatable :: alpha(:)
+    !> Of an iterate: rows of ties, whose forces may have any sign, without gaps (n).
+    logical, allocatable :: is_tied(:)
+  contains
+    procedure :: over_force => point_over_force
+    procedure :: longest_step => point_longest_step
   end type point_t
 
 contains
@@ -62,8 +67,8 @@ contains
     !> The step.
     type(point_t), intent(inout) :: step
     step%lambda = 0
-    call system%solve(qp, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
-    step%s = (product - now%s*step%lambda)/now%lambda
+    call system%solve(qp, compliance, now%over_force(product) - r_dual, -r_balance, step%lambda, step%alpha)
+    step%s = now%over_force(product - now%s*step%lambda)
   end subroutine newton_step
 
   !> Gondzio's centrality corrections: products that a longer step would make far too small or too large are brought
@@ -87,7 +92,7 @@ contains
     integer :: k
     allocate (none(size(wanted)), source=0.0_dp)
     other = step
-    length = min(1.0_dp, longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+    length = min(1.0_dp, now%longest_step(step))
     do k = 1, most_corrections
       if (length > long_enough) exit
       longer = min(1.0_dp, length + longer_by)
@@ -98,7 +103,7 @@ contains
       other%lambda = other%lambda + step%lambda
       other%s = other%s + step%s
       other%alpha = other%alpha + step%alpha
-      new = min(1.0_dp, longest_step(now%lambda, other%lambda), longest_step(now%s, other%s))
+      new = min(1.0_dp, now%longest_step(other))
       if (new < length + worthwhile_gain*longer_by) exit
       length = new
       step = other
@@ -176,7 +181,7 @@ contains
     real(dp) :: best, longest(n_parts)
     integer :: k
     longest = 1/fraction_to_boundary
-    call shorten(now%lambda, step%lambda, correction%lambda, longest)
+    call shorten(merge(huge(best)/2, now%lambda, now%is_tied), step%lambda, correction%lambda, longest)
     call shorten(now%s, step%s, correction%s, longest)
     length = 0
     best = 1
@@ -212,13 +217,27 @@ contains
     end do
   end subroutine shorten
 
+  !> A product divided by the force; 0 for ties.
+  pure function point_over_force(self, product) result(quotient)
+    class(point_t), intent(in) :: self
+    !> (n) [force*length].
+    real(dp), intent(in) :: product(:)
+    !> (n) [length].
+    real(dp) :: quotient(size(product))
+    quotient = 0
+    where (.not. self%is_tied) quotient = product/self%lambda
+  end function point_over_force
+
   !> Length of a step to the boundary, at most 1/fraction_to_boundary.
-  pure real(dp) function longest_step(x, step)
-    !> Positive (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Direction (n) [as `x`].
-    real(dp), intent(in) :: step(:)
-    longest_step = 1/fraction_to_boundary
-    if (any(step < 0)) longest_step = min(longest_step, minval(-x/step, mask=step < 0))
-  end function longest_step
+  pure real(dp) function point_longest_step(self, step) result(length)
+    !> The iterate.
+    class(point_t), intent(in) :: self
+    !> The step.
+    type(point_t), intent(in) :: step
+    length = 1/fraction_to_boundary
+    associate (closes => step%lambda < 0 .and. .not. self%is_tied)
+      if (any(closes)) length = min(length, minval(-self%lambda/step%lambda, mask=closes))
+    end associate
+    if (any(step%s < 0)) length = min(length, minval(-self%s/step%s, mask=step%s < 0))
+  end function point_longest_step
 end module dotyk_scheme_centrality

@@ -38,12 +38,26 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: value(:, :)
   end type mode_block_t
 
-  !> All modes, body after body.
+  !> A bolt of given tension: a tie whose sides come closer by an unknown shortening s along a direction n,
+  !> `B u - d = s n`, until it transmits the force, `-sum lambda.n = force`.
+  type, public :: slide_t
+    !> Slave body of the tie; first row, number of rows of each component, one component after the other, and number of
+    !> components.
+    integer :: body = 0, first = 0, n_rows = 0, dimension = 0
+    !> Direction (3) [].
+    real(dp) :: direction(3) = 0
+    !> Tension [force].
+    real(dp) :: force = 0
+  end type slide_t
+
+  !> All modes, body after body; after those of a body the shortenings of its bolts.
   type, public :: coarse_space_t
     !> Number of modes.
     integer :: n = 0
     !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
     integer, allocatable :: first(:)
+    !> Modes that move no body: shortenings of bolts (n).
+    logical, allocatable :: is_slide(:)
     !> Resultants e of the loads (n) [force].
     real(dp), allocatable :: resultant(:)
     !> S by bodies, 0 for exact rigid body modes; not allocated where no mode has a stiffness (n_bodies).
@@ -63,9 +77,9 @@ module dotyk_scheme_coarse_space
     !> How uncertain G is: its change where the normals of the slave surfaces are taken for those of the master
     !> surfaces; not allocated where they agree (n_bodies).
     type(mode_block_t), allocatable :: deviation(:)
-    !> The two bodies of each row, 0 where there is no second one (2, n_rows).
+    !> The bodies of each row, two but where rows are joined; 0 where there are fewer (n, n_rows).
     integer, allocatable :: body(:, :)
-    !> Position of each row among the rows of these bodies (2, n_rows).
+    !> Position of each row among the rows of these bodies (n, n_rows).
     integer, allocatable :: place(:, :)
   contains
     procedure :: init => coarse_init
@@ -89,7 +103,7 @@ module dotyk_scheme_coarse_space
 contains
 
   !> Make the coarse space.
-  subroutine coarse_init(self, block, n_rows, modes)
+  subroutine coarse_init(self, block, n_rows, modes, slide)
     !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
     !> Rows of B by bodies (n_bodies).
@@ -98,23 +112,30 @@ contains
     integer, intent(in) :: n_rows
     !> Modes at the contact nodes (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
+    !> Bolts of given tension; none if absent (n_slides).
+    type(slide_t), intent(in), optional :: slide(:)
+    type(slide_t), allocatable :: bolt(:)
     real(dp) :: most
-    integer :: b, j
+    integer :: b, j, n
+    allocate (bolt(0))
+    if (present(slide)) bolt = slide
     call self%destroy()
     call self%take_rows(block, n_rows)
     allocate (self%first(size(block) + 1), self%block(size(block)), self%translation(size(block)))
     self%first(1) = 1
     do b = 1, size(block)
-      self%first(b + 1) = self%first(b) + size(modes(b)%resultant)
+      self%first(b + 1) = self%first(b) + size(modes(b)%resultant) + count(bolt%body == b)
     end do
     self%n = self%first(size(block) + 1) - 1
-    allocate (self%scale(self%n), self%resultant(self%n), self%mean_square(self%n))
+    allocate (self%resultant(self%n))
+    allocate (self%scale(self%n), self%mean_square(self%n), source=1.0_dp)
+    allocate (self%is_slide(self%n), source=.true.)
     do b = 1, size(block)
       associate (own => modes(b), first => self%first(b))
-        allocate (self%block(b)%value(size(block(b)%row), size(own%resultant)))
+        allocate (self%block(b)%value(size(block(b)%row), self%first(b + 1) - self%first(b)))
         if (allocated(own%translation)) self%translation(b)%value = own%translation
         do j = 1, size(own%resultant)
-          self%scale(first + j - 1) = 1
+          self%is_slide(first + j - 1) = .false.
           self%resultant(first + j - 1) = own%resultant(j)
           self%mean_square(first + j - 1) = own%mean_square
           if (size(block(b)%row) == 0) cycle
@@ -130,9 +151,31 @@ contains
           where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
         end do
       end associate
+      n = size(modes(b)%resultant)
+      do j = 1, size(bolt)
+        if (bolt(j)%body /= b) cycle
+        n = n + 1
+        self%resultant(self%first(b) + n - 1) = bolt(j)%force
+        self%block(b)%value(:, n) = opened_by(bolt(j), block(b)%row)
+      end do
     end do
     if (any([(allocated(modes(b)%stiffness), b=1, size(modes))])) call take_stiffness(self, modes)
   end subroutine coarse_init
+
+  !> How a shortening of 1 opens rows, which it closes where displacements take it up (size of `row`) [].
+  pure function opened_by(slide, row) result(value)
+    !> The bolt.
+    type(slide_t), intent(in) :: slide
+    !> Rows.
+    integer, intent(in) :: row(:)
+    real(dp) :: value(size(row))
+    integer :: i, c
+    value = 0
+    do i = 1, size(row)
+      c = (row(i) - slide%first)/slide%n_rows + 1
+      if (row(i) >= slide%first .and. c <= slide%dimension) value(i) = -slide%direction(c)
+    end do
+  end function opened_by
 
   !> The bodies of each row.
   subroutine coarse_take_rows(self, block, n_rows)
@@ -142,15 +185,23 @@ contains
     type(contact_block_t), intent(in) :: block(:)
     !> Number of contact rows.
     integer, intent(in) :: n_rows
-    integer :: b, i, j, k
+    integer :: n_bodies(n_rows), b, i
+    n_bodies = 0
+    do b = 1, size(block)
+      n_bodies(block(b)%row) = n_bodies(block(b)%row) + 1
+    end do
     if (allocated(self%body)) deallocate (self%body, self%place)
-    allocate (self%body(2, n_rows), self%place(2, n_rows), source=0)
+    associate (most => maxval([2, n_bodies]))
+      allocate (self%body(most, n_rows), self%place(most, n_rows), source=0)
+    end associate
+    n_bodies = 0
     do b = 1, size(block)
       do i = 1, size(block(b)%row)
-        j = block(b)%row(i)
-        k = merge(1, 2, self%body(1, j) == 0)
-        self%body(k, j) = b
-        self%place(k, j) = i
+        associate (j => block(b)%row(i))
+          n_bodies(j) = n_bodies(j) + 1
+          self%body(n_bodies(j), j) = b
+          self%place(n_bodies(j), j) = i
+        end associate
       end do
     end do
   end subroutine coarse_take_rows
@@ -161,18 +212,19 @@ contains
     class(coarse_space_t), intent(inout) :: self
     !> Modes of the bodies; at least one has a stiffness (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
-    integer :: b, j, n
+    integer :: b, j, n, n_all
     allocate (self%stiffness(size(modes)))
     allocate (self%lift(self%n), source=0.0_dp)
     self%resultant_size = abs(self%resultant)
     do b = 1, size(modes)
-      associate (own => modes(b), first => self%first(b), last => self%first(b + 1) - 1, &
-                 scale => self%scale(self%first(b):self%first(b + 1) - 1))
-        n = size(scale)
-        allocate (self%stiffness(b)%value(n, n), source=0.0_dp)
+      n = size(modes(b)%resultant)
+      n_all = self%first(b + 1) - self%first(b)
+      associate (own => modes(b), first => self%first(b), last => self%first(b) + n - 1, &
+                 scale => self%scale(self%first(b):self%first(b) + n - 1))
+        allocate (self%stiffness(b)%value(n_all, n_all), source=0.0_dp)
         if (.not. allocated(own%stiffness)) cycle
         do j = 1, n
-          self%stiffness(b)%value(:, j) = scale*own%stiffness(:, j)*scale(j)
+          self%stiffness(b)%value(:n, j) = scale*own%stiffness(:, j)*scale(j)
         end do
         self%lift(first:last) = scale*own%lift_resultant
         self%resultant_size(first:last) = scale*own%resultant_size
@@ -225,20 +277,21 @@ contains
     real(dp), intent(out) :: norm
     type(error_t), allocatable :: error
     real(dp), allocatable :: force(:), inverse(:, :)
-    integer :: b, i, j
+    integer :: b, i, j, n
     norm = 0
     if (.not. allocated(self%lift)) return
     do b = 1, size(self%block)
       associate (first => self%first(b), last => self%first(b + 1) - 1, stiffness => self%stiffness(b)%value)
-        if (last < first) cycle
+        n = count(.not. self%is_slide(first:last))
+        if (n == 0) cycle
         if (.not. stiffness(1, 1) > 0) cycle
-        force = rounding_of_sums*(self%resultant_size(first:last) + &
-                                  matmul(abs(lambda(block(b)%row)), abs(self%block(b)%value)))
-        allocate (inverse(size(force), size(force)), source=0.0_dp)
-        do i = 1, size(force)
+        force = rounding_of_sums*(self%resultant_size(first:first + n - 1) + &
+                                  matmul(abs(lambda(block(b)%row)), abs(self%block(b)%value(:, :n))))
+        allocate (inverse(n, n), source=0.0_dp)
+        do i = 1, n
           inverse(i, i) = 1
         end do
-        call solve_dense(stiffness, inverse, error)
+        call solve_dense(stiffness(:n, :n), inverse, error)
         if (allocated(error)) then
           norm = huge(norm)
           return
@@ -287,7 +340,7 @@ contains
     is_deviation = .false.
     if (present(uncertain)) is_deviation = uncertain
     do i = 1, size(row)
-      do k = 1, 2
+      do k = 1, size(self%body, 1)
         b = self%body(k, row(i))
         if (b == 0) cycle
         if (is_deviation) then
@@ -299,7 +352,7 @@ contains
     end do
   end subroutine coarse_rows
 
-  !> Whether every mode of a body has a stiffness of its own.
+  !> Whether every mode of a body has a stiffness of its own, but for shortenings of bolts.
   pure logical function coarse_has_stiffness(self, b) result(has_stiffness)
     !> The coarse space.
     class(coarse_space_t), intent(in) :: self
@@ -308,7 +361,8 @@ contains
     integer :: i
     has_stiffness = allocated(self%stiffness)
     if (has_stiffness) &
-      has_stiffness = all([(self%stiffness(b)%value(i, i) > 0, i=1, size(self%stiffness(b)%value, 1))])
+      has_stiffness = all([(self%stiffness(b)%value(i, i) > 0 .or. self%is_slide(self%first(b) + i - 1), &
+                            i=1, size(self%stiffness(b)%value, 1))])
   end function coarse_has_stiffness
 
   !> Free all memory.
@@ -322,6 +376,6 @@ contains
     if (allocated(self%translation)) deallocate (self%translation)
     if (allocated(self%stiffness)) deallocate (self%stiffness)
     if (allocated(self%lift)) deallocate (self%lift, self%resultant_size)
-    if (allocated(self%resultant)) deallocate (self%resultant)
+    if (allocated(self%resultant)) deallocate (self%resultant, self%is_slide)
   end subroutine coarse_destroy
 end module dotyk_scheme_coarse_space

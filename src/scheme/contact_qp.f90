@@ -12,7 +12,8 @@
 !> contact u_0, and the rigid body modes `G = B R` of floating bodies, their resultants e and springs S
 !> (`dotyk_scheme_coarse_space`). Every iterate is `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per
 !> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The penalty parameter theta and the
-!> tolerance are arguments of a solve. (docs/theory.md)
+!> tolerance are arguments of a solve. Rows of ties are equations, `B u - d = 0`: their forces have any sign, their theta
+!> is 0. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
@@ -20,13 +21,19 @@ module dotyk_scheme_contact_qp
   implicit none
   private
 
-  !> The quadratic programme. Only this module, `dotyk_scheme_restriction` and `dotyk_scheme_tied` write its components.
+  !> The quadratic programme. Only this module and `dotyk_scheme_restriction` write its components.
   type, public :: contact_qp_t
-    !> Number of contact rows.
+    !> Number of rows, of contact and of ties.
     integer :: n_rows = 0
+    !> Rows of ties (n_rows).
+    logical, allocatable :: is_tied(:)
+    !> Row of the QP that the scheme solves that each row belongs to: contact rows of one vertex on both sides of a tie
+    !> are one. Not allocated where each is one by itself (n_rows).
+    integer, allocatable :: joined_row(:)
     !> Dimension of space.
     integer :: dimension = 0
-    !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
+    !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1; after contact pairs come the components of ties
+    !> (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
     !> Aggregations that the QP has gone through.
     integer :: level = 0
@@ -56,6 +63,7 @@ module dotyk_scheme_contact_qp
     procedure :: shift_penetration => qp_shift_penetration
     procedure :: replace_modes => qp_replace_modes
     procedure :: mode_displacement => qp_mode_displacement
+    procedure :: opened_by_slides => qp_opened_by_slides
     procedure :: mode_resultant => qp_mode_resultant
     procedure :: energy_norm => qp_energy_norm
     procedure :: energy => qp_energy
@@ -71,7 +79,7 @@ contains
 
   !> Make the QP.
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
-                     foundation, coarse)
+                     foundation, coarse, is_tied, joined_row)
     !> The QP.
     class(contact_qp_t), intent(out) :: self
     !> Rows of B, weights and gaps; without its blocks on return.
@@ -88,6 +96,10 @@ contains
     real(dp), intent(in) :: foundation(:)
     !> Coarse space of the same rows.
     type(coarse_space_t), intent(in) :: coarse
+    !> Rows of ties; none if absent (n_rows).
+    logical, intent(in), optional :: is_tied(:)
+    !> See `contact_qp_t` (n_rows).
+    integer, intent(in), optional :: joined_row(:)
     integer :: i
     self%n_rows = operator%n_rows
     self%dimension = operator%dimension
@@ -102,6 +114,9 @@ contains
     self%norm_square_0 = norm_square_0
     self%foundation = foundation
     self%coarse = coarse
+    allocate (self%is_tied(operator%n_rows), source=.false.)
+    if (present(is_tied)) self%is_tied = is_tied
+    if (present(joined_row)) self%joined_row = joined_row
   end subroutine qp_init
 
   !> The QP of another load case: the rows are the same.
@@ -164,6 +179,17 @@ contains
       end do
     end do
   end subroutine qp_mode_displacement
+
+  !> The part of G alpha that moves no body: y is `B u - d` plus this.
+  pure function qp_opened_by_slides(self, alpha) result(z)
+    !> The QP.
+    class(contact_qp_t), intent(in) :: self
+    !> Amplitudes, with the scale of the modes or without (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n_rows) [length].
+    real(dp) :: z(self%n_rows)
+    call self%mode_displacement(merge(alpha, 0.0_dp, self%coarse%is_slide), z)
+  end function qp_opened_by_slides
 
   !> e = G^T lambda.
   pure subroutine qp_mode_resultant(self, lambda, e)
@@ -255,10 +281,14 @@ contains
   end function qp_load_work
 
   !> Whether the bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies
-  !> tell, active sets cycle, and all rows cost little.
+  !> tell, active sets cycle, and all rows cost little. Ties hold their bodies.
   pure logical function qp_is_heap(self) result(is_heap)
     class(contact_qp_t), intent(in) :: self
-    is_heap = self%coarse%n > many_modes .and. self%n_rows < rows_per_mode*self%coarse%n
+    logical :: is_loose(size(self%block))
+    integer :: b, n_modes
+    is_loose = [(.not. any(self%is_tied(self%block(b)%row)), b=1, size(self%block))]
+    n_modes = sum(self%coarse%first(2:) - self%coarse%first(:size(is_loose)), mask=is_loose)
+    is_heap = n_modes > many_modes .and. count(.not. self%is_tied) < rows_per_mode*n_modes
   end function qp_is_heap
 
   !> Nodal contact forces on one body, - B_b^T W m.

@@ -30,7 +30,7 @@ module dotyk_scheme_dense_compliance
     type(body_matrix_t), allocatable :: body(:)
     !> Aggregations that the QP of `init` has gone through.
     integer :: level = 0
-    !> Bodies that each row touches, and its place among their rows (2, n_rows).
+    !> Bodies that each row touches, and its place among their rows (n, n_rows).
     integer, allocatable :: row_body(:, :), row_place(:, :)
   contains
     procedure :: init => dense_init
@@ -220,7 +220,7 @@ contains
     integer :: number(size(row))
     integer :: i
     do i = 1, size(row)
-      number(i) = self%body(b)%number(self%row_place(merge(1, 2, self%row_body(1, row(i)) == b), row(i)))
+      number(i) = self%body(b)%number(self%row_place(findloc(self%row_body(:, row(i)), b, 1), row(i)))
     end do
   end function dense_numbers
 
@@ -260,7 +260,7 @@ contains
     do i = 1, size(row)
       associate (parent => qp%parent_row(row(i)))
         diagonal(i) = 0
-        do k = 1, 2
+        do k = 1, size(self%row_body, 1)
           b = self%row_body(k, parent)
           if (b == 0) cycle
           n = self%body(b)%number(self%row_place(k, parent))

@@ -7,7 +7,7 @@
 !>
 !> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the
 !> working set. At the end the displacement tells which of them are violated; these are added to the working set, and
-!> the problem is solved again.
+!> the problem is solved again. Rows of ties are in every set, with forces of any sign.
 module dotyk_scheme_dual
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
@@ -18,18 +18,20 @@ module dotyk_scheme_dual
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_scheme_closed_ties, only: close_ties
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear, explain_failure
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
-  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_restriction, only: aggregate_values, join_qp, restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
-    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
+    ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -42,6 +44,7 @@ module dotyk_scheme_dual
     procedure :: needs_held_bodies => dual_needs_held_bodies
     procedure :: allows_zero_theta => dual_allows_zero_theta
     procedure :: expected_products => dual_expected_products
+    procedure :: finds_displacements => dual_finds_displacements
   end type dual_t
 
   !> How often violated rows enter the working set; then all rows do.
@@ -85,8 +88,24 @@ contains
     end associate
   end function dual_expected_products
 
+  !> With ties another theta is for the scheme: their forces are no contact forces, of which tensile ones may be dropped.
+  logical function dual_finds_displacements(self, qp, compliance, theta) result(finds)
+    !> The scheme.
+    class(dual_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> C.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    finds = any(qp%is_tied)
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
+                              qp%n_rows == size(theta)])
+    end associate
+  end function dual_finds_displacements
+
   !> Solve.
-  subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  recursive subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(dual_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
@@ -112,6 +131,10 @@ contains
     logical :: warm, explains
     integer :: round
 
+    if (allocated(qp%joined_row)) then
+      call solve_joined(self, qp, compliance, theta, settings, monitor, state, error)
+      return
+    end if
     warm = allocated(state%m)
     ! A state with a history is one of this problem; the loads may have changed since any other.
     explains = state%history%n == 0 .and. qp%is_heap()
@@ -121,7 +144,7 @@ contains
     end if
     if (warm) then
       call complete_start(qp, state)
-      working = state%m > 0
+      working = state%m > 0 .or. qp%is_tied
     else
       call screen_rows(qp, theta, working)
     end if
@@ -173,6 +196,44 @@ contains
     associate (not_needed => same_type_as(self, self))
     end associate
   end subroutine dual_solve
+
+  !> Solve for rows that are one.
+  recursive subroutine solve_joined(self, qp, compliance, theta, settings, monitor, state, error)
+    !> As in `dual_solve`.
+    class(dual_t), intent(in) :: self
+    !> With rows to join.
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `dual_solve`.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `dual_solve`.
+    real(dp), intent(in) :: theta(:)
+    !> As in `dual_solve`.
+    type(solver_settings_t), intent(in) :: settings
+    !> As in `dual_solve`.
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `dual_solve`.
+    type(solver_state_t), intent(inout) :: state
+    !> As in `dual_solve`.
+    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t) :: joined
+    type(dense_compliance_t) :: of_joined
+    real(dp), allocatable :: fraction(:), z(:), motion(:)
+    call join_qp(qp, compliance, joined, of_joined, fraction)
+    associate (row => qp%joined_row)
+      if (allocated(state%m)) state%m = aggregate_values(row, joined%n_rows, fraction, state%m)
+      if (allocated(state%y)) state%y = aggregate_values(row, joined%n_rows, fraction, state%y)
+      call self%solve(joined, of_joined, aggregate_values(row, joined%n_rows, fraction, theta), settings, monitor, &
+                      state, error)
+      if (allocated(error)) return
+      if (state%rigid_row > 0) state%rigid_row = findloc(row, state%rigid_row, 1)
+      if (.not. allocated(state%m)) return
+      state%m = state%m(row)
+    end associate
+    allocate (z(qp%n_rows), motion(qp%n_rows))
+    call compliance%multiply(qp, qp%weight*state%m, z)
+    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
+    state%y = qp%initial_penetration - z + motion
+  end subroutine solve_joined
 
   !> A warm start may have pressures alone.
   subroutine complete_start(qp, state)
@@ -258,7 +319,7 @@ contains
     type(contact_qp_t) :: with_springs
     type(proximal_motion_t) :: motion
     real(dp), allocatable :: guess(:), foundation(:)
-    logical, allocatable :: active(:)
+    logical, allocatable :: active(:), is_held(:)
     logical :: starts_inside, done
     integer :: k
     if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
@@ -266,7 +327,7 @@ contains
       now%lambda = qp%weight*state%m
       now%y = state%y
       now%alpha = state%alpha/qp%coarse%scale
-      active = state%m > 0
+      active = state%m > 0 .or. qp%is_tied
     end if
     call clear(state)
     if (system%needs_entries()) then
@@ -278,6 +339,12 @@ contains
     foundation = foundation_stiffness(qp, theta)
     with_springs = qp
     starts_inside = .not. warm .and. qp%is_heap()
+    if (any(qp%is_tied)) then
+      call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
+      call motion%apply(qp, with_springs)
+      call close_ties(qp, with_springs, compliance, theta, system, state, is_held, error)
+      if (allocated(error) .or. any(state%ended == [ended_open_tie, ended_rigid_constraint])) return
+    end if
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
       if (qp%is_heap()) then
@@ -302,7 +369,7 @@ contains
       else
         call find_active_set(qp, with_springs, compliance, theta, &
                              max(1, settings%max_iterations - state%history%n), monitor, &
-                             system, now, active, state, error, start_inside=starts_inside)
+                             system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
       end if
       starts_inside = .false.
@@ -313,11 +380,11 @@ contains
     state%rest = motion%rest
     state%excess = motion%excess
     call motion%find_undetermined(qp, foundation, active, state%indeterminate)
-    call finish(qp, with_springs, compliance, theta, settings%tolerance, system, now, state)
+    call finish(qp, with_springs, compliance, theta, settings%tolerance, system, now, state, is_held)
   end subroutine solve_working_set
 
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
-  subroutine finish(qp, with_springs, compliance, theta, tolerance, system, now, state)
+  subroutine finish(qp, with_springs, compliance, theta, tolerance, system, now, state, is_held)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> The same with the springs of the last step.
@@ -334,10 +401,13 @@ contains
     type(iterate_t), intent(inout) :: now
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
+    !> Contact rows that ties hold, closed but for rounding; none if absent (n_rows).
+    logical, intent(in), optional :: is_held(:)
     real(dp) :: norm, admissible, rounded
     logical :: has_equilibrium
-    now%lambda = max(0.0_dp, now%lambda)
+    now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     call update_penetrations(qp, compliance, now)
+    if (present(is_held)) now%y = merge(0.0_dp, now%y, is_held)
     state%m = now%lambda/qp%weight
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
@@ -347,7 +417,8 @@ contains
     has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
                       .not. any(state%excess > largest_rest)
     if (has_equilibrium) then
-      state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
+      ! Ties that are not closed to the bit leave none.
+      if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
         admissible = admissible_bound(qp, with_springs, compliance, theta, system, now%lambda, now%y, rounding)
@@ -363,7 +434,7 @@ contains
     if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)
     state%energy = qp%energy(theta, state%m, state%y, now%alpha)
     state%max_penetration = 0
-    if (size(state%y) > 0) state%max_penetration = max(0.0_dp, maxval(state%y))
+    if (size(state%y) > 0) state%max_penetration = max(0.0_dp, maxval(state%y, mask=.not. qp%is_tied))
     if (state%history%n > 0) then
       state%history%error_bound(state%history%n) = state%error_bound
       state%history%energy(state%history%n) = state%energy

@@ -81,7 +81,7 @@ contains
     associate (own => matrix%body(b), parent => qp%parent_row(qp%block(b)%row))
       allocate (new_place(size(parent)))
       do i = 1, size(parent)
-        new_place(i) = matrix%row_place(merge(1, 2, matrix%row_body(1, parent(i)) == b), parent(i))
+        new_place(i) = matrix%row_place(findloc(matrix%row_body(:, parent(i)), b, 1), parent(i))
       end do
       row = pack(parent, own%number(new_place) == 0)
       new_place = pack(new_place, own%number(new_place) == 0)

@@ -6,14 +6,15 @@
 !> corrector (SIAM J. Optim. 2, 1992), and Gondzio's centrality correctors (Comput. Optim. Appl. 6, 1996), since
 !> solutions are cheap against factorizations. It takes ten to forty linear systems, whatever the number of points: each
 !> is that of the active set of all points, their Winkler layers softened by `s_i/lambda_i`. In the end either the force
-!> or the gap of each point is next to nothing, which gives the active set.
+!> or the gap of each point is next to nothing, which gives the active set. Rows of ties have forces of any sign, and
+!> neither gaps nor softer layers.
 module dotyk_scheme_interior_point
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_centrality, only: correct_and_shorten, correct_centrality, fraction_to_boundary, least_centring, &
-    longest_step, newton_step, point_t
+    newton_step, point_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -92,11 +93,13 @@ contains
     steps = 0
     if (n == 0) return
     ! Complementarity products are proportional to the weights.
-    fraction = qp%weight(row)/sum(qp%weight(row))
+    fraction = merge(0.0_dp, qp%weight(row), qp%is_tied(row))
+    fraction = fraction/max(tiny(least), sum(fraction))
     system%step_reduction = step_reduction
     converged = .false.
     if (present(penetration)) then
-      if (is_near(qp, max(0.0_dp, merge(penetration/foundation, 0.0_dp, usable)), motion)) then
+      if (is_near(qp, merge(merge(penetration, max(0.0_dp, penetration), qp%is_tied)/foundation, 0.0_dp, usable), &
+                  motion)) then
         call start_near(qp, row, foundation(row), fraction, penetration(row), motion, now)
         call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
       end if
@@ -113,7 +116,7 @@ contains
     if (.not. allocated(now%s)) return
     lambda(row) = now%lambda
     alpha = now%alpha
-    active(row) = foundation(row)*now%lambda > now%s
+    active(row) = foundation(row)*now%lambda > now%s .or. qp%is_tied(row)
   end subroutine interior_point_method
 
   !> Follow the central path from an iterate.
@@ -155,12 +158,12 @@ contains
       mu = sum(now%lambda*now%s)
       converged = mu <= least*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)
       if (converged) exit
-      call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)
+      call make_system(qp, compliance, theta, system, usable, row, now%over_force(now%s), error)
       if (allocated(error)) exit
       ! Predictor, then corrector.
       product = -now%lambda*now%s
       call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
-      length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+      length = now%longest_step(step)
       mu_ahead = sum((now%lambda + length*step%lambda)*(now%s + length*step%s))
       sigma = min(1.0_dp, max(least_centring, (mu_ahead/mu)**3))
       if (qp%coarse%n < many_modes) then
@@ -170,7 +173,7 @@ contains
       else
         call correct_and_shorten(qp, compliance, system, now, mu*fraction, sigma, step)
       end if
-      length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+      length = now%longest_step(step)
       length = min(1.0_dp, fraction_to_boundary*length)
       now%lambda = now%lambda + length*step%lambda
       now%s = now%s + length*step%s
@@ -224,10 +227,11 @@ contains
     !> The iterate.
     type(point_t), intent(out) :: now
     real(dp) :: product(size(row)), root(size(row))
+    now%is_tied = qp%is_tied(row)
     now%lambda = max(0.0_dp, penetration)/foundation
     now%s = max(0.0_dp, -penetration)
     now%alpha = motion
-    product = max(product_of_start*energy_of(qp, row, now), tiny(1.0_dp))*fraction
+    product = max(product_of_start*energy_of(qp, row, now)*fraction, tiny(1.0_dp))
     root = sqrt(penetration**2 + 4*foundation*product)
     ! No difference of nearly equal numbers.
     where (penetration > 0)
@@ -236,6 +240,10 @@ contains
     else where
       now%s = (root - penetration)/2
       now%lambda = product/now%s
+    end where
+    where (now%is_tied)
+      now%lambda = penetration/foundation
+      now%s = 0
     end where
   end subroutine start_near
 
@@ -263,21 +271,22 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: force, gap, product
     allocate (now%lambda(size(row)), now%alpha(qp%coarse%n))
-    call make_system(qp, compliance, theta, system, usable, row, foundation, error)
+    now%is_tied = qp%is_tied(row)
+    call make_system(qp, compliance, theta, system, usable, row, merge(0.0_dp, foundation, now%is_tied), error)
     if (allocated(error)) return
     now%lambda = 0
     call system%solve(qp, compliance, qp%initial_penetration(row), qp%coarse%resultant, now%lambda, now%alpha)
-    now%s = -foundation*now%lambda
+    now%s = merge(0.0_dp, -foundation*now%lambda, now%is_tied)
     ! Forces are shifted in proportion to the weights, gaps by the same length everywhere.
-    force = max(0.0_dp, -shift*minval(now%lambda/fraction))
+    force = max(0.0_dp, -shift*minval(now%lambda/merge(1.0_dp, fraction, now%is_tied), mask=.not. now%is_tied))
     gap = max(0.0_dp, -shift*minval(now%s))
     now%lambda = now%lambda + force*fraction
-    now%s = now%s + gap
+    where (.not. now%is_tied) now%s = now%s + gap
     product = sum(now%lambda*now%s)
     force = max(product/(2*max(tiny(1.0_dp), sum(fraction*now%s))), tiny(1.0_dp))
-    gap = max(product/(2*max(tiny(1.0_dp), sum(now%lambda))), tiny(1.0_dp))
+    gap = max(product/(2*max(tiny(1.0_dp), sum(now%lambda, mask=.not. now%is_tied))), tiny(1.0_dp))
     now%lambda = now%lambda + force*fraction
-    now%s = now%s + gap
+    where (.not. now%is_tied) now%s = now%s + gap
   end subroutine find_start
 
   !> The system of all usable points with softer Winkler layers.
@@ -341,7 +350,7 @@ contains
     !> Residual of equilibrium (coarse%n) [force].
     real(dp), intent(in) :: r_balance(:)
     real(dp) :: largest
-    largest = max(maxval(now%lambda), maxval([0.0_dp, abs(qp%coarse%resultant)]))
+    largest = max(maxval(abs(now%lambda)), maxval([0.0_dp, abs(qp%coarse%resultant)]))
     is_balanced = .not. any(abs(r_balance) > balanced*largest)
   end function is_balanced
 

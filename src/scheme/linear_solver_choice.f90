@@ -51,6 +51,8 @@ contains
     associate (n_modes => real(qp%coarse%n, dp))
       system%may_couple_all = 8*(n_modes + count(rows))*n_modes < room_for_matrices(memory)
     end associate
+    ! Ties couple their components, and bodies with each other.
+    if (any(qp%is_tied) .and. system%may_couple_all) system%coupling = coupling_all
     matrix_free = wish == linear_solver_iterative
     if (wish == linear_solver_auto .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)

@@ -5,18 +5,19 @@
 !> costs next to nothing, and the forces of the groups tell which rows start active. Without it, active sets would
 !> shrink ring by ring from far too large ones, and entries of the compliance be formed for rows that are never active.
 module dotyk_scheme_multilevel_start
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_auto
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
-  use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_restriction, only: aggregate_compliance, aggregate_qp, aggregate_values
+  use dotyk_scheme_restriction, only: aggregate_compliance, aggregate_qp, aggregate_values, &
+    form_aggregate
   use dotyk_scheme_solver_state, only: solver_state_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
@@ -89,37 +90,25 @@ contains
     else
       call choose_coupling(coarse, compliance, linear_solver_auto, all_rows, system)
       if (system%needs_entries()) then
-        call form_groups(coarse, compliance, of_groups)
+        call form_aggregate(coarse, compliance, of_groups)
         call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
       else
         call solve_groups(coarse, compliance, coarse_theta, system, start, indentation, error)
       end if
     end if
     call system%destroy()
-    if (allocated(error)) return
+    if (allocated(error)) then
+      ! Mean rows of a tie may not hold what its rows hold: the bodies stay on the foundation.
+      if (any(qp%is_tied) .and. error%code == exit_not_solvable) deallocate (error)
+      return
+    end if
     ! Distribute the forces of the groups.
-    now%lambda = max(0.0_dp, start%lambda(group))*qp%weight/coarse%weight(group)
+    now%lambda = start%lambda(group)*qp%weight/coarse%weight(group)
+    now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     now%alpha = start%alpha
     call update_penetrations(qp, compliance, now)
-    active = now%y > -gap_over_indentation*indentation(group)
+    active = now%y > -gap_over_indentation*indentation(group) .or. qp%is_tied
   end subroutine find_start
-
-  !> The entries of groups whose rows have none.
-  subroutine form_groups(coarse, compliance, of_groups)
-    !> The groups.
-    type(contact_qp_t), intent(in) :: coarse
-    !> Compliance operator of the bodies.
-    class(compliance_t), intent(inout) :: compliance
-    !> Their compliance.
-    type(dense_compliance_t), intent(out) :: of_groups
-    type(entries_t), allocatable :: entries(:)
-    integer :: b
-    call compliance%form_all(coarse, entries)
-    call of_groups%init(coarse)
-    do b = 1, size(entries)
-      call of_groups%set(coarse, b, entries(b)%value)
-    end do
-  end subroutine form_groups
 
   !> The contact problem of the groups.
   recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)

@@ -13,6 +13,9 @@
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
 !> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as
 !> the contact there.
+!>
+!> Bodies that ties join are one: they have no springs where ties, springs and supports resist all their motions, and
+!> what resists one of them is what resists all together. Shortenings of bolts have none.
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -21,12 +24,14 @@ module dotyk_scheme_proximal_motion
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
+  use dotyk_scheme_tied_groups, only: find_held_groups
   implicit none
   private
 
   !> The springs.
   type, public :: proximal_motion_t
-    !> T by bodies; of size 0 for bodies without modes, and for those whose modes have a stiffness (n_bodies).
+    !> T by bodies; of size 0 for bodies without modes, those whose modes have a stiffness, and those that ties hold
+    !> (n_bodies).
     type(mode_block_t), allocatable :: stiffness(:)
     !> alpha_k: where the feet of the springs are (n_modes) [length].
     real(dp), allocatable :: centre(:)
@@ -46,6 +51,9 @@ module dotyk_scheme_proximal_motion
     real(dp), allocatable, private :: last(:)
     !> Active rows of each body in the last step (n_bodies).
     integer, allocatable, private :: n_active(:)
+    !> Group of bodies that ties join, of each body (n_bodies); those that ties hold (n_groups).
+    integer, allocatable, private :: group(:)
+    logical, allocatable, private :: is_held(:)
   contains
     procedure :: init => motion_init
     procedure :: apply => motion_apply
@@ -93,6 +101,7 @@ contains
     !> (n_modes) [length]
     real(dp), intent(in) :: alpha(:)
     integer :: b
+    call find_held_groups(qp, foundation, self%group, self%is_held)
     associate (n_bodies => size(qp%block))
       allocate (self%stiffness(n_bodies), self%n_active(n_bodies))
       allocate (self%rest(n_bodies), self%excess(n_bodies), source=0.0_dp)
@@ -100,6 +109,8 @@ contains
       allocate (self%held(n_bodies))
       do b = 1, n_bodies
         self%stiffness(b)%value = springs_of(qp, b, foundation, active)
+        if (self%is_held(self%group(b))) deallocate (self%stiffness(b)%value)
+        if (self%is_held(self%group(b))) allocate (self%stiffness(b)%value(0, 0))
         self%n_active(b) = count(active(qp%block(b)%row))
         call find_uncertain(qp, b, foundation, self%stiffness(b)%value, self%held(b)%value)
         call hold(self%held(b)%value, self%stiffness(b)%value)
@@ -124,16 +135,17 @@ contains
     real(dp) :: contact
     integer :: j
     associate (row => qp%block(b)%row, first => qp%coarse%first(b), n => qp%coarse%first(b + 1) - qp%coarse%first(b))
-      if (qp%coarse%has_stiffness(b) .or. n == 0) then
+      if (qp%coarse%has_stiffness(b) .or. all(qp%coarse%is_slide(first:first + n - 1))) then
         allocate (stiffness(0, 0))
         return
       end if
-      contact = sum(foundation(row), mask=active(row))
+      contact = sum(foundation(row), mask=active(row) .and. .not. qp%is_tied(row))
       if (.not. contact > 0) contact = sum(foundation(row))
       if (.not. (contact > 0 .and. contact <= huge(contact))) contact = 1
       allocate (stiffness(n, n), source=0.0_dp)
       do j = 1, n
-        stiffness(j, j) = fraction*contact*qp%coarse%mean_square(first + j - 1)
+        if (.not. qp%coarse%is_slide(first + j - 1)) &
+          stiffness(j, j) = fraction*contact*qp%coarse%mean_square(first + j - 1)
       end do
     end associate
   end function springs_of
@@ -158,7 +170,7 @@ contains
     allocate (direction(n, 0))
     if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. allocated(qp%coarse%translation))) return
     associate (first => qp%coarse%first(b), row => qp%block(b)%row)
-      if (size(row) == 0) return
+      if (size(row) == 0 .or. size(qp%coarse%translation(b)%value, 2) /= n) return
       root = sqrt(qp%coarse%mean_square(first:first + n - 1))
       g = spread(sqrt(foundation(row)), 2, n)*qp%coarse%block(b)%value/spread(root, 1, size(row))
       d = spread(sqrt(foundation(row)), 2, n)*qp%coarse%deviation(b)%value/spread(root, 1, size(row))
@@ -240,8 +252,9 @@ contains
     !> Whether all bodies are in equilibrium, or contact does not determine what they go on doing.
     logical, intent(out) :: done
     real(dp) :: before(size(alpha)), step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
-    real(dp), allocatable :: held_force(:), free_force(:)
-    real(dp) :: greatest, on_body, size_now
+    real(dp), dimension(size(self%is_held)) :: resisted, alone, doubted, weight, whole, on_group
+    real(dp), allocatable :: free_force(:)
+    real(dp) :: greatest, size_now
     logical :: goes_on, may_rest, is_free
     integer :: b, n_active
     done = .true.
@@ -250,28 +263,32 @@ contains
     step = alpha - self%centre
     self%centre = alpha
     self%n_steps = self%n_steps + 1
+    greatest = maxval([0.0_dp, abs(lambda), abs(qp%coarse%resultant)])
+    self%rest = 0
+    self%excess = 0
+    call find_forces()
+    do b = 1, size(qp%block)
+      if (size(self%stiffness(b)%value) > 0) call judge_held()
+    end do
     call qp%mode_displacement(step, moved)
     call find_uncertainty(qp, step, uncertainty)
-    greatest = maxval([0.0_dp, abs(lambda), abs(qp%coarse%resultant)])
+    call measure_groups()
     do b = 1, size(qp%block)
       associate (springs => self%stiffness(b)%value, row => qp%block(b)%row, &
                  first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
-        self%rest(b) = 0
-        self%excess(b) = 0
         if (size(springs) == 0) cycle
-        self%imbalance(first:last) = matmul(springs, step(first:last))
-        on_body = max(sum(abs(lambda(row))), maxval(abs(qp%coarse%resultant(first:last))), largest_rounding*greatest, &
-                      tiny(greatest))
-        call judge_held(held_force, self%rest(b), self%excess(b))
-        free_force = self%imbalance(first:last) - held_force
+        free_force = matmul(springs, step(first:last))
         size_now = maxval(abs(free_force))
         goes_on = self%last(b) >= 0 .and. .not. size_now < slow*self%last(b)
         self%last(b) = size_now
         n_active = count(active(row))
         if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
-          self%rest(b) = max(self%rest(b), size_now/on_body)
-          self%excess(b) = max(self%excess(b), size_now/on_body)
-          call judge(is_free, may_rest)
+          associate (g => self%group(b))
+            self%rest(b) = max(self%rest(b), size_now/on_group(g))
+            self%excess(b) = max(self%excess(b), size_now/on_group(g))
+            is_free = alone(g) <= no_resistance**2*weight(g)*whole(g)
+            may_rest = resisted(g) <= no_resistance**2*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resisted(g)
+          end associate
           may_rest = may_rest .and. self%excess(b) <= largest_rest
           if (.not. goes_on) then
             done = .false.
@@ -295,37 +312,42 @@ contains
 
   contains
 
-    !> Forces of the springs of the body in directions that are held: their feet stay. A direction is released where loads
-    !> act along it, or the springs carry more than the uncertainty of the normals makes of the contact forces.
-    subroutine judge_held(force, rest, excess)
-      !> (modes of the body) [force]
-      real(dp), allocatable, intent(out) :: force(:)
-      !> As fractions of the forces on the body: these forces, and what is beyond the uncertainty [].
-      real(dp), intent(out) :: rest, excess
+    !> The greatest force on a body of each group.
+    subroutine find_forces()
+      integer :: body
+      on_group = max(largest_rounding*greatest, tiny(greatest))
+      do body = 1, size(qp%block)
+        associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
+                   g => self%group(body))
+          on_group(g) = max(on_group(g), sum(abs(lambda(row)), mask=.not. qp%is_tied(row)), &
+                            maxval([0.0_dp, abs(qp%coarse%resultant(first:last))]))
+        end associate
+      end do
+    end subroutine find_forces
+
+    !> Forces of the springs of body b; in directions that are held their feet stay, and the step is without these. A
+    !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals makes
+    !> of the contact forces.
+    subroutine judge_held()
       real(dp), allocatable :: carried(:), loads(:)
-      rest = 0
-      excess = 0
-      associate (held => self%held(b)%value, row => qp%block(b)%row, &
+      associate (held => self%held(b)%value, row => qp%block(b)%row, on_body => on_group(self%group(b)), &
                  first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
-        if (size(held) == 0) then
-          force = 0*self%imbalance(first:last)
-          return
-        end if
+        self%imbalance(first:last) = matmul(self%stiffness(b)%value, step(first:last))
+        if (size(held) == 0) return
         associate (mean => qp%coarse%mean_square(first:last))
           carried = matmul(self%imbalance(first:last), held)
           loads = matmul(qp%coarse%resultant(first:last), held)
-          force = mean*matmul(held, carried)
           step(first:last) = step(first:last) - matmul(held, matmul(mean*step(first:last), held))
           self%centre(first:last) = before(first:last) + step(first:last)
         end associate
-        rest = norm2(carried)/on_body
+        self%rest(b) = norm2(carried)/on_body
         if (norm2(loads) > largest_rest*on_body) then
           call release(loads/norm2(loads))
-        else if (rest > largest_rest) then
+        else if (self%rest(b) > largest_rest) then
           carried = carried/norm2(carried)
-          excess = rest - sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, matmul(held, carried))))/ &
-            (uncertain*on_body)
-          if (excess > largest_rest) call release(carried)
+          self%excess(b) = self%rest(b) - sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, &
+                                                                     matmul(held, carried))))/(uncertain*on_body)
+          if (self%excess(b) > largest_rest) call release(carried)
         end if
       end associate
     end subroutine judge_held
@@ -353,21 +375,29 @@ contains
       done = .false.
     end subroutine release
 
-    !> Whether the active rows would not resist the step if the other bodies were at rest, and whether they resist it by
-    !> no more than they are uncertain.
-    subroutine judge(nothing_resists, may_be_uncertain)
-      logical, intent(out) :: nothing_resists, may_be_uncertain
-      real(dp) :: resisted, alone, doubted, weight, whole
-      associate (row => qp%block(b)%row, first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
-        weight = sum(foundation(row), mask=active(row))
-        resisted = sum(foundation(row)*moved(row)**2, mask=active(row))
-        alone = sum(foundation(row)*matmul(qp%coarse%block(b)%value, step(first:last))**2, mask=active(row))
-        doubted = sum(foundation(row)*uncertainty(row)**2, mask=active(row))
-        whole = sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
-      end associate
-      nothing_resists = alone <= no_resistance**2*weight*whole
-      may_be_uncertain = resisted <= no_resistance**2*weight*whole .or. doubted >= uncertain**2*resisted
-    end subroutine judge
+    !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
+    !> other bodies were at rest, and by how much they are uncertain.
+    subroutine measure_groups()
+      real(dp), allocatable :: own(:)
+      integer :: body
+      resisted = 0
+      alone = 0
+      doubted = 0
+      weight = 0
+      whole = 0
+      do body = 1, size(qp%block)
+        associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
+                   g => self%group(body))
+          own = matmul(qp%coarse%block(body)%value, step(first:last))
+          where (qp%is_tied(row)) own = moved(row)
+          weight(g) = weight(g) + sum(foundation(row), mask=active(row))
+          resisted(g) = resisted(g) + sum(foundation(row)*moved(row)**2, mask=active(row))
+          alone(g) = alone(g) + sum(foundation(row)*own**2, mask=active(row))
+          doubted(g) = doubted(g) + sum(foundation(row)*uncertainty(row)**2, mask=active(row))
+          whole(g) = whole(g) + sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
+        end associate
+      end do
+    end subroutine measure_groups
 
     !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact there.
     !> False where they are so already.
@@ -410,12 +440,12 @@ contains
     logical, intent(in) :: active(:)
     !> As columns of amplitudes; the largest one of each is 1.
     type(mode_columns_t), intent(out) :: motion
-    integer :: b
+    integer :: b, g
     if (qp%coarse%n <= most_modes) then
       call find_of(self, qp, foundation, active, [(b, b=1, size(qp%block))], motion)
     else
-      do b = 1, size(qp%block)
-        call find_of(self, qp, foundation, active, [b], motion)
+      do g = 1, size(self%is_held)
+        call find_of(self, qp, foundation, active, pack([(b, b=1, size(qp%block))], self%group == g), motion)
       end do
     end if
   end subroutine motion_find_undetermined
@@ -445,8 +475,11 @@ contains
     end do
     n = size(mode)
     if (n == 0) return
-    row = pack([(i, i=1, qp%n_rows)], active)
-    if (size(body) == 1) row = pack(qp%block(b)%row, active(qp%block(b)%row))
+    if (size(body) == 1) then
+      row = pack(qp%block(b)%row, active(qp%block(b)%row))
+    else
+      row = pack([(i, i=1, qp%n_rows)], active)
+    end if
     before = mode(1) - 1
     mode = mode - before
     allocate (weak(n, n), source=0.0_dp)
@@ -467,6 +500,12 @@ contains
         i = last
       end associate
     end do
+    ! Shortenings of bolts have no springs.
+    associate (most => maxval([(weak(i, i), i=1, n)]))
+      do i = 1, n
+        if (.not. weak(i, i) > 0) weak(i, i) = most
+      end do
+    end associate
     if (allocated(qp%coarse%deviation)) then
       call rows_of(qp, qp%coarse%deviation, row, foundation, before, mode(n), d)
       d = d(:, mode)
@@ -503,7 +542,7 @@ contains
     integer :: i, k, b
     allocate (g(size(row), n), source=0.0_dp)
     do i = 1, size(row)
-      do k = 1, 2
+      do k = 1, size(qp%coarse%body, 1)
         b = qp%coarse%body(k, row(i))
         if (b == 0) cycle
         associate (first => qp%coarse%first(b) - before, last => qp%coarse%first(b + 1) - 1 - before)

@@ -6,12 +6,15 @@ module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_coarse_space, only: coarse_space_t
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   implicit none
   private
-  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance
+  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp
+
+  !> Means of rows below this fraction of these are rounding [].
+  real(dp), parameter :: rounding_of_means = 1.0e-13_dp
 
 contains
 
@@ -95,6 +98,49 @@ contains
     end do
   end subroutine aggregate_compliance
 
+  !> The entries of groups whose rows have none.
+  subroutine form_aggregate(aggregated, compliance, of_groups)
+    !> The QP of the groups.
+    type(contact_qp_t), intent(in) :: aggregated
+    !> Compliance operator of the bodies.
+    class(compliance_t), intent(inout) :: compliance
+    !> That of the groups.
+    type(dense_compliance_t), intent(out) :: of_groups
+    type(entries_t), allocatable :: entries(:)
+    integer :: b
+    call compliance%form_all(aggregated, entries)
+    call of_groups%init(aggregated)
+    do b = 1, size(entries)
+      call of_groups%set(aggregated, b, entries(b)%value)
+    end do
+  end subroutine form_aggregate
+
+  !> The QP in which rows that are one are joined (`joined_row`), and its compliance.
+  subroutine join_qp(qp, compliance, joined, of_joined, fraction)
+    !> With rows to join.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator of the bodies.
+    class(compliance_t), intent(inout) :: compliance
+    !> The QP.
+    type(contact_qp_t), intent(out) :: joined
+    !> Its compliance.
+    type(dense_compliance_t), intent(out) :: of_joined
+    !> Fraction of each row in the weight of its joined row (n_rows) [].
+    real(dp), allocatable, intent(out) :: fraction(:)
+    integer :: b, k
+    call aggregate_qp(qp, qp%joined_row, maxval(qp%joined_row), joined, fraction)
+    call form_aggregate(joined, compliance, of_joined)
+    ! Motions that move the rows of both sides in opposite directions, as a rotation moves the two rows of one vertex of
+    ! a polygon, leave rounding in their mean.
+    do b = 1, size(joined%block)
+      associate (mean => joined%coarse%block(b)%value, each => qp%coarse%block(b)%value)
+        do k = 1, size(mean, 2)
+          where (abs(mean(:, k)) < rounding_of_means*maxval(abs(each(:, k)))) mean(:, k) = 0
+        end do
+      end associate
+    end do
+  end subroutine join_qp
+
   !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
   subroutine join_rows(qp, group, n_groups, joined, fraction)
     !> Contact rows, initial penetrations, rigid body modes.
@@ -110,6 +156,10 @@ contains
     integer :: i, k, b
     joined%n_rows = n_groups
     joined%dimension = qp%dimension
+    allocate (joined%is_tied(n_groups), source=.false.)
+    do i = 1, size(group)
+      if (group(i) > 0) joined%is_tied(group(i)) = qp%is_tied(i)
+    end do
     allocate (joined%weight(n_groups), source=0.0_dp)
     do i = 1, size(group)
       if (group(i) > 0) joined%weight(group(i)) = joined%weight(group(i)) + qp%weight(i)

@@ -26,6 +26,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
+  integer, parameter, public :: ended_open_tie = 15  !< ties contradict each other or supports
   integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
   integer, parameter, public :: ended_costly = 17  !< p-multigrid takes longer than factors: there is no solution
 
@@ -55,9 +56,10 @@ module dotyk_scheme_solver_state
     !> can stop.
     real(dp), allocatable :: unbounded(:)
     !> Where ended_rigid_constraint: the row that overlaps most of those that nothing moves, 0 where the scheme does not
-    !> tell it, and by how much, with ties closed [length].
+    !> tell it, and by how much, with ties closed. Where ended_open_tie: the row that stays open most, by how much, and of
+    !> what [length].
     integer :: rigid_row = 0
-    real(dp) :: overlap = 0
+    real(dp) :: overlap = 0, overlap_of = 0
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
     !> Rule that the iteration ends by where it converges: one of `stop_*` of dotyk_base_options.

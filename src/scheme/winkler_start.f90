@@ -2,7 +2,8 @@
 !>
 !> Both are minima over the amplitudes alpha of the rigid body modes of
 !> `mu |alpha|^2/2 + alpha.S alpha/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`,
-!> convex and piecewise quadratic: Newton's method with an exact line search; the interior-point method for the
+!> ties without the maximum; convex and piecewise quadratic: Newton's method with an exact line search; the
+!> interior-point method for the
 !> equilibrium of many bodies, where Newton's takes hundreds of steps from one set of touching rows to the next. No body
 !> is solved.
 module dotyk_scheme_winkler_start
@@ -16,6 +17,7 @@ module dotyk_scheme_winkler_start
   use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
   use dotyk_scheme_proximal_motion, only: largest_rest
+  use dotyk_scheme_tied_groups, only: find_groups
   implicit none
   private
   public :: winkler_equilibrium, find_unbounded_direction
@@ -90,6 +92,7 @@ contains
     rigid%n_rows = qp%n_rows
     rigid%pair_first_row = [1, qp%n_rows + 1]
     rigid%parent_row = [(i, i=1, qp%n_rows)]
+    rigid%is_tied = qp%is_tied
     rigid%weight = max(k, tiny(mu))
     rigid%initial_penetration = y
     allocate (rigid%block(size(qp%block)))
@@ -145,32 +148,36 @@ contains
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = is_unbounded()
-    if (.not. found .or. qp%coarse%n < many_modes) return
-    ! Many bodies on each other: the penalty yields to the loads of all of them. The forces that it took are given now
-    ! (method of multipliers), and a motion that contact stops is 0.
+    if (.not. found .or. (qp%coarse%n < many_modes .and. .not. any(qp%is_tied))) return
+    ! Many bodies on each other, or tied to each other: the penalty yields to the loads of all of them. The forces that
+    ! it took are given now (method of multipliers), and a motion that contact or ties stop is 0.
     call qp%mode_displacement(motion, none)
-    none = max(0.0_dp, none)
+    none = merge(none, max(0.0_dp, none), qp%is_tied)
     motion = 0
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = is_unbounded()
   contains
-    !> Whether the loads of a body do work on the direction, by more than weak springs may carry of its loads and of the
-    !> forces of press fits.
-    pure logical function is_unbounded()
-      real(dp) :: on_body
-      integer :: body
-      is_unbounded = .false.
+    !> Whether the loads of a body, or of bodies that ties join, do work on the direction, by more than weak springs may
+    !> carry of their loads and of the forces of press fits.
+    logical function is_unbounded()
+      real(dp), allocatable, dimension(:) :: on_body, work, moved, largest
+      integer, allocatable :: group(:)
+      integer :: body, n_groups
+      call find_groups(qp, group, n_groups)
+      allocate (on_body(n_groups), work(n_groups), moved(n_groups), largest(n_groups), source=0.0_dp)
       do body = 1, size(qp%block)
-        associate (one => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, row => qp%block(body)%row)
+        associate (one => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, row => qp%block(body)%row, &
+                   g => group(body))
           if (last < one) cycle
-          on_body = maxval(abs(e(one:last)))
-          if (allocated(qp%foundation)) on_body = max(on_body, &
-            sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, -qp%gap(row)))/length)
-          if (.not. maxval(abs(motion(one:last))) > imbalance) cycle
-          if (dot_product(e(one:last), motion(one:last)) > largest_rest*on_body*norm2(motion(one:last))) &
-            is_unbounded = .true.
+          on_body(g) = max(on_body(g), maxval(abs(e(one:last))))
+          if (allocated(qp%foundation)) on_body(g) = max(on_body(g), &
+            sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, -qp%gap(row)), mask=.not. qp%is_tied(row))/length)
+          largest(g) = max(largest(g), maxval(abs(motion(one:last))))
+          work(g) = work(g) + dot_product(e(one:last), motion(one:last))
+          moved(g) = moved(g) + sum(motion(one:last)**2)
         end associate
       end do
+      is_unbounded = any(largest > imbalance .and. work > largest_rest*on_body*sqrt(moved))
     end function is_unbounded
   end subroutine find_unbounded_direction
 
@@ -204,16 +211,18 @@ contains
     position = y + position
     largest = maxval(abs(e))
     do i = 1, most_steps
-      call qp%mode_resultant(k*max(0.0_dp, position), gradient)
+      call qp%mode_resultant(k*merge(position, max(0.0_dp, position), qp%is_tied), gradient)
       gradient = gradient + resisted(alpha) - e
       if (maxval(abs(gradient)) <= balanced*largest) exit
-      call form_hessian(qp%coarse, mu, k, position, hessian, springs)
+      call form_hessian(qp%coarse, mu, k, position > 0 .or. qp%is_tied, hessian, springs)
       call hessian%factorize(is_singular, error)
       if (is_singular .or. allocated(error)) exit
       step = -gradient
       call hessian%solve(step)
       call qp%mode_displacement(step, change)
-      t = line_minimum(dot_product(resisted(alpha) - e, step), dot_product(step, resisted(step)), k, position, change)
+      t = line_minimum(dot_product(resisted(alpha) - e, step) + sum(k*position*change, mask=qp%is_tied), &
+                       dot_product(step, resisted(step)) + sum(k*change**2, mask=qp%is_tied), &
+                       merge(0.0_dp, k, qp%is_tied), position, change)
       t = min(t, longest_step)
       alpha = alpha + t*step
       position = position + t*change
@@ -240,33 +249,34 @@ contains
     !> METIS or CHOLMOD has no memory.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: first(:), member(:)
-    integer :: i, k
-    ! The rows of a pair have the same two bodies and stand together: one list for them.
-    allocate (first(size(coarse%body, 2) + 1), member(2*size(coarse%body, 2)))
+    integer :: i, k, n
+    ! The rows of a pair have the same bodies and stand together: one list for them.
+    allocate (first(size(coarse%body, 2) + 1), member(size(coarse%body)))
     k = 0
     first(1) = 1
     do i = 1, size(coarse%body, 2)
-      if (any(coarse%body(:, i) == 0)) cycle
+      n = count(coarse%body(:, i) > 0)
+      if (n < 2) cycle
       if (i > 1) then
         if (all(coarse%body(:, i) == coarse%body(:, i - 1))) cycle
       end if
       k = k + 1
-      member(2*k - 1:2*k) = coarse%body(:, i)
-      first(k + 1) = 2*k + 1
+      first(k + 1) = first(k) + n
+      member(first(k):first(k + 1) - 1) = coarse%body(:n, i)
     end do
-    call hessian%init(coarse%first, first(:k + 1), member(:2*k), error)
+    call hessian%init(coarse%first, first(:k + 1), member(:first(k + 1) - 1), error)
   end subroutine couple_bodies
 
   !> mu I + S + the sum of k_i G_i G_i^T over the points under pressure.
-  subroutine form_hessian(coarse, mu, k, position, hessian, springs)
+  subroutine form_hessian(coarse, mu, k, presses, hessian, springs)
     !> Rigid body modes.
     type(coarse_space_t), intent(in) :: coarse
     !> Stiffness against all modes [force/length].
     real(dp), intent(in) :: mu
     !> Stiffness of the foundations (n_rows) [force/length].
     real(dp), intent(in) :: k(:)
-    !> Penetrations (n_rows) [length].
-    real(dp), intent(in) :: position(:)
+    !> Points under pressure, and ties (n_rows).
+    logical, intent(in) :: presses(:)
     !> Gets its entries.
     type(mode_stiffness_t), intent(inout) :: hessian
     !> S by bodies; none if not allocated (n_bodies).
@@ -284,9 +294,9 @@ contains
       call hessian%add(b, b, own)
       deallocate (own)
     end do
-    do i = 1, size(position)
-      if (.not. position(i) > 0) cycle
-      do p = 1, 2
+    do i = 1, size(presses)
+      if (.not. presses(i)) cycle
+      do p = 1, size(coarse%body, 1)
         if (coarse%body(p, i) == 0) cycle
         g_p = mode_rows(p)
         do q = 1, p
@@ -299,7 +309,7 @@ contains
   contains
     !> The row of the modes of one of its bodies (1, modes).
     pure function mode_rows(which) result(g)
-      !> 1 or 2.
+      !> Its number among them.
       integer, intent(in) :: which
       real(dp), allocatable :: g(:, :)
       g = coarse%block(coarse%body(which, i))%value(coarse%place(which, i):coarse%place(which, i), :)

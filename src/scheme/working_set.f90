@@ -31,8 +31,8 @@ contains
     if (qp%n_rows == 0 .or. qp%is_heap()) return
     call rest_on_winkler_foundation(qp, theta, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.
-    if (qp%coarse%n > 0) working = now%y > -maxval(now%y)
-    working = working .or. abs(now%y) < touching*maxval(abs(now%y))
+    if (qp%coarse%n > 0) working = now%y > -maxval(now%y, mask=.not. qp%is_tied)
+    working = working .or. abs(now%y) < touching*maxval(abs(now%y)) .or. qp%is_tied
   end subroutine screen_rows
 
   !> Add rows to a working set that cannot carry the floating bodies.
@@ -53,7 +53,7 @@ contains
       ! Rows that the motion closes.
       call qp%mode_displacement(motion, penetration)
       if (.not. any(penetration > 0 .and. .not. working)) exit
-      working = working .or. penetration > closing*maxval(penetration)
+      working = working .or. penetration > closing*maxval(penetration, mask=.not. qp%is_tied)
       if (all(working)) return
     end do
     working = .true.

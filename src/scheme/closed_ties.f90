@@ -1,0 +1,154 @@
+!> Ties by themselves, without loads and contact: whether they can be closed, and which contact rows they hold.
+module dotyk_scheme_closed_ties
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_open_tie, ended_rigid_constraint
+  implicit none
+  private
+  public :: close_ties
+
+  !> Ties that stay open by more than this fraction of what they or their forces would open contradict each other or
+  !> supports [].
+  real(dp), parameter :: most_open = 1.0e-6_dp
+  !> Contact rows that yield by less than this fraction of what they yield without ties are held by these: rounding
+  !> leaves 1e-16 to 1e-15, and beside the tie of a cantilever 700 times as long as thick a row yields by 4e-10 of what
+  !> it yields without the tie [].
+  real(dp), parameter :: rounding_of_held = 1.0e-12_dp
+  !> Penetrations of rows that ties hold, below these fractions of the largest one without ties and of the terms that
+  !> they are the sum of, are rounding: slender bodies move far by the forces of ties, and back by those of others [].
+  real(dp), parameter :: rounding_of_closing = 1.0e-9_dp, rounding_of_terms = 1.0e-12_dp
+
+  !> Entries of B below this fraction of the largest one of the row may be rounding [].
+  real(dp), parameter :: rounding_of_rows = 1.0e-9_dp
+
+contains
+
+  !> Close the ties. The state ends where they stay open, or where surfaces overlap between which they allow no motion.
+  subroutine close_ties(qp, with_springs, compliance, theta, system, state, is_held, error)
+    !> Rows of contact and ties.
+    type(contact_qp_t), intent(in) :: qp
+    !> The same with springs on the modes.
+    type(contact_qp_t), intent(in) :: with_springs
+    !> Compliance of the bodies at these rows; formed unless the linear system needs no entries.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> That of the ties on return.
+    type(active_system_t), intent(inout) :: system
+    !> Ended by the ties, or as it was.
+    type(solver_state_t), intent(inout) :: state
+    !> Contact rows without penalty that ties hold (n_rows).
+    logical, allocatable, intent(out) :: is_held(:)
+    !> The linear system cannot be prepared.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: active(qp%n_rows), is_rigid(qp%n_rows)
+    real(dp), allocatable :: yields(:)
+    real(dp) :: y(qp%n_rows), terms(qp%n_rows), z(qp%n_rows), unit(qp%n_rows), none(qp%coarse%n), resultant(qp%coarse%n)
+    real(dp) :: own
+    integer, allocatable :: candidate(:)
+    integer :: i, k
+    allocate (is_held(qp%n_rows), source=.false.)
+    active = qp%is_tied
+    is_rigid = .false.
+    none = 0
+    call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+    call system%init(with_springs, compliance, theta, active, error)
+    if (allocated(error)) return
+    call find_candidates(qp, compliance, theta, candidate)
+    do k = 1, size(candidate)
+      i = candidate(k)
+      unit = 0
+      unit(i) = 1
+      call compliance%multiply(qp, unit, z)
+      call qp%mode_resultant(unit, resultant)
+      call find_gaps(-z, -resultant, y, terms)
+      is_held(i) = abs(y(i)) <= rounding_of_held*terms(i)
+    end do
+    call find_gaps(qp%initial_penetration, none, y, terms)
+    own = maxval(terms, mask=qp%is_tied)
+    if (maxval(abs(y), mask=qp%is_tied) > most_open*own) then
+      state%ended = ended_open_tie
+      i = maxloc(abs(y), 1, qp%is_tied)
+      state%overlap_of = own
+    else
+      ! Rounding is no overlap.
+      z = max(rounding_of_terms*terms, rounding_of_closing*maxval(abs(qp%initial_penetration)))
+      if (.not. any(is_held .and. y > z)) return
+      state%ended = ended_rigid_constraint
+      i = maxloc(y, 1, is_held)
+    end if
+    state%rigid_row = qp%parent_row(i)
+    state%overlap = abs(y(i))
+
+  contains
+
+    !> What closed ties leave of penetrations.
+    subroutine find_gaps(penetration, force, left, size_of)
+      !> Without forces of ties (n_rows) [length].
+      real(dp), intent(in) :: penetration(:)
+      !> On the modes (coarse%n) [force].
+      real(dp), intent(in) :: force(:)
+      !> (n_rows) [length].
+      real(dp), intent(out) :: left(:)
+      !> Sum of the absolute values of its terms (n_rows) [length].
+      real(dp), intent(out) :: size_of(:)
+      real(dp) :: lambda(qp%n_rows), moved(qp%n_rows), yielded(qp%n_rows), alpha(qp%coarse%n)
+      real(dp), allocatable :: forces(:)
+      allocate (forces(size(system%row)), source=0.0_dp)
+      call system%solve(with_springs, compliance, penetration(system%row), force, forces, alpha)
+      lambda = 0
+      lambda(system%row) = forces
+      call compliance%multiply(qp, lambda, yielded)
+      call qp%mode_displacement(alpha, moved)
+      left = penetration - yielded + moved
+      size_of = abs(penetration) + abs(yielded) + abs(moved)
+    end subroutine find_gaps
+  end subroutine close_ties
+
+  !> Contact rows without penalty whose nodes ties or supports have, all of them: others yield.
+  subroutine find_candidates(qp, compliance, theta, candidate)
+    !> Rows of contact and ties.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The rows.
+    integer, allocatable, intent(out) :: candidate(:)
+    real(dp), allocatable :: entry(:, :)
+    logical, allocatable :: has_tie(:)
+    logical :: may(qp%n_rows), on_tie(qp%n_rows)
+    integer :: b, i, k
+    may = .not. (qp%is_tied .or. theta > 0)
+    on_tie = .false.
+    do b = 1, size(qp%block)
+      associate (row => qp%block(b)%row, matrix => qp%block(b)%matrix)
+        if (all(qp%is_tied(row)) .or. .not. any(may(row))) cycle
+        allocate (has_tie(matrix%n_columns), source=.false.)
+        do k = 1, 2
+          do i = 1, size(row)
+            associate (column => matrix%column(matrix%row_start(i):matrix%row_start(i + 1) - 1), &
+                       value => abs(matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1)))
+              if (k == 1 .and. qp%is_tied(row(i))) has_tie(column) = .true.
+              if (k == 1 .or. .not. may(row(i))) cycle
+              if (all(has_tie(column) .or. value < rounding_of_rows*maxval(value))) then
+                on_tie(row(i)) = .true.
+              else
+                may(row(i)) = compliance%is_formed(qp)
+                if (.not. may(row(i))) cycle
+                call compliance%get_entries(qp, b, [row(i)], entry)
+                may(row(i)) = .not. entry(1, 1) > 0
+              end if
+            end associate
+          end do
+        end do
+        deallocate (has_tie)
+      end associate
+    end do
+    candidate = pack([(i, i=1, qp%n_rows)], may .and. on_tie)
+  end subroutine find_candidates
+end module dotyk_scheme_closed_ties
