@@ -251,9 +251,9 @@ contains
     logical, intent(in) :: active(:)
     !> Whether all bodies are in equilibrium, or contact does not determine what they go on doing.
     logical, intent(out) :: done
-    real(dp) :: before(size(alpha)), step(size(alpha)), moved(qp%n_rows), uncertainty(qp%n_rows)
+    real(dp) :: before(size(alpha)), step(size(alpha)), force(size(alpha))
+    real(dp) :: moved(qp%n_rows), uncertainty(qp%n_rows)
     real(dp), dimension(size(self%is_held)) :: resisted, alone, doubted, weight, whole, on_group
-    real(dp), allocatable :: free_force(:)
     real(dp) :: greatest, size_now
     logical :: goes_on, may_rest, is_free
     integer :: b, n_active
@@ -277,8 +277,8 @@ contains
       associate (springs => self%stiffness(b)%value, row => qp%block(b)%row, &
                  first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
         if (size(springs) == 0) cycle
-        free_force = matmul(springs, step(first:last))
-        size_now = maxval(abs(free_force))
+        force(first:last) = matmul(springs, step(first:last))
+        size_now = maxval(abs(force(first:last)))
         goes_on = self%last(b) >= 0 .and. .not. size_now < slow*self%last(b)
         self%last(b) = size_now
         n_active = count(active(row))
@@ -378,8 +378,8 @@ contains
     !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
     !> other bodies were at rest, and by how much they are uncertain.
     subroutine measure_groups()
-      real(dp), allocatable :: own(:)
-      integer :: body
+      real(dp) :: own(qp%n_rows)
+      integer :: body, n
       resisted = 0
       alone = 0
       doubted = 0
@@ -388,11 +388,12 @@ contains
       do body = 1, size(qp%block)
         associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
                    g => self%group(body))
-          own = matmul(qp%coarse%block(body)%value, step(first:last))
-          where (qp%is_tied(row)) own = moved(row)
+          n = size(row)
+          own(:n) = matmul(qp%coarse%block(body)%value, step(first:last))
+          where (qp%is_tied(row)) own(:n) = moved(row)
           weight(g) = weight(g) + sum(foundation(row), mask=active(row))
           resisted(g) = resisted(g) + sum(foundation(row)*moved(row)**2, mask=active(row))
-          alone(g) = alone(g) + sum(foundation(row)*own**2, mask=active(row))
+          alone(g) = alone(g) + sum(foundation(row)*own(:n)**2, mask=active(row))
           doubted(g) = doubted(g) + sum(foundation(row)*uncertainty(row)**2, mask=active(row))
           whole(g) = whole(g) + sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
         end associate
@@ -407,7 +408,7 @@ contains
       real(dp), allocatable :: first_springs(:, :)
       real(dp) :: along, at_first, next
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
-        along = dot_product(step(first:last), free_force)
+        along = dot_product(step(first:last), force(first:last))
         first_springs = springs_of(qp, b, foundation, active)
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
         if (stiffer) then
@@ -419,9 +420,9 @@ contains
         end if
         if (.not. may) return
         if (stiffer) self%centre(first:last) = self%centre(first:last) - &
-          step(first:last)*(dot_product(free_force, self%centre(first:last))/along)
-        springs = springs + (next - along)/along**2*matmul(reshape(free_force, [size(free_force), 1]), &
-                                                           reshape(free_force, [1, size(free_force)]))
+          step(first:last)*(dot_product(force(first:last), self%centre(first:last))/along)
+        springs = springs + (next - along)/along**2*matmul(reshape(force(first:last), [last - first + 1, 1]), &
+                                                           reshape(force(first:last), [1, last - first + 1]))
         self%last(b) = -1
         self%has_changed = .true.
       end associate
