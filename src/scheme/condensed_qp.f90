@@ -1,7 +1,7 @@
 !> The programme of the groups of tied bodies: its rows are the contact rows, its bodies the groups
 !> (`dotyk_scheme_condensation`).
 module dotyk_scheme_condensed_qp
-  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_error, only: about_case, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_scheme_compliance, only: compliance_t
@@ -211,7 +211,7 @@ contains
       call set_error(error, 'tie '//quoted(ties%name(count(ties%first_row <= group%tie(worst)))%s)//' cannot be '// &
                      'closed: '//to_text(open, 2)//' of '//to_text(most, 2)//' remain open; supports '// &
                      'with different displacements hold both sides, or ties contradict each other', &
-                     exit_not_solvable)
+                     exit_not_solvable, about_case)
       return
     end if
     lambda(group%tie) = forces(:, 1)

@@ -3,8 +3,8 @@
 !>
 !> Unknown is v = u - u_0, the displacement by contact forces and rigid body motions: `K v = R e - B^T lambda` with e
 !> the resultants of the loads on the rigid body modes R, and `B v <= -y_0`. The start is the contact of the bodies in
-!> their corner spaces (`dotyk_scheme_corner_contact`). Other operators, and near-null-space modes, which have a
-!> stiffness, are left to the dual scheme, and so are supports that press rows together.
+!> their corner spaces (`dotyk_scheme_corner_contact`). Near-null-space modes, which have a stiffness,
+!> are left to the dual scheme, and so are supports that press rows together (`why_not`).
 module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -17,7 +17,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_primal_solution, only: solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
-  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_scheme, only: reason_near_null_modes, reason_no_rows, reason_none, reason_rigid_rows, scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
@@ -30,9 +30,15 @@ module dotyk_scheme_primal
     procedure :: needs_held_bodies => primal_needs_held_bodies
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
-    procedure :: suits => primal_suits
+    procedure :: why_not => primal_why_not
     procedure :: finds_displacements => primal_finds_displacements
   end type primal_t
+
+  !> The dual scheme with solves by p-multigrid: for what the primal scheme does not solve, where there are no factors.
+  type, extends(dual_t), public :: grid_dual_t
+  contains
+    procedure :: solve => grid_dual_solve
+  end type grid_dual_t
 
   !> Errors of the dual scheme by errors of its solves: those of several solves add up [].
   real(dp), parameter :: safety = 100
@@ -65,30 +71,32 @@ contains
     end associate
   end function primal_expected_products
 
-  !> Whether all bodies are p-multigrids, or join them with their factors, and their modes are their rigid body modes,
-  !> none with a stiffness. Supports that press rows together are found by the dual scheme.
-  logical function primal_suits(self, qp, compliance, theta) result(suits)
+  !> Modes with a stiffness, and supports that press rows together, are for the dual scheme.
+  integer function primal_why_not(self, qp, compliance, theta) result(reason)
     class(primal_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
+    !> Compliance of the bodies at these rows: p-multigrids, or factors that join them.
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     logical :: is_rigid(qp%n_rows)
     associate (not_needed => same_type_as(self, self))
     end associate
-    suits = qp%n_rows == 0
-    if (allocated(qp%coarse%stiffness) .or. suits) return
+    reason = reason_no_rows
+    if (qp%n_rows == 0) return
+    reason = reason_near_null_modes
+    if (allocated(qp%coarse%stiffness)) return
     select type (compliance)
     class is (body_compliance_t)
       if (.not. compliance%has_grids()) return
       call find_rigid_rows(qp, compliance, is_rigid)
-      suits = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
+      reason = merge(reason_rigid_rows, reason_none, &
+                     any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0))
     end select
-  end function primal_suits
+  end function primal_why_not
 
-  !> Where it suits and there are rows.
+  !> Unless it leaves the QP to another scheme.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
     class(primal_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
@@ -97,7 +105,7 @@ contains
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    finds = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+    finds = self%why_not(qp, compliance, theta) == reason_none
   end function primal_finds_displacements
 
   !> Solve.
@@ -117,25 +125,42 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where numbers are not finite, or an interrupt came before there was a state.
     type(error_t), allocatable, intent(out) :: error
-    type(dual_t) :: dual
-    logical :: is_primal
-    is_primal = self%finds_displacements(qp, compliance, theta)
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()
-      if (is_primal) call solve_by_grids(qp, compliance, theta, settings, monitor, state, error)
+      call solve_by_grids(qp, compliance, theta, settings, monitor, state, error)
     end select
-    if (is_primal) return
-    call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end subroutine primal_solve
+
+  !> Solve by the dual scheme, and add the error of the solves to its bound, which is that of exact ones.
+  subroutine grid_dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(grid_dual_t), intent(in) :: self
+    !> As in `primal_solve`.
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `primal_solve`.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `primal_solve`.
+    real(dp), intent(in) :: theta(:)
+    !> As in `primal_solve`.
+    type(solver_settings_t), intent(in) :: settings
+    !> As in `primal_solve`.
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `primal_solve`.
+    type(solver_state_t), intent(inout) :: state
+    !> As in `dual_solve`.
+    type(error_t), allocatable, intent(out) :: error
+    call self%dual_t%solve(qp, compliance, theta, settings, monitor, state, error)
     select type (compliance)
     class is (body_compliance_t)
+      call compliance%forget_displacements()
       if (.not. compliance%solve_error() > 0 .or. .not. state%error_bound < huge(1.0_dp)) return
-      ! Its bound is that of exact solves.
       state%bound_is_guaranteed = .false.
       state%error_bound = state%error_bound + safety*compliance%solve_error()
       if (state%ended == ended_converged .and. state%error_bound > settings%tolerance) state%ended = ended_solves
     end select
-  end subroutine primal_solve
+  end subroutine grid_dual_solve
 
   !> Rows whose nodes are held, all but for rounding.
   subroutine find_rigid_rows(qp, compliance, is_rigid)

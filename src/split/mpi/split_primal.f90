@@ -1,7 +1,7 @@
 !> The scheme for bodies that all ranks compute together: the engine of `dotyk_scheme_primal_solution` with the linear
 !> systems of `dotyk_distributed_system`.
 module dotyk_split_split_primal
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -32,7 +32,6 @@ module dotyk_split_split_primal
     procedure :: needs_held_bodies => primal_needs_held_bodies
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
-    procedure :: suits => primal_suits
     procedure :: finds_displacements => primal_finds_displacements
   end type split_primal_t
 
@@ -62,21 +61,7 @@ contains
     end associate
   end function primal_expected_products
 
-  !> Whether no rigid body mode is held: the coarse level of smoothed aggregation knows all of them.
-  logical function primal_suits(self, qp, compliance, theta) result(suits)
-    class(split_primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    suits = .true.
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
-    end associate
-  end function primal_suits
-
-  !> Where it suits and there are rows.
+  !> Where there are rows.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
     class(split_primal_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
@@ -85,7 +70,9 @@ contains
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    finds = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+    finds = qp%n_rows > 0
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
+    end associate
   end function primal_finds_displacements
 
   !> Solve.
@@ -110,11 +97,6 @@ contains
     if (qp%n_rows == 0) then
       call dual%solve(qp, compliance, theta, settings, monitor, state, error)
       if (.not. allocated(error)) call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
-      return
-    end if
-    if (.not. self%suits(qp, compliance, theta)) then
-      call set_error(error, 'contact hardly resists some of its motions, and the program must hold them, which it '// &
-                     "cannot where bodies are split over ranks; use response='auto' or 'full'", exit_not_solvable)
       return
     end if
     associate (system => self%bodies%system)
