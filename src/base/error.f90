@@ -15,12 +15,19 @@ module dotyk_base_error
   integer, parameter, public :: exit_not_written = 4    !< a file could not be written
   integer, parameter, public :: exit_machine = 5        !< out of memory, or another failure of the machine
 
+  !> What an error is about whose place in the case file the one who raises it does not know.
+  integer, parameter, public :: about_nothing = 0  !< the message says it
+  integer, parameter, public :: about_solver = 1  !< the settings of `&solver`
+  integer, parameter, public :: about_case = 2  !< something that the message names
+
   !> What went wrong.
   type, public :: error_t
     !> Text for the user with file, line, body, surface or element, and with advice; maybe of several lines.
     character(:), allocatable :: message
     !> One of the exit codes above, never `exit_converged`.
     integer :: code = exit_bad_input
+    !> One of `about_*`.
+    integer :: about = about_nothing
   end type error_t
 
   !> Error of one item of a parallel loop.
@@ -53,16 +60,19 @@ module dotyk_base_error
 contains
 
   !> Make an error.
-  subroutine set_error(error, message, code)
+  subroutine set_error(error, message, code, about)
     !> Allocated on return.
     type(error_t), allocatable, intent(out) :: error
     !> Message for the user.
     character(*), intent(in) :: message
     !> Exit code; `exit_bad_input` if absent.
     integer, intent(in), optional :: code
+    !> What it is about, one of `about_*`; `about_nothing` if absent.
+    integer, intent(in), optional :: about
     allocate (error)
     error%message = message
     if (present(code)) error%code = code
+    if (present(about)) error%about = about
   end subroutine set_error
 
   !> Put context in front of the message of an error, as in "body 'upper': ".

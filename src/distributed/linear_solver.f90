@@ -8,19 +8,10 @@ module dotyk_distributed_linear_solver
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_petsc, only: has_failed
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_scheme_proximal_system, only: solve_outcome_t
   implicit none
   private
   public :: drop_solver, run_solver, watch_ritz_values
-
-  !> How a solve went.
-  type, public :: solve_outcome_t
-    !> Iterations.
-    integer :: steps = 0
-    !> Last residual in the norm of the preconditioner [sqrt(energy)].
-    real(dp) :: residual = 0
-    !> Whether the preconditioner is no positive one.
-    logical :: has_failed = .false.
-  end type solve_outcome_t
 
   !> A linear solver with its coarse matrix.
   type, public :: solver_t

@@ -1,5 +1,9 @@
 !> The linear system of an active set, `K + B^T W B`, as an operator of PETSc, and its smoother's `(D + B^T W B)^{-1}`.
 !>
+!> Rigid body motions of floating bodies, which springs T hold where the rows hardly do, are deflated: conjugate gradients
+!> see `P (K + B^T W B + R T R^T)`, P the projection along forces `A R` to those without resultants on the modes R, and
+!> the amplitudes follow from `S = G^T W G + T`.
+!>
 !> The contact is not assembled into the fine matrix: that would be a second one. D are the diagonal blocks of K times
 !> the greatest eigenvalue of D^{-1} K, so that `K + B^T W B <= D + B^T W B` however stiff the rows; its inverse is that
 !> of D, PETSc's point-block Jacobi, by the identity of Woodbury with a sparse factor of the active rows, which one rank
@@ -16,12 +20,14 @@ module dotyk_distributed_operator
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_diagonal_blocks, only: inverse_blocks, make_blocks
-  use dotyk_distributed_petsc, only: has_failed
+  use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_ranks_exchange, only: agree_on_error
+  use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_gap_closing, only: factorize_rows, restrict_matrix
+  use dotyk_scheme_mode_factor, only: mode_factor_t, multiply_springs
   implicit none
   private
 
@@ -35,8 +41,14 @@ module dotyk_distributed_operator
     real(dp), allocatable :: row_stiffness(:)
     !> Active rows, ascending (n).
     integer, allocatable :: active(:)
-    !> `K + B^T W B`; and the same as solvers get it, with the indeterminate modes as its null space.
+    !> `K + B^T W B`; and what conjugate gradients get, with the modes as its null space.
     type(tMat) :: matrix, singular
+    !> Displacements of the rows by the modes, G (n_rows, n_modes) [].
+    real(dp), allocatable :: row_mode(:, :)
+    !> Factor of S.
+    type(mode_factor_t) :: modes
+    !> T; not allocated without contact (n_bodies) [force/length].
+    type(mode_block_t), allocatable :: spring(:)
     !> Estimate of the greatest eigenvalue of D^{-1} K with the diagonal blocks D, with a margin [].
     real(dp) :: greatest = 0
     !> Products with K, and applications of D^{-1}, so far.
@@ -51,6 +63,8 @@ module dotyk_distributed_operator
     procedure :: init => operator_init
     procedure :: init_like => operator_init_like
     procedure :: set_active => operator_set_active
+    procedure :: set_springs => operator_set_springs
+    procedure :: subtract_modes => operator_subtract_modes
     procedure :: make_smoother => operator_make_smoother
     procedure :: destroy => operator_destroy
   end type system_operator_t
@@ -128,7 +142,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: inverse(:, :, :)
     type(tMat) :: blocks
-    integer :: code
+    integer :: k, code
     self%stiffness => stiffness
     call self%rows%init(n_rows, stiffness%dim, block, stiffness%part, stiffness%first)
     call PCCreate(PETSC_COMM_WORLD, self%blocks, code)
@@ -146,9 +160,12 @@ contains
     if (allocated(error)) return
     call self%rows%set_inverse(block, inverse/self%greatest)
     allocate (self%row_stiffness(n_rows), source=0.0_dp)
-    allocate (self%active(0))
-    call make_shell(self, self%matrix, error)
-    if (.not. allocated(error)) call make_shell(self, self%singular, error)
+    allocate (self%active(0), self%row_mode(n_rows, size(stiffness%mode, 2)))
+    do k = 1, size(stiffness%mode, 2)
+      call self%rows%displacement(stiffness%mode(:, k), self%row_mode(:, k))
+    end do
+    call make_shell(self, multiply, self%matrix, error)
+    if (.not. allocated(error)) call make_shell(self, multiply_deflated, self%singular, error)
   end subroutine operator_init
 
   !> Make an operator of the same stiffness that never has active rows.
@@ -163,14 +180,16 @@ contains
     self%blocks = other%blocks
     self%is_borrowed = .true.
     allocate (self%row_stiffness(0), self%active(0))
-    call make_shell(self, self%matrix, error)
-    if (.not. allocated(error)) call make_shell(self, self%singular, error)
+    call make_shell(self, multiply, self%matrix, error)
+    if (.not. allocated(error)) call make_shell(self, multiply, self%singular, error)
   end subroutine operator_init_like
 
   !> Make an operator of PETSc, which keeps the address.
-  subroutine make_shell(context, matrix, error)
+  subroutine make_shell(context, product, matrix, error)
     !> The operator.
     type(system_operator_t), target, intent(in) :: context
+    !> Its product.
+    procedure(multiply) :: product
     !> As PETSc sees it.
     type(tMat), intent(inout) :: matrix
     !> Allocated where PETSc fails.
@@ -179,7 +198,7 @@ contains
     external :: MatShellSetOperation
     n = context%stiffness%dim*context%stiffness%n_own
     call MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, matrix, code)
-    call MatShellSetOperation(matrix, MATOP_MULT, multiply, code)
+    call MatShellSetOperation(matrix, MATOP_MULT, product, code)
     if (has_failed(code, 'operator', error)) return
   end subroutine make_shell
 
@@ -242,6 +261,58 @@ contains
     end if
     call agree_on_error(error)
   end subroutine operator_set_active
+
+  !> Choose the springs.
+  subroutine operator_set_springs(self, spring, error)
+    class(system_operator_t), intent(inout) :: self
+    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    self%spring = spring
+    call self%modes%init(matmul(transpose(self%row_mode), spread(self%row_stiffness, 2, size(self%row_mode, 2))* &
+                                self%row_mode), spring, error)
+  end subroutine operator_set_springs
+
+  !> y := y - (B^T W B + R T R^T) R alpha.
+  subroutine operator_subtract_modes(self, alpha, y)
+    class(system_operator_t), intent(in) :: self
+    !> Amplitudes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n) [force]
+    real(dp), intent(inout), contiguous :: y(:)
+    call self%rows%subtract_force(self%row_stiffness*matmul(self%row_mode, alpha), y)
+    y = y - matmul(self%stiffness%mode, multiply_springs(self%spring, alpha))
+  end subroutine operator_subtract_modes
+
+  !> y = P (K + B^T W B + R T R^T) x.
+  subroutine multiply_deflated(matrix, x, y, code)
+    !> The operator.
+    type(tMat), intent(in) :: matrix
+    !> Displacements [length].
+    type(tVec), intent(in) :: x
+    !> Forces [force].
+    type(tVec), intent(inout) :: y
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    type(system_operator_t), pointer :: self
+    real(dp), pointer :: from(:), to(:)
+    real(dp), allocatable :: alpha(:)
+    call multiply(matrix, x, y, code)
+    call MatShellGetContext(matrix, self, code)
+    if (size(self%row_mode, 2) == 0 .or. code /= 0) return
+    call VecGetArrayReadF90(x, from, code)
+    alpha = matmul(from, self%stiffness%mode)
+    call VecRestoreArrayReadF90(x, from, code)
+    call sum_of_ranks(alpha)
+    call VecGetArrayF90(y, to, code)
+    to = to + matmul(self%stiffness%mode, multiply_springs(self%spring, alpha))
+    alpha = matmul(to, self%stiffness%mode)
+    call sum_of_ranks(alpha)
+    call self%modes%solve(alpha)
+    call self%subtract_modes(alpha, to)
+    call VecRestoreArrayF90(y, to, code)
+  end subroutine multiply_deflated
 
   !> y = (K + B^T W B) x.
   subroutine multiply(matrix, x, y, code)

@@ -1,36 +1,41 @@
 !> The linear systems of the proximal active set over distributed bodies: vectors of own unknowns in, vectors of own
 !> unknowns and sums over ranks out.
 !>
-!> The system without active rows is kept: it gives the residual's energy norm of the error bound.
+!> The unknown is the displacement of the free components. The start is the solution without contact, and floating
+!> bodies at rest on a Winkler foundation. All rows are in the system: no compliance of rows is formed, so that inactive
+!> ones cost nothing and none are screened. The system without active rows is kept: it gives the residual's energy norm
+!> of the error bound.
 module dotyk_distributed_system
   use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, PCApply, tPC, tVec, VecDestroy
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: contact_block_t
-  use dotyk_distributed_contact_rows, only: contact_rows_t
-  use dotyk_distributed_indeterminate_modes, only: all_modes, find_indeterminate, set_null_space
-  use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solve_outcome_t, solver_t
+  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_distributed_contact_rows, only: without_rounding
+  use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solver_t
+  use dotyk_distributed_null_space, only: set_null_space
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_ranks_exchange, only: meet
+  use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
+  use dotyk_scheme_coarse_space, only: mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_proximal_system, only: proximal_system_t, solve_outcome_t
   implicit none
   private
 
   !> The systems. PETSc has addresses of components: never copy or move it, destroy it in the end.
-  type, public :: distributed_system_t
-    !> Own unknowns, and contact rows.
-    integer :: n = 0, n_rows = 0
+  type, extends(proximal_system_t), public :: distributed_system_t
     !> The stiffness.
-    type(distributed_stiffness_t), pointer :: stiffness => null()
+    type(distributed_stiffness_t), pointer :: bodies => null()
+    !> Displacements of the last solution; not allocated before one (n) [length].
+    real(dp), allocatable :: u(:)
     !> The operator with the active rows, and the one without.
     type(system_operator_t), private :: contact, alone
-    !> Displacements of the rows by the rigid body modes (n_rows, n_modes) [].
-    real(dp), allocatable :: row_mode(:, :)
-    !> Amplitudes of the motions that the active rows do not restrain, orthonormal (n_modes, n_free) [].
-    real(dp), allocatable :: free_mode(:, :)
-    !> Set-ups of the aggregation, and iterations, so far.
-    integer :: n_setups = 0, n_iterations = 0
+    !> Set-ups of the aggregation so far.
+    integer :: n_setups = 0
     !> Least Ritz value of the preconditioned K; 1 before `solve_alone` [].
     real(dp) :: least = 1
     !> Whether incomplete factors were not positive: the aggregation smooths with diagonals from then on.
@@ -39,22 +44,34 @@ module dotyk_distributed_system
     type(solver_t), private :: of_contact, of_bodies
   contains
     procedure :: init => system_init
+    procedure :: start => system_start
     procedure :: set_active => system_set_active
     procedure :: solve => system_solve
     procedure :: solve_alone => system_solve_alone
     procedure :: force_norm => system_force_norm
     procedure :: strain_forces => system_strain_forces
+    procedure :: energy_norm => system_energy_norm
+    procedure :: find_terms => system_find_terms
     procedure :: row_displacement => system_row_displacement
     procedure :: subtract_row_force => system_subtract_row_force
-    procedure :: remove_motions => system_remove_motions
+    procedure :: resultants => system_resultants
+    procedure :: add_modes => system_add_modes
     procedure :: remove_modes => system_remove_modes
     procedure :: row_compliance => system_row_compliance
-    procedure :: rows => system_rows
-    procedure :: prescribed => system_prescribed
+    procedure :: smoother_compliance => system_row_compliance
+    procedure :: is_rigid_row => system_is_rigid_row
+    procedure :: close_gaps => system_close_gaps
     procedure :: product => system_product
+    procedure :: is_interrupted => system_is_interrupted
     procedure :: destroy => system_destroy
   end type distributed_system_t
 
+  !> prox as a fraction of the compliance of the rows in the smoother: with 1/1000 coarse levels, whose smoothers do not
+  !> know the rows, take up to twice the iterations, with 1/20 proximal steps are more.
+  real(dp), parameter :: proximal_fraction = 1.0e-2_dp
+  !> Accuracy of the solution without contact that the iteration begins with [], and iterations of it at most.
+  real(dp), parameter :: start_reduction = 1.0e-2_dp
+  integer, parameter :: most_of_start = 500
   !> Fractions of its multiples have no order.
   real(dp), parameter :: golden = 0.6180339887498949_dp
   !> Reduction of the residual, and iterations, that measure Ritz values.
@@ -62,54 +79,70 @@ module dotyk_distributed_system
   integer, parameter :: most_of_sample = 45
   !> Iterations of one system after which incomplete factors are given up.
   integer, parameter :: most_with_factors = 60
-  !> Fraction of the mean diagonal that is added to coarse matrices where modes are indeterminate: they are taken out of
+  !> Fraction of the mean diagonal that is added to coarse matrices of floating bodies: their motions are taken out of
   !> residuals, and must only not be divided by zero [].
   real(dp), parameter :: shift_of_free = 1.0e-7_dp
 
 contains
 
   !> Make the systems.
-  subroutine system_init(self, stiffness, n_rows, block, error)
+  subroutine system_init(self, bodies, operator, error)
     class(distributed_system_t), target, intent(inout) :: self
-    !> The stiffness.
-    type(distributed_stiffness_t), target, intent(in) :: stiffness
-    !> Number of rows.
-    integer, intent(in) :: n_rows
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
+    !> The stiffness; lives longer.
+    type(distributed_stiffness_t), target, intent(in) :: bodies
+    !> Rows of B, weights and gaps of all bodies, the same on all ranks.
+    type(contact_operator_t), intent(in) :: operator
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    integer :: k
-    self%stiffness => stiffness
-    self%n = stiffness%dim*stiffness%n_own
-    self%n_rows = n_rows
-    call self%contact%init(stiffness, n_rows, block, error)
+    self%bodies => bodies
+    self%n = bodies%dim*bodies%n_own
+    self%n_rows = operator%n_rows
+    self%proximal_fraction = proximal_fraction
+    self%load = bodies%load
+    call self%contact%init(bodies, operator%n_rows, without_rounding(operator%block), error)
     if (allocated(error)) return
-    allocate (self%row_mode(n_rows, size(stiffness%mode, 2)))
-    do k = 1, size(stiffness%mode, 2)
-      call self%contact%rows%displacement(stiffness%mode(:, k), self%row_mode(:, k))
-    end do
+    self%gap = operator%gap - self%contact%rows%prescribed
     call self%alone%init_like(self%contact, error)
     if (allocated(error)) return
     ! Incomplete factors are hardly ever positive where the matrix is nearly singular, and gain nothing on linear
     ! elements, whose finest level has a smoother of its own.
-    self%is_plain = stiffness%is_linear .or. size(stiffness%mode, 2) > 0
-    call set_up_alone(self, error)
+    self%is_plain = bodies%is_linear .or. size(bodies%mode, 2) > 0
+    call set_up(self, self%alone, self%of_bodies, error)
     if (.not. allocated(error)) call sample_spectrum(self, error)
   end subroutine system_init
 
-  !> Make the solver of the bodies without contact.
-  subroutine set_up_alone(self, error)
-    !> The systems.
+  !> The start: displacements without contact, and floating bodies at rest on a Winkler foundation; pressures of the
+  !> rows that they close.
+  subroutine system_start(self, qp, theta, warm, m, u)
     class(distributed_system_t), intent(inout) :: self
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: of_contact(:, :)
-    call move_alloc(self%free_mode, of_contact)
-    call all_modes(size(self%stiffness%mode, 2), self%free_mode)
-    call set_up(self, self%alone, self%of_bodies, error)
-    if (allocated(of_contact)) call move_alloc(of_contact, self%free_mode)
-  end subroutine set_up_alone
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Whether there are pressures.
+    logical, intent(in) :: warm
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: u(:)
+    type(iterate_t) :: rest
+    type(solve_outcome_t) :: outcome
+    type(error_t), allocatable :: error
+    real(dp) :: r(self%n), y(self%n_rows)
+    logical :: active(self%n_rows)
+    r = self%load
+    call self%remove_modes(r)
+    call self%solve_alone(r, start_reduction, most_of_start, u, outcome, error)
+    if (allocated(error)) u(:) = 0
+    ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
+    if (qp%coarse%n > 0) then
+      call rest_on_winkler_foundation(qp, theta, rest, active)
+      call self%add_modes(qp%coarse%scale*rest%alpha, u)
+    end if
+    if (warm) return
+    call self%row_displacement(u, y)
+    m(:) = max(0.0_dp, y - self%gap)/(qp%foundation + theta)
+  end subroutine system_start
 
   !> Take a preconditioner that is positive for certain, and measure its least Ritz value.
   recursive subroutine take_plain(self, error)
@@ -119,7 +152,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     self%is_plain = .true.
     self%least = 1
-    call set_up_alone(self, error)
+    call set_up(self, self%alone, self%of_bodies, error)
     if (.not. allocated(error)) call sample_spectrum(self, error)
   end subroutine take_plain
 
@@ -130,32 +163,36 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: r(self%n), e(self%n)
-    real(dp), allocatable :: component(:)
     type(solve_outcome_t) :: outcome
     integer :: i
     do i = 1, self%n
-      r(i) = modulo(golden*(real(self%stiffness%dim, dp)*self%stiffness%first + i), 1.0_dp) - 0.5_dp
+      r(i) = modulo(golden*(real(self%bodies%dim, dp)*self%bodies%first + i), 1.0_dp) - 0.5_dp
     end do
-    call self%remove_modes(r, component)
+    call self%remove_modes(r)
     call self%solve_alone(r, reduction_of_sample, most_of_sample, e, outcome, error)
   end subroutine sample_spectrum
 
-  !> Choose the active rows and their stiffness, and set up their solver.
-  subroutine system_set_active(self, row_stiffness, error)
+  !> Choose active rows and springs, and set up the solver where the rows change.
+  subroutine system_set_active(self, stiffness, spring, error)
     class(distributed_system_t), target, intent(inout) :: self
     !> W; zero where not active (n_rows) [force/length].
-    real(dp), intent(in) :: row_stiffness(:)
+    real(dp), intent(in) :: stiffness(:)
+    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
     !> Allocated where a number is not finite, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    if (self%of_contact%is_set .and. .not. any(abs(row_stiffness - self%contact%row_stiffness) > 0)) return
-    call self%contact%set_active(row_stiffness, error)
-    if (.not. allocated(error)) call find_indeterminate(self%row_mode, row_stiffness, self%free_mode, error)
-    if (.not. allocated(error)) call set_up(self, self%contact, self%of_contact, error)
+    logical :: has_rows
+    has_rows = self%of_contact%is_set .and. .not. any(abs(stiffness - self%contact%row_stiffness) > 0)
+    self%stiffness = stiffness
+    self%spring = spring
+    if (.not. has_rows) call self%contact%set_active(stiffness, error)
+    if (.not. allocated(error)) call self%contact%set_springs(spring, error)
+    if (.not. (allocated(error) .or. has_rows)) call set_up(self, self%contact, self%of_contact, error)
   end subroutine system_set_active
 
   !> Make the solver of an operator.
   subroutine set_up(self, operator, solver, error)
-    !> The systems, with the indeterminate modes.
+    !> The systems.
     class(distributed_system_t), intent(inout) :: self
     !> The operator.
     type(system_operator_t), intent(in) :: operator
@@ -167,45 +204,58 @@ contains
     integer :: code
     call drop_solver(solver)
     shift = 0
-    if (size(self%free_mode, 2) > 0) then
-      call MatGetTrace(self%stiffness%coarse, shift, code)
-      shift = shift_of_free*shift/(self%stiffness%dim*self%stiffness%n_corners)
+    if (size(self%bodies%mode, 2) > 0) then
+      call MatGetTrace(self%bodies%coarse, shift, code)
+      shift = shift_of_free*shift/(self%bodies%dim*self%bodies%n_corners)
     end if
-    call make_coarse_matrix(self%stiffness, operator%rows, operator%row_stiffness, operator%active, shift, &
+    call make_coarse_matrix(self%bodies, operator%rows, operator%row_stiffness, operator%active, shift, &
                             solver%coarse, error)
     if (allocated(error)) return
-    call set_null_space(self%stiffness, self%free_mode, operator%singular, error)
+    call set_null_space(self%bodies, operator%singular, error)
     if (allocated(error)) return
     call make_solver(operator, solver%coarse, self%is_plain, solver%ksp, error)
     solver%is_set = .true.
     self%n_setups = self%n_setups + 1
   end subroutine set_up
 
-  !> Solve (K + B^T W B) e = r.
+  !> Solve (K + B^T W B + R T R^T) e = r: the deflated system, and the amplitudes of the modes.
   subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
-    class(distributed_system_t), intent(inout) :: self
-    !> Forces, without resultants on indeterminate modes (n) [force].
+    class(distributed_system_t), target, intent(inout) :: self
+    !> Forces (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
     !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
     real(dp), intent(in) :: aim
     !> Iterations at most.
     integer, intent(in) :: most_steps
-    !> Displacements, without indeterminate modes (n) [length].
+    !> Displacements (n) [length].
     real(dp), intent(inout), contiguous :: e(:)
     !> How it went.
     type(solve_outcome_t), intent(out) :: outcome
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    if (.not. self%is_plain) then
-      call run_solver(self%stiffness, self%of_contact, r, aim, min(most_steps, most_with_factors), e, outcome, error)
-      self%n_iterations = self%n_iterations + outcome%steps
-      if (allocated(error) .or. .not. (outcome%has_failed .or. outcome%steps == most_with_factors)) return
+    real(dp) :: deflated(self%n), moved(self%n_rows)
+    real(dp), allocatable :: alpha(:)
+    deflated = r
+    alpha = self%resultants(r)
+    call self%contact%modes%solve(alpha)
+    call self%contact%subtract_modes(alpha, deflated)
+    call run_solver(self%bodies, self%of_contact, deflated, aim, &
+                    merge(most_steps, min(most_steps, most_with_factors), self%is_plain), e, outcome, error)
+    self%n_iterations = self%n_iterations + outcome%steps
+    if (allocated(error)) return
+    if (.not. self%is_plain .and. (outcome%has_failed .or. outcome%steps == most_with_factors)) then
       self%is_plain = .true.
       call set_up(self, self%contact, self%of_contact, error)
       if (allocated(error)) return
+      call run_solver(self%bodies, self%of_contact, deflated, aim, most_steps, e, outcome, error)
+      self%n_iterations = self%n_iterations + outcome%steps
     end if
-    call run_solver(self%stiffness, self%of_contact, r, aim, most_steps, e, outcome, error)
-    self%n_iterations = self%n_iterations + outcome%steps
+    if (size(alpha) == 0) return
+    call self%row_displacement(e, moved)
+    alpha = self%resultants(r) - matmul(self%stiffness*moved, self%contact%row_mode) - &
+      self%spring_force(self%resultants(e))
+    call self%contact%modes%solve(alpha)
+    call self%add_modes(alpha, e)
   end subroutine system_solve
 
   !> Solve K e = r without contact, and note the least Ritz value.
@@ -229,18 +279,18 @@ contains
     aim = reduction*self%force_norm(r)
     if (.not. self%is_plain) then
       if (aim < huge(aim)) &
-        call run_solver(self%stiffness, self%of_bodies, r, aim, min(most_steps, most_with_factors), e, outcome, error)
+        call run_solver(self%bodies, self%of_bodies, r, aim, min(most_steps, most_with_factors), e, outcome, error)
       self%n_iterations = self%n_iterations + outcome%steps
       outcome%has_failed = outcome%has_failed .or. .not. aim < huge(aim)
       if (.not. allocated(error) .and. (outcome%has_failed .or. outcome%steps == most_with_factors)) then
         call take_plain(self, error)
         if (.not. allocated(error)) aim = reduction*self%force_norm(r)
         if (.not. allocated(error) .and. aim < huge(aim)) &
-          call run_solver(self%stiffness, self%of_bodies, r, aim, most_steps, e, outcome, error)
+          call run_solver(self%bodies, self%of_bodies, r, aim, most_steps, e, outcome, error)
         self%n_iterations = self%n_iterations + outcome%steps
       end if
     else
-      call run_solver(self%stiffness, self%of_bodies, r, aim, most_steps, e, outcome, error)
+      call run_solver(self%bodies, self%of_bodies, r, aim, most_steps, e, outcome, error)
       self%n_iterations = self%n_iterations + outcome%steps
     end if
     outcome%has_failed = outcome%has_failed .or. .not. aim < huge(aim)
@@ -252,15 +302,16 @@ contains
   !> sqrt(r^T K^+ r) at most, as far as the least Ritz value tells [sqrt(energy)].
   recursive real(dp) function system_force_norm(self, r) result(norm)
     class(distributed_system_t), intent(inout) :: self
-    !> Forces, without resultants on rigid body modes (n) [force].
+    !> Forces; without resultants on return (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
     real(dp) :: z(size(r)), square
     type(tVec) :: b, x
     type(tPC) :: pc
     type(error_t), allocatable :: error
     integer :: code
-    call self%stiffness%wrap(r, b)
-    call self%stiffness%wrap(z, x)
+    call self%remove_modes(r)
+    call self%bodies%wrap(r, b)
+    call self%bodies%wrap(z, x)
     call KSPGetPC(self%of_bodies%ksp, pc, code)
     call PCApply(pc, b, x, code)
     call VecDestroy(b, code)
@@ -277,30 +328,59 @@ contains
     if (.not. allocated(error)) norm = self%force_norm(r)
   end function system_force_norm
 
-  !> f = K x.
-  subroutine system_strain_forces(self, x, f)
-    class(distributed_system_t), intent(inout) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: x(:)
-    !> (n) [force]
-    real(dp), intent(inout), contiguous :: f(:)
-    type(tVec) :: from, to
-    integer :: code
-    call self%stiffness%wrap(x, from)
-    call self%stiffness%wrap(f, to)
-    call MatMult(self%stiffness%matrix(), from, to, code)
-    call VecDestroy(from, code)
-    call VecDestroy(to, code)
-  end subroutine system_strain_forces
-
-  !> y = B x, without prescribed displacements.
-  subroutine system_row_displacement(self, x, y)
+  !> f = K u without the rigid motions of u, of which rounding would leave forces.
+  subroutine system_strain_forces(self, u, f)
     class(distributed_system_t), intent(in) :: self
     !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: u(:)
+    !> (n) [force]
+    real(dp), intent(out), contiguous :: f(:)
+    real(dp) :: strained(self%n), found(self%n)
+    type(tVec) :: from, to
+    integer :: code
+    strained = u
+    call self%remove_modes(strained)
+    call self%bodies%wrap(strained, from)
+    call self%bodies%wrap(found, to)
+    call MatMult(self%bodies%matrix(), from, to, code)
+    call VecDestroy(from, code)
+    call VecDestroy(to, code)
+    f(:) = found
+  end subroutine system_strain_forces
+
+  !> Energy norm of the displacements, prescribed ones included [sqrt(energy)].
+  real(dp) function system_energy_norm(self, u, f) result(norm)
+    class(distributed_system_t), intent(in) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: u(:)
+    !> K u (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    norm = sqrt(max(0.0_dp, self%product(u, f) + 2*self%product(u, self%bodies%lift) + 2*self%bodies%lift_energy))
+  end function system_energy_norm
+
+  !> Strain energy and work of the loads.
+  subroutine system_find_terms(self, u, terms)
+    class(distributed_system_t), intent(in) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: u(:)
+    !> (2) [energy]
+    real(dp), allocatable, intent(inout) :: terms(:)
+    real(dp) :: f(self%n)
+    call self%strain_forces(u, f)
+    terms = self%product(u, self%bodies%lift) + [self%bodies%lift_energy, self%bodies%lift_work] + &
+      [self%product(u, f)/2, self%product(u, self%load)]
+  end subroutine system_find_terms
+
+  !> y = B u, without prescribed displacements.
+  subroutine system_row_displacement(self, u, y)
+    class(distributed_system_t), intent(in) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: u(:)
     !> The same on all ranks (n_rows) [length].
-    real(dp), intent(out), contiguous :: y(:)
-    call self%contact%rows%displacement(x, y)
+    real(dp), intent(out) :: y(:)
+    real(dp) :: found(size(y))
+    call self%contact%rows%displacement(u, found)
+    y = found
   end subroutine system_row_displacement
 
   !> r := r - B^T lambda.
@@ -313,34 +393,33 @@ contains
     call self%contact%rows%subtract_force(lambda, r)
   end subroutine system_subtract_row_force
 
-  !> Take motions out of forces or displacements: their components on the modes.
-  subroutine system_remove_motions(self, motion, x, component)
+  !> R^T f.
+  function system_resultants(self, f) result(resultant)
     class(distributed_system_t), intent(in) :: self
-    !> Amplitudes of the motions, orthonormal (n_modes, n_motions) [].
-    real(dp), intent(in) :: motion(:, :)
-    !> Forces or displacements (n) [any].
-    real(dp), intent(inout) :: x(:)
-    !> Components that were taken out (n_motions) [as x].
-    real(dp), allocatable, intent(out) :: component(:)
-    real(dp) :: on_modes(size(motion, 1))
-    allocate (component(size(motion, 2)), source=0.0_dp)
-    if (size(motion, 2) == 0) return
-    on_modes = matmul(x, self%stiffness%mode)
-    call sum_of_ranks(on_modes)
-    component = matmul(on_modes, motion)
-    x = x - matmul(self%stiffness%mode, matmul(motion, component))
-  end subroutine system_remove_motions
+    !> Forces (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    !> The same on all ranks (n_modes) [force].
+    real(dp), allocatable :: resultant(:)
+    resultant = matmul(f, self%bodies%mode)
+    if (size(resultant) > 0) call sum_of_ranks(resultant)
+  end function system_resultants
+
+  !> u := u + R alpha.
+  subroutine system_add_modes(self, alpha, u)
+    class(distributed_system_t), intent(in) :: self
+    !> Amplitudes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: u(:)
+    if (size(alpha) > 0) u(:) = u + matmul(self%bodies%mode, alpha)
+  end subroutine system_add_modes
 
   !> Take all rigid body modes out of forces or displacements.
-  subroutine system_remove_modes(self, x, component)
+  subroutine system_remove_modes(self, x)
     class(distributed_system_t), intent(in) :: self
     !> Forces or displacements (n) [any].
-    real(dp), intent(inout) :: x(:)
-    !> Components that were taken out (n_modes) [as x].
-    real(dp), allocatable, intent(out) :: component(:)
-    real(dp), allocatable :: all(:, :)
-    call all_modes(size(self%row_mode, 2), all)
-    call self%remove_motions(all, x, component)
+    real(dp), intent(inout), contiguous :: x(:)
+    call self%add_modes(-self%resultants(x), x)
   end subroutine system_remove_modes
 
   !> Diagonal of B D^{-1} B^T, D the diagonal blocks of the smoother.
@@ -351,31 +430,53 @@ contains
     compliance = self%contact%rows%self_compliance
   end function system_row_compliance
 
-  !> The rows, for `close_gaps`.
-  function system_rows(self) result(rows)
-    class(distributed_system_t), intent(in), target :: self
-    type(contact_rows_t), pointer :: rows
-    rows => self%contact%rows
-  end function system_rows
-
-  !> Displacement of the rows by prescribed displacements.
-  pure function system_prescribed(self) result(y)
+  !> Whether rows have no free unknown.
+  pure function system_is_rigid_row(self) result(is_rigid)
     class(distributed_system_t), intent(in) :: self
-    !> (n_rows) [length]
-    real(dp) :: y(self%n_rows)
-    y = self%contact%rows%prescribed
-  end function system_prescribed
+    !> (n_rows)
+    logical :: is_rigid(self%n_rows)
+    is_rigid = .not. self%contact%rows%self_compliance > 0
+  end function system_is_rigid_row
+
+  !> Close the gaps of some rows.
+  subroutine system_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
+    class(distributed_system_t), intent(in) :: self
+    !> Rows to close (n_rows).
+    logical, intent(in) :: chosen(:)
+    !> Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: softness(:)
+    !> Fraction of the diagonal that is added [].
+    real(dp), intent(in) :: shift
+    !> B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: closed(:)
+    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    !> Allocated where a number is not finite, or memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    call self%contact%rows%close_gaps(chosen, gap, softness, shift, closed, norm, error)
+  end subroutine system_close_gaps
 
   !> Scalar product over all ranks.
   real(dp) function system_product(self, a, b) result(product)
     class(distributed_system_t), intent(in) :: self
     !> Vectors (n) [any].
-    real(dp), intent(in) :: a(:), b(:)
+    real(dp), intent(in), contiguous :: a(:), b(:)
     real(dp) :: sum(1)
     sum = dot_product(a(:self%n), b(:self%n))
     call sum_of_ranks(sum)
     product = sum(1)
   end function system_product
+
+  !> Whether a rank was asked to stop.
+  logical function system_is_interrupted(self) result(is_interrupted)
+    class(distributed_system_t), intent(in) :: self
+    call meet()
+    is_interrupted = interrupted()
+    associate (not_needed => self%n)
+    end associate
+  end function system_is_interrupted
 
   !> Give back the memory; the stiffness remains.
   subroutine system_destroy(self)

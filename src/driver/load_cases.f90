@@ -4,6 +4,7 @@ module dotyk_driver_load_cases
   use dotyk_base_error, only: error_t, exit_not_converged
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_control_rotations, only: find_rotations
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -22,6 +23,7 @@ module dotyk_driver_load_cases
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_summary, only: show_solution
   use dotyk_output_results_file, only: results_file_t
+  use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
   public :: solve_cases
@@ -29,7 +31,7 @@ module dotyk_driver_load_cases
 contains
 
   !> Solve one load case after the other, and write the results file.
-  subroutine solve_cases(restart, input, run, scene, threads, monitor, needs_factors, code, error)
+  subroutine solve_cases(restart, input, run, scene, threads, monitor, reason, code, error)
     !> Results file of an earlier run to start from; empty where there is none.
     character(*), intent(in) :: restart
     !> The case, with one contact for each pair.
@@ -42,8 +44,9 @@ contains
     integer, intent(in) :: threads
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Whether the contact needs the factors of bodies that were split: nothing is written.
-    logical, intent(out) :: needs_factors
+    !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
+    !> otherwise.
+    integer, intent(out) :: reason
     !> Exit code where there is no error: that of the worst load case.
     integer, intent(inout) :: code
     !> Allocated where the run has no results; with its exit code.
@@ -55,7 +58,7 @@ contains
     type(solved_case_t), allocatable :: solved
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
-    real(dp), allocatable :: pressure(:)
+    real(dp), allocatable :: pressure(:), ratio(:)
     real(dp) :: before
     integer :: k, n, n_written
     logical :: is_kept
@@ -63,7 +66,7 @@ contains
     n_written = 0
     n = case%n_cases()
     allocate (row(0))
-    needs_factors = .false.
+    reason = reason_none
     before = 0
     do k = 1, n
       if (k > block%last .and. len(restart) == 0) call block%solve(input, k, run, scene, monitor, solution%state)
@@ -75,11 +78,12 @@ contains
       if (.not. allocated(solved)) &
         call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
       if (allocated(error)) exit
-      call solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, needs_factors, error)
-      if (allocated(error) .or. needs_factors) exit
+      call solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, reason, error)
+      if (allocated(error) .or. reason /= reason_none) exit
       if (k == n) call scene%compliance%destroy()
       if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
-      call note_modes(scene%problem, solution%state, monitor%log)
+      call find_rotations(scene%problem, solution%state, ratio)
+      call note_modes(scene%problem, solution%state, ratio, monitor%log)
       call check_bodies(scene, solution, monitor)
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                          monitor%timing%iterate%wall - before)
@@ -92,7 +96,7 @@ contains
       ! Cases that are solved are told all the same.
       if (solution%state%was_interrupted() .and. k >= block%last) exit
     end do
-    if (needs_factors) return
+    if (reason /= reason_none) return
     is_kept = .false.
     if (allocated(error) .and. n_written > 0) is_kept = interrupted()
     if (is_kept) then

@@ -17,6 +17,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
+  use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
   public :: run_case
@@ -35,7 +36,8 @@ contains
     type(scheme_run_t) :: run
     type(log_monitor_t) :: monitor
     integer :: threads
-    logical :: needs_factors, has_shown
+    integer :: reason
+    logical :: has_shown
     code = exit_converged
     has_shown = .false.
     call monitor%begin(arguments%quiet)
@@ -49,13 +51,13 @@ contains
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
-    call run_scene(arguments, case, run, .true., threads, monitor, has_shown, needs_factors, code, error)
-    if (needs_factors) &
-      call run_scene(arguments, case, run, .false., threads, monitor, has_shown, needs_factors, code, error)
+    call run_scene(arguments, case, run, .true., threads, monitor, has_shown, reason, code, error)
+    if (reason /= reason_none) &
+      call run_scene(arguments, case, run, .false., threads, monitor, has_shown, reason, code, error)
   end subroutine run_case
 
   !> From the case to the results file.
-  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, has_shown, needs_factors, code, error)
+  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, has_shown, reason, code, error)
     !> The command line.
     type(arguments_t), intent(in) :: arguments
     !> The case.
@@ -70,8 +72,9 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> Whether the log has the tables of the scene.
     logical, intent(inout) :: has_shown
-    !> Whether the contact needs the factors of bodies that were split: nothing is written.
-    logical, intent(out) :: needs_factors
+    !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
+    !> otherwise.
+    integer, intent(out) :: reason
     !> Exit code where there is no error.
     integer, intent(inout) :: code
     !> Allocated where the run has no results; with its exit code.
@@ -82,8 +85,8 @@ contains
     case = input
     run = chosen
     ! Bodies that are split are computed once: load cases have factors.
-    call build_scene(case, run%scheme, may_split .and. case%n_cases() == 1, scene, monitor, needs_factors, error)
-    if (allocated(error) .or. needs_factors) return
+    call build_scene(case, run%scheme, may_split .and. case%n_cases() == 1, scene, monitor, reason, error)
+    if (allocated(error) .or. reason /= reason_none) return
     call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of, has_shown)
     if (.not. has_shown) call check_placement(scene, monitor)
@@ -97,7 +100,7 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_cases(arguments%restart, case, run, scene, threads, monitor, needs_factors, code, error)
+    call solve_cases(arguments%restart, case, run, scene, threads, monitor, reason, code, error)
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene

@@ -17,7 +17,7 @@ module dotyk_driver_scene_building
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_double_bodies, only: refuse_doubles
   use dotyk_ranks_exchange, only: meet
-  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_scheme, only: reason_none, reason_parts, scheme_t
   implicit none
   private
   public :: build_scene, scene_t
@@ -25,7 +25,7 @@ module dotyk_driver_scene_building
 contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
-  subroutine build_scene(case, scheme, may_split, scene, monitor, needs_factors, error)
+  subroutine build_scene(case, scheme, may_split, scene, monitor, reason, error)
     !> The case; its contacts become the pairs that they stand for.
     type(case_t), intent(inout) :: case
     !> Scheme of the run.
@@ -36,8 +36,9 @@ contains
     type(scene_t), intent(out) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Whether the ranks have parts of bodies that are not to be split: the scene is to be built anew, without.
-    logical, intent(out) :: needs_factors
+    !> `reason_parts` where the ranks have parts of bodies that are not to be split: the scene is to be built anew,
+    !> without; `reason_none` otherwise.
+    integer, intent(out) :: reason
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: remarks(:)
@@ -45,7 +46,7 @@ contains
     type(body_surfaces_t), allocatable :: surfaces(:)
     logical :: splits, in_parts, are_dealt
     integer :: i
-    needs_factors = .false.
+    reason = reason_none
     associate (problem => scene%problem)
       call refuse_doubles(case, error)
       if (allocated(error)) return
@@ -69,8 +70,8 @@ contains
       call set_stage('assembling')
       ! Bodies that were dealt out were expected to be small.
       call choose_solution(case, problem%body, problem%classes, may_split .and. .not. are_dealt, monitor, form, splits)
-      needs_factors = in_parts .and. .not. splits
-      if (needs_factors) return
+      if (in_parts .and. .not. splits) reason = reason_parts
+      if (reason /= reason_none) return
       if (splits) call problem%classes%init(size(problem%body))
       if (.not. are_dealt) then
         call problem%ranks%init(problem%body, problem%classes, splits)

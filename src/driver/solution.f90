@@ -1,16 +1,16 @@
 !> The solution of a load case: factorization where it is the first one, and the contact solved, continued where
 !> intermediate results were written.
 module dotyk_driver_solution
-  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_error, only: about_case, about_solver, add_context, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_base_options, only: response_auto
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_control_split_costs, only: factors_fit, iterations_worth_factors
+  use dotyk_driver_engines, only: engine_factors, engine_none, engine_rebuilt, first_engine, take_engine, &
+    take_next_engine, why_not_taken
   use dotyk_driver_factorization, only: factorize_scene
   use dotyk_driver_load_case, only: solved_case_t
-  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_results, only: write_on_the_way
   use dotyk_driver_run_settings, only: goal_of, may_use_multigrid
   use dotyk_driver_scene, only: scene_t
@@ -19,9 +19,8 @@ module dotyk_driver_solution
   use dotyk_log_outcome, only: refuse_unsolvable
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_factorization
-  use dotyk_scheme_primal, only: primal_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_costly, ended_interrupted, &
-    ended_limit, ended_time
+  use dotyk_scheme_scheme, only: reason_none
+  use dotyk_scheme_solver_state, only: ended_time
   implicit none
   private
   public :: solve_scene
@@ -30,7 +29,7 @@ contains
 
   !> Factorize unless that is done, and solve. A scene of bodies that are split over ranks is to be built anew where it
   !> needs their factors.
-  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, needs_factors, error)
+  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, reason, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Scheme and its settings.
@@ -47,39 +46,30 @@ contains
     type(contact_solution_t), intent(inout) :: solution
     !> The load case where its contact is solved; not allocated on return.
     type(solved_case_t), allocatable, intent(inout) :: solved
-    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: no solution yet.
-    logical, intent(out) :: needs_factors
+    !> Why bodies that are split need factors, one of `reason_*`: no solution yet; `reason_none` otherwise.
+    integer, intent(out) :: reason
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
-    character(:), allocatable :: reason
     real(dp) :: before
-    integer :: most_iterations
-    logical :: has_warned, may_return, may_rebuild
+    integer :: engine
+    logical :: has_warned
     has_warned = .false.
-    needs_factors = .false.
-    factors: do
+    engine = engine_none
+    do
       if (.not. scene%is_factorized) then
         before = monitor%timing%factorize%wall
         call factorize_scene(case, run%scheme, scene, monitor, error)
-        if (allocated(error)) exit factors
+        if (allocated(error)) exit
         call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
                                 case%solver%response == response_auto .and. may_use_multigrid(case), &
                                 monitor%timing%factorize%wall - before)
       end if
+      if (engine == engine_none) engine = first_engine(scene)
       now = run
-      if (scene%has_multigrid()) then
-        deallocate (now%scheme)
-        allocate (primal_t :: now%scheme)
-      end if
-      may_return = may_return_to_factors(case, scene)
-      may_rebuild = scene%is_split() .and. case%solver%response == response_auto
-      if (may_rebuild) may_rebuild = factors_fit(scene%problem%body)
-      most_iterations = huge(1)
-      if (may_rebuild) most_iterations = iterations_worth_factors(scene%problem%body)
-      if (scene%is_split()) call scene%split%take_scheme(most_iterations, now%scheme)
+      call take_engine(engine, case, scene, now%scheme)
       call solution%begin(scene%theta)
-      if (case%n_cases() > 1 .and. .not. (scene%has_multigrid() .or. scene%is_split())) &
+      if (case%n_cases() > 1 .and. engine == engine_factors) &
         call scene%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       if (allocated(solved)) then
         solution%state = solved%state
@@ -88,64 +78,33 @@ contains
       else if (allocated(pressure)) then
         call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       end if
-      do
-        if ((may_return .or. may_rebuild) .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
-          needs_factors = may_rebuild
-          reason = 'the contact needs factors'
-          if (needs_factors) exit factors
-          call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
-          if (allocated(error)) exit factors
-          call say_why('the contact needs factors', may_return, monitor)
-          if (may_return) cycle factors
-        end if
-        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), scene%kept, monitor, &
-                           solution, error)
-        call monitor%end_phase()
-        if (allocated(error)) exit factors
-        if (solution%state%ended == ended_time) then
+      reason = now%scheme%why_not(scene%qp, scene%compliance, scene%theta)
+      if (reason == reason_none) then
+        do
+          call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), scene%kept, monitor, &
+                             solution, error)
+          call monitor%end_phase()
+          if (allocated(error)) exit
+          if (solution%state%ended /= ended_time) exit
           call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
-          cycle
-        end if
-        if (any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
-        needs_factors = may_rebuild .and. solution%state%ended == ended_costly
-        reason = 'p-multigrid would take longer than factors'
-        if (needs_factors) exit factors
-        ! Not where the user has limited the iterations, nor for loads without equilibrium: rigid body modes tell that.
-        if (solution%state%ended == ended_limit .or. solution%state%history%n == 0) exit factors
-        needs_factors = may_rebuild
-        reason = 'the accuracy of p-multigrid does not suffice'
-        if (.not. may_return) exit factors
-        call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
-        if (allocated(error)) exit factors
-        call say_why(reason, may_return, monitor)
-        if (.not. may_return) exit factors
+        end do
+        if (.not. allocated(error)) reason = why_not_taken(solution%state)
+      end if
+      if (allocated(error) .or. reason == reason_none) exit
+      call take_next_engine(reason, case, run, scene, monitor, engine, error)
+      if (allocated(error) .or. engine == engine_rebuilt) exit
+      if (engine == engine_none) then
+        reason = reason_none
         exit
-      end do
-    end do factors
+      end if
+    end do
     if (allocated(error)) then
-      ! The scheme does not know the line of its settings.
-      if (index(error%message, '&solver') == 1) &
-        call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
-    else if (needs_factors) then
-      call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor '// &
-                        'on one of them')
-    else
+      reason = reason_none
+      ! Schemes do not know where their settings are.
+      if (error%about == about_solver) call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+      if (error%about == about_case) call add_context(error, case%file//': ')
+    else if (reason == reason_none) then
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
   end subroutine solve_scene
-
-  !> Say why p-multigrid is given up.
-  subroutine say_why(reason, fits, monitor)
-    !> The reason.
-    character(*), intent(in) :: reason
-    !> Whether the memory suffices for factors.
-    logical, intent(in) :: fits
-    !> Gets the line.
-    type(log_monitor_t), intent(inout) :: monitor
-    if (fits) then
-      call monitor%note('factors          '//reason//': the bodies are factorized, and the contact solved again')
-    else
-      call monitor%note('warning          '//reason//', and the memory does not suffice for factors')
-    end if
-  end subroutine say_why
 end module dotyk_driver_solution

@@ -12,8 +12,7 @@ module dotyk_log_outcome
   use dotyk_log_indeterminate, only: note_rest, note_undetermined
   use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_open_tie, &
-    ended_rigid_constraint, ended_rotated
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint
   implicit none
   private
   public :: refuse_unsolvable, note_modes
@@ -40,23 +39,19 @@ contains
     if (state%ended == ended_open_tie) call refuse_open_tie(case, problem, state, error)
   end subroutine refuse_unsolvable
 
-  !> Say which modes are indeterminate, and which bodies rotate too far. A solution with a rotation by more than the
-  !> size of a body is none.
-  subroutine note_modes(problem, state, log)
+  !> Say which modes are indeterminate, and which bodies rotate too far.
+  subroutine note_modes(problem, state, ratio, log)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
-    !> State of the scheme at its end; ended by a rotation that is too large on return.
-    type(solver_state_t), intent(inout) :: state
+    !> State of the scheme at its end.
+    type(solver_state_t), intent(in) :: state
+    !> Displacement by rotation, relative to the size of the body (n_bodies) [].
+    real(dp), intent(in) :: ratio(:)
     !> The log.
     type(log_t), intent(inout) :: log
-    real(dp) :: largest
-    !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
-    real(dp), parameter :: largest_rotation = 1
     call note_undetermined(problem, state%indeterminate, log)
     call note_rest(problem, state, log)
-    if (.not. allocated(state%alpha)) return
-    call note_rotations(problem%body, problem%modes, first_mode(problem%modes, problem%tie), state%alpha, log, largest)
-    if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated
+    call note_rotations(problem%body, ratio, log)
   end subroutine note_modes
 
   !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
@@ -244,60 +239,21 @@ contains
   end subroutine refuse_open_tie
 
   !> Say which bodies rotate so far that small displacements are no good approximation.
-  subroutine note_rotations(body, modes, first, amplitude, log, most)
+  subroutine note_rotations(body, ratio, log)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Modes of the bodies (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> First mode of each body (n_bodies + 1).
-    integer, intent(in) :: first(:)
-    !> Amplitudes of the modes of all bodies, body after body (n_modes) [length].
-    real(dp), intent(in) :: amplitude(:)
+    !> Displacement by rotation, relative to the size of the body (n_bodies) [].
+    real(dp), intent(in) :: ratio(:)
     !> The log.
     type(log_t), intent(inout) :: log
-    !> Largest displacement by rotation, relative to the size of the body [].
-    real(dp), intent(out) :: most
-    integer :: b, n_far, farthest
-    real(dp) :: ratio
+    integer :: n_far
     ! Displacements by rotation, relative to the size of the body.
     real(dp), parameter :: far = 0.05_dp
-    most = 0
-    if (size(amplitude) == 0) return
-    n_far = 0
-    farthest = 0
-    do b = 1, size(body)
-      if (modes(b)%n == 0) cycle
-      ratio = rotation_ratio(body(b), modes(b), amplitude(first(b):first(b) + modes(b)%n - 1))
-      if (ratio > most) farthest = b
-      most = max(most, ratio)
-      if (ratio > far) n_far = n_far + 1
-    end do
+    n_far = count(ratio > far)
     if (n_far == 0) return
-    call log%line('  large rotation   '//quoted(body(farthest)%name)//': rotation moves nodes by up to '// &
-                  to_text(100*most, 2)//' % of its size; the theory assumes small displacements, '// &
+    call log%line('  large rotation   '//quoted(body(maxloc(ratio, 1))%name)//': rotation moves nodes by up to '// &
+                  to_text(100*maxval(ratio), 2)//' % of its size; the theory assumes small displacements, '// &
                   'the results are qualitative')
     if (n_far > 1) call log%line('  large rotation   '//counted(n_far - 1, 'more body', 'more bodies')//', smaller')
   end subroutine note_rotations
-
-  !> How far nodes move against their mean, relative to the size of the body [].
-  real(dp) function rotation_ratio(body, modes, amplitude) result(ratio)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its modes.
-    type(body_modes_t), intent(in) :: modes
-    !> Amplitude of each mode (n) [length].
-    real(dp), intent(in) :: amplitude(:)
-    real(dp) :: u(body%dimension, size(modes%shape, 2)), mean(body%dimension), length
-    integer :: i, k
-    u = 0
-    do k = 1, size(amplitude)
-      u = u + amplitude(k)*modes%shape(:, :, k)
-    end do
-    mean = sum(u, 2)/size(u, 2)
-    length = norm2(maxval(body%mesh%x, 2) - minval(body%mesh%x, 2))
-    ratio = 0
-    do i = 1, size(u, 2)
-      ratio = max(ratio, norm2(u(:, i) - mean)/length)
-    end do
-  end function rotation_ratio
 end module dotyk_log_outcome

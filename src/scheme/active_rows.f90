@@ -5,11 +5,12 @@ module dotyk_scheme_active_rows
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_scheme_body_grids, only: body_grids_t
+  use dotyk_scheme_coarse_space, only: mode_block_t
+  use dotyk_scheme_mode_factor, only: mode_factor_t
   implicit none
   private
 
@@ -17,8 +18,6 @@ module dotyk_scheme_active_rows
   type, public :: active_rows_t
     !> Active rows, ascending (n).
     integer, allocatable :: row(:)
-    !> Amplitudes of motions of the bodies that the active rows do not restrain, orthonormal (n_modes, n_free) [].
-    real(dp), allocatable :: free_mode(:, :)
     !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
     type(sparse_symmetric_t) :: sum
     !> Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
@@ -27,25 +26,21 @@ module dotyk_scheme_active_rows
     type(dense_cholesky_t), private :: corner
     !> Modes at the active rows, G (n, n_modes) [].
     real(dp), allocatable, private :: mode(:, :)
-    !> Of S = G^T (W^{-1} + C)^{-1} G, scaled to a unit diagonal, where it is regular.
-    type(dense_cholesky_t), private :: mode_factor
-    !> Its pseudo-inverse where it is not; not allocated otherwise (n_modes, n_modes) [].
-    real(dp), allocatable, private :: mode_inverse(:, :)
-    !> Scales of the modes (n_modes) [sqrt(length/force)].
-    real(dp), allocatable, private :: scale(:)
+    !> Stiffness of the modes by contact, G^T (W^{-1} + C)^{-1} G (n_modes, n_modes) [force/length].
+    real(dp), allocatable, private :: mode_stiffness(:, :)
+    !> The same by the active rows alone, G^T W G (n_modes, n_modes) [force/length].
+    real(dp), allocatable, private :: row_stiffness(:, :)
+    !> Of both with springs.
+    type(mode_factor_t), private :: mode_factor, row_factor
   contains
     procedure :: set => rows_set
+    procedure :: set_springs => rows_set_springs
     procedure :: solve_smoother => rows_solve_smoother
     procedure :: solve_corner => rows_solve_corner
+    procedure :: solve_modes => rows_solve_modes
     procedure :: destroy => rows_destroy
   end type active_rows_t
 
-  !> Pivots and eigenvalues of the scaled stiffness of modes below this are rounding: contact does not restrain these
-  !> motions.
-  real(dp), parameter :: free_motion = 1.0e-10_dp
-  !> Modes of a body that move its active rows by less than this fraction of what others do, or of what they move the
-  !> body by, do not move them [].
-  real(dp), parameter :: along_surfaces = 1.0e-8_dp
   !> A shift of the diagonal, relative, where rounding has made a matrix indefinite.
   real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
 
@@ -65,7 +60,7 @@ contains
     if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
     if (.not. allocated(error)) call factorize_smoother(self, stiffness, error)
     if (.not. allocated(error)) call factorize_corner(self, grids, stiffness, error)
-    if (.not. allocated(error)) call factorize_modes(self, grids, error)
+    if (.not. allocated(error)) call find_mode_stiffness(self, grids, stiffness)
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
   end subroutine rows_set
 
@@ -248,24 +243,20 @@ contains
     end do
   end subroutine add_diagonal
 
-  !> Factorize the stiffness of the modes, G^T (W^{-1} + C)^{-1} G, and find the motions that nothing restrains.
-  subroutine factorize_modes(self, grids, error)
+  !> The stiffness of the modes by contact.
+  subroutine find_mode_stiffness(self, grids, stiffness)
     !> The factors.
     type(active_rows_t), intent(inout) :: self
     !> The bodies.
     class(body_grids_t), intent(in) :: grids
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: solved(:, :), s(:, :)
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    real(dp), allocatable :: solved(:, :)
     integer, allocatable :: number(:)
-    integer :: b, i, k, n, failed
+    integer :: b, i, k, n
     n = grids%first_mode(size(grids%first_mode))
     if (allocated(self%mode)) deallocate (self%mode)
-    if (allocated(self%mode_inverse)) deallocate (self%mode_inverse)
-    if (allocated(self%free_mode)) deallocate (self%free_mode)
     allocate (self%mode(size(self%row), n), source=0.0_dp)
-    allocate (self%free_mode(n, 0))
-    if (n == 0) return
     allocate (number(grids%n_rows), source=0)
     number(self%row) = [(i, i=1, size(self%row))]
     do b = 1, size(grids%body)
@@ -277,73 +268,31 @@ contains
       end associate
     end do
     allocate (solved, source=self%mode)
-    call self%corner%solve_lower(solved)
-    self%scale = [(norm2(solved(:, k)), k=1, n)]
-    do b = 1, size(grids%body)
-      associate (first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1), &
-                 mode => grids%grid(grids%body(b)%representative)%p%mode)
-        ! Modes along the surfaces move rows by rounding errors, all modes of a body on rollers, too.
-        do k = first, last
-          if (maxval(abs(self%mode(:, k))) <= along_surfaces*maxval(abs(mode(:, k - first + 1)))) self%scale(k) = 0
-        end do
-        where (self%scale(first:last) > along_surfaces*maxval([tiny(1.0_dp), self%scale(first:last)]))
-          self%scale(first:last) = 1/self%scale(first:last)
-        else where
-          self%scale(first:last) = 0
-        end where
-      end associate
-    end do
-    do k = 1, n
-      solved(:, k) = self%scale(k)*solved(:, k)
-    end do
-    call self%mode_factor%resize(n)
-    call square(size(solved, 1), n, solved, self%mode_factor%value)
-    allocate (s(n, n))
-    s = reshape(self%mode_factor%value(:int(n, int64)**2), [n, n])
-    call self%mode_factor%factorize(failed)
-    if (failed == 0) then
-      if (self%mode_factor%least_pivot() > free_motion) return
-    end if
-    call find_free_motions(self, s, error)
-  end subroutine factorize_modes
+    if (n > 0) call self%corner%solve_lower(solved)
+    self%mode_stiffness = matmul(transpose(solved), solved)
+    solved = self%mode*spread(sqrt(stiffness(self%row)), 2, n)
+    self%row_stiffness = matmul(transpose(solved), solved)
+  end subroutine find_mode_stiffness
 
-  !> C = A^T A.
-  subroutine square(m, n, a, c)
-    !> Rows and columns of A.
-    integer, intent(in) :: m, n
-    !> A (m, n) [any].
-    real(dp), intent(in) :: a(m, n)
-    !> C (n, n) [A^2].
-    real(dp), intent(inout) :: c(n, *)
-    if (m > 0) c(:, :n) = matmul(transpose(a), a)
-  end subroutine square
-
-  !> The pseudo-inverse of the stiffness of the modes.
-  subroutine find_free_motions(self, s, error)
-    !> Gets `mode_inverse` and `free_mode`.
-    type(active_rows_t), intent(inout) :: self
-    !> The scaled stiffness (n_modes, n_modes) [].
-    real(dp), intent(in) :: s(:, :)
+  !> Factorize the stiffness of the modes with springs.
+  subroutine rows_set_springs(self, spring, error)
+    class(active_rows_t), intent(inout) :: self
+    !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
     !> Allocated where a number is not finite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: values(:), vectors(:, :), motion(:, :)
-    integer :: k, n, n_free
-    n = size(s, 1)
-    allocate (values(n), vectors(n, n))
-    call symmetric_eigen(s, values, vectors, error)
-    if (allocated(error)) return
-    n_free = count(.not. values > free_motion)
-    allocate (self%mode_inverse(n, n))
-    self%mode_inverse = matmul(vectors(:, n_free + 1:)/spread(values(n_free + 1:), 1, n), &
-                               transpose(vectors(:, n_free + 1:)))
-    deallocate (self%free_mode)
-    allocate (self%free_mode(n, n_free), motion(n, n_free))
-    do k = 1, n_free
-      ! A body that no active row touches has no scale.
-      motion(:, k) = merge(self%scale, 1.0_dp, self%scale > 0)*vectors(:, k)
-    end do
-    call orthonormal_range(motion, epsilon(1.0_dp), self%free_mode, k)
-  end subroutine find_free_motions
+    call self%mode_factor%init(self%mode_stiffness, spring, error)
+    if (.not. allocated(error)) call self%row_factor%init(self%row_stiffness, spring, error)
+    if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
+  end subroutine rows_set_springs
+
+  !> alpha := (G^T W G + T)^{-1} alpha.
+  subroutine rows_solve_modes(self, alpha)
+    class(active_rows_t), intent(in) :: self
+    !> Resultants in [force], amplitudes out [length] (n_modes).
+    real(dp), intent(inout) :: alpha(:)
+    call self%row_factor%solve(alpha)
+  end subroutine rows_solve_modes
 
   !> lambda := (W^{-1} + B D^{-1} B^T)^{-1} lambda on the active rows; zero elsewhere.
   subroutine rows_solve_smoother(self, lambda)
@@ -357,8 +306,7 @@ contains
     if (size(own) > 0) call self%smoother%solve(lambda)
   end subroutine rows_solve_smoother
 
-  !> Forces and amplitudes of (W^{-1} + C) lambda - G alpha = y, G^T lambda = e; no force on motions that nothing
-  !> restrains.
+  !> Forces and amplitudes of (W^{-1} + C) lambda - G alpha = y, G^T lambda + T alpha = e.
   subroutine rows_solve_corner(self, lambda, e, alpha)
     class(active_rows_t), intent(in) :: self
     !> Displacements y in [length], forces out, zero where not active [force] (n_rows).
@@ -372,13 +320,8 @@ contains
     lambda = 0
     call self%corner%solve(force)
     if (size(e) > 0) then
-      alpha = self%scale*(e - matmul(force, self%mode))
-      if (allocated(self%mode_inverse)) then
-        alpha = matmul(self%mode_inverse, alpha)
-      else
-        call self%mode_factor%solve(alpha)
-      end if
-      alpha = self%scale*alpha
+      alpha = e - matmul(force, self%mode)
+      call self%mode_factor%solve(alpha)
       pushed = matmul(self%mode, alpha)
       call self%corner%solve(pushed)
       force = force + pushed
@@ -393,6 +336,5 @@ contains
     call self%sum%destroy()
     if (allocated(self%row)) deallocate (self%row)
     if (allocated(self%corner%value)) deallocate (self%corner%value)
-    if (allocated(self%mode_factor%value)) deallocate (self%mode_factor%value)
   end subroutine rows_destroy
 end module dotyk_scheme_active_rows

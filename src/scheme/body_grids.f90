@@ -9,19 +9,15 @@ module dotyk_scheme_body_grids
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_scheme_body_groups, only: body_groups_t
   use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
+  use dotyk_scheme_proximal_system, only: proximal_system_t
   implicit none
   private
 
   !> The bodies: the base of linear systems over all of them. It refers to the p-multigrids of others.
-  type, abstract, extends(preconditioned_system_t), public :: body_grids_t
-    !> Number of unknowns.
-    integer :: n = 0
-    !> Number of contact rows.
-    integer :: n_rows = 0
+  type, abstract, extends(proximal_system_t), public :: body_grids_t
     !> Components of a node.
     integer :: dim = 0
     !> Unknowns of body b are first(b)+1 .. first(b+1) (n_bodies + 1).
@@ -49,12 +45,16 @@ module dotyk_scheme_body_grids
     procedure :: add_modes => grids_add_modes
     procedure :: resultants => grids_resultants
     procedure :: row_resultants => grids_row_resultants
+    procedure :: product => grids_product
     procedure :: row_compliance => grids_row_compliance
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
 
   !> Entries of a factor whose solves threads share, see `multigrid_t`.
   real(dp), parameter :: shared_solve = 1.0e6_dp
+  !> The proximal term as a fraction of the compliance of the rows in the corner space. Smaller ones converge in fewer
+  !> proximal steps, and lose more digits of B u in the pressures.
+  real(dp), parameter :: proximal_fraction = 1.0e-4_dp
   !> Rows from which on threads are worth their start in a product with B.
   integer, parameter :: worth_threads = 1000
 
@@ -100,6 +100,7 @@ contains
     end do
     !$omp end parallel do
     call form_compliances(self)
+    self%proximal_fraction = proximal_fraction
 
   contains
 
@@ -160,20 +161,20 @@ contains
     end do
   end subroutine grids_add_rows
 
-  !> y = B x.
-  subroutine grids_row_displacement(self, x, y)
+  !> y = B u.
+  subroutine grids_row_displacement(self, u, y)
     class(body_grids_t), intent(in) :: self
     !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: u(:)
     !> At the rows (n_rows) [length].
     real(dp), intent(out) :: y(:)
     type(body_vector_t), allocatable :: own(:)
     integer :: b
     allocate (own(size(self%body)))
-    !$omp parallel do default(none) shared(self, x, own) schedule(dynamic, 1) if (self%many_rows())
+    !$omp parallel do default(none) shared(self, u, own) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
       allocate (own(b)%value(size(self%body(b)%row)), source=0.0_dp)
-      call self%body(b)%rows%add_displacement(self%dim, x(self%first(b) + 1:self%first(b + 1)), own(b)%value)
+      call self%body(b)%rows%add_displacement(self%dim, u(self%first(b) + 1:self%first(b + 1)), own(b)%value)
     end do
     !$omp end parallel do
     call self%add_rows(own, y)
@@ -269,38 +270,38 @@ contains
     end subroutine multiply_body
   end subroutine grids_multiply_bodies
 
-  !> x := x + R alpha.
-  subroutine grids_add_modes(self, alpha, x)
+  !> u := u + R alpha.
+  subroutine grids_add_modes(self, alpha, u)
     class(body_grids_t), intent(in) :: self
     !> Amplitudes of the rigid body modes (n_modes) [length].
     real(dp), intent(in) :: alpha(:)
     !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: u(:)
     integer :: b, k
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
         do k = 1, size(grid%mode, 2)
           call add_multiple(grid%n, alpha(self%first_mode(b) + k), grid%mode(:, k), &
-                            x(self%first(b) + 1:self%first(b + 1)))
+                            u(self%first(b) + 1:self%first(b + 1)))
         end do
       end associate
     end do
   end subroutine grids_add_modes
 
-  !> y = K x without the rigid motions of x, of which rounding would leave forces.
-  subroutine grids_strain_forces(self, x, y)
+  !> f = K u without the rigid motions of u, of which rounding would leave forces.
+  subroutine grids_strain_forces(self, u, f)
     class(body_grids_t), intent(in) :: self
     !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: u(:)
     !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(out), contiguous :: f(:)
     real(dp), allocatable :: strained(:)
     if (self%first_mode(size(self%first_mode)) == 0) then
-      call self%multiply_bodies(x, y)
+      call self%multiply_bodies(u, f)
     else
-      allocate (strained, source=x)
-      call self%add_modes(-self%resultants(x), strained)
-      call self%multiply_bodies(strained, y)
+      allocate (strained, source=u)
+      call self%add_modes(-self%resultants(u), strained)
+      call self%multiply_bodies(strained, f)
     end if
   end subroutine grids_strain_forces
 
@@ -338,6 +339,14 @@ contains
       end associate
     end do
   end function grids_row_resultants
+
+  !> Scalar product, the same on any number of threads.
+  real(dp) function grids_product(self, a, b) result(product)
+    class(body_grids_t), intent(in) :: self
+    !> Vectors (n) [any].
+    real(dp), intent(in), contiguous :: a(:), b(:)
+    product = scalar_product(self%n, a, b)
+  end function grids_product
 
   !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
   pure function grids_row_compliance(self) result(compliance)

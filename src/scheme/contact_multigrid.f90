@@ -1,4 +1,5 @@
-!> The linear system of an active set in the displacements of all bodies, `K + B^T W B`, with its preconditioner.
+!> The linear system of an active set in the displacements of all bodies, `K + B^T W B + R T R^T`, solved by conjugate
+!> gradients with its preconditioner.
 !>
 !> The preconditioner is one cycle of p-multigrid (`dotyk_response_multigrid`) that knows the active rows on each level,
 !> so that its quality does not depend on W, however stiff: `D + B^T W B` in place of the diagonal blocks D in the
@@ -8,59 +9,167 @@
 !>     (K + B^T W B)^{-1} = K^{-1} - K^{-1} B^T (W^{-1} + C)^{-1} B K^{-1}
 !>
 !> on the active rows. Rigid body modes R of floating bodies are added to the corner space: their amplitudes follow from
-!> the equilibrium of the contact forces.
+!> the equilibrium of contact forces and springs T. The smoother knows no springs: they are weaker by orders than any
+!> diagonal block.
 module dotyk_scheme_contact_multigrid
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
+  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
+  use dotyk_linalg_fixed_sum, only: remove_components
+  use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_smoother, only: contact_smoother_t
+  use dotyk_scheme_gap_closing, only: close_gaps
   use dotyk_scheme_grid_body, only: body_vector_t
+  use dotyk_scheme_proximal_system, only: solve_outcome_t
   implicit none
   private
 
   !> The system. It owns factors: never copy it, destroy it in the end.
   type, extends(contact_smoother_t), public :: contact_multigrid_t
   contains
-    procedure :: set_stiffness => system_set_stiffness
-    procedure :: n_free_modes => system_n_free_modes
-    procedure :: remove_free_motions => system_remove_free_motions
+    procedure :: set_active => system_set_active
+    procedure :: solve => system_solve
+    procedure :: force_norm => system_force_norm
+    procedure :: close_gaps => system_close_gaps
+    procedure :: smoother_compliance => system_smoother_compliance
     procedure :: multiply => system_multiply
     procedure :: precondition => system_precondition
     procedure :: destroy => system_destroy
   end type contact_multigrid_t
 
+  !> As conjugate gradients see it.
+  type, extends(preconditioned_system_t) :: seen_t
+    !> The system.
+    class(contact_multigrid_t), pointer :: system => null()
+  contains
+    procedure :: multiply => seen_multiply
+    procedure :: precondition => seen_precondition
+  end type seen_t
+
 contains
 
-  !> Choose the active rows and their stiffness; factorize what the preconditioner needs, unless it has that.
-  subroutine system_set_stiffness(self, stiffness, error)
-    class(contact_multigrid_t), intent(inout) :: self
+  !> y = A x.
+  subroutine seen_multiply(self, x, y)
+    class(seen_t), intent(in) :: self
+    !> (n) [length]
+    real(dp), intent(in), contiguous :: x(:)
+    !> (n) [force]
+    real(dp), intent(out), contiguous :: y(:)
+    call self%system%multiply(x, y)
+  end subroutine seen_multiply
+
+  !> z = M r.
+  subroutine seen_precondition(self, r, z)
+    class(seen_t), intent(in) :: self
+    !> (n) [force]
+    real(dp), intent(in), contiguous :: r(:)
+    !> (n) [length]
+    real(dp), intent(out), contiguous :: z(:)
+    call self%system%precondition(r, z)
+  end subroutine seen_precondition
+
+  !> Choose active rows and springs; factorize what the preconditioner needs, unless it has that.
+  subroutine system_set_active(self, stiffness, spring, error)
+    class(contact_multigrid_t), target, intent(inout) :: self
     !> W; zero where not active (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
+    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
     !> Allocated where a number is not finite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
-    if (allocated(self%stiffness)) then
-      if (.not. any(abs(stiffness - self%stiffness) > 0)) return
-      deallocate (self%stiffness)
+    logical :: has_rows
+    has_rows = .false.
+    if (allocated(self%stiffness)) has_rows = .not. any(abs(stiffness - self%stiffness) > 0)
+    self%spring = spring
+    if (.not. has_rows) then
+      if (allocated(self%stiffness)) deallocate (self%stiffness)
+      call self%active%set(self, stiffness, error)
+      if (allocated(error)) return
+      self%stiffness = stiffness
     end if
-    call self%active%set(self, stiffness, error)
-    if (.not. allocated(error)) self%stiffness = stiffness
-  end subroutine system_set_stiffness
+    call self%active%set_springs(spring, error)
+  end subroutine system_set_active
 
-  !> Motions that the active rows do not restrain: with them the system is singular.
-  pure integer function system_n_free_modes(self) result(n)
+  !> Solve (K + B^T W B + R T R^T) e = r. What is left has no resultants on the rigid body modes: K does not resist
+  !> these, so that one of them that nothing resists would go where the residual drives it.
+  subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
+    class(contact_multigrid_t), target, intent(inout) :: self
+    !> Forces (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    real(dp), intent(in) :: aim
+    !> Iterations at most.
+    integer, intent(in) :: most_steps
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: e(:)
+    !> How it went.
+    type(solve_outcome_t), intent(out) :: outcome
+    !> Never allocated.
+    type(error_t), allocatable, intent(out) :: error
+    type(cg_outcome_t) :: cg
+    type(seen_t) :: seen
+    real(dp), allocatable :: alpha(:)
+    real(dp) :: moved(self%n_rows)
+    seen%system => self
+    call conjugate_gradient(seen, r, e, 0.0_dp, most_steps, cg, aim)
+    if (self%first_mode(size(self%first_mode)) > 0) then
+      call self%row_displacement(e, moved)
+      alpha = self%resultants(r) - self%row_resultants(self%stiffness*moved) - self%spring_force(self%resultants(e))
+      call self%active%solve_modes(alpha)
+      call self%add_modes(alpha, e)
+    end if
+    self%n_iterations = self%n_iterations + cg%steps
+    outcome%steps = cg%steps
+    outcome%residual = cg%reduction*cg%first_norm
+    outcome%has_failed = .not. cg%first_norm > 0
+    associate (not_needed => error)
+    end associate
+  end subroutine system_solve
+
+  !> sqrt(r^T K^+ r), at most.
+  real(dp) function system_force_norm(self, r) result(norm)
+    class(contact_multigrid_t), intent(inout) :: self
+    !> Forces; without resultants on return (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    integer :: b
+    norm = 0
+    do b = 1, size(self%body)
+      associate (own => r(self%first(b) + 1:self%first(b + 1)), grid => self%grid(self%body(b)%representative)%p)
+        call remove_components(grid%n, grid%mode, own)
+        norm = hypot(norm, grid%force_norm(own))
+      end associate
+    end do
+  end function system_force_norm
+
+  !> Close the gaps of some rows.
+  subroutine system_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
     class(contact_multigrid_t), intent(in) :: self
-    n = size(self%active%free_mode, 2)
-  end function system_n_free_modes
+    !> Rows to close (n_rows).
+    logical, intent(in) :: chosen(:)
+    !> Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: softness(:)
+    !> Fraction of the diagonal that is added [].
+    real(dp), intent(in) :: shift
+    !> B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: closed(:)
+    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    !> Allocated where a number is not finite, or memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    call close_gaps(self%active%sum, chosen, gap, softness, shift, closed, norm, error)
+  end subroutine system_close_gaps
 
-  !> x := (I - F F^T) x with the motions F that the active rows do not restrain, orthonormal.
-  subroutine system_remove_free_motions(self, x)
+  !> The diagonal of B D^{-1} B^T.
+  pure function system_smoother_compliance(self) result(compliance)
     class(contact_multigrid_t), intent(in) :: self
-    !> Forces or displacements (n) [any].
-    real(dp), intent(inout), contiguous :: x(:)
-    if (self%n_free_modes() == 0) return
-    call self%add_modes(matmul(self%active%free_mode, -matmul(self%resultants(x), self%active%free_mode)), x)
-  end subroutine system_remove_free_motions
+    !> (n_rows) [length/force].
+    real(dp) :: compliance(self%n_rows)
+    compliance = self%active%sum%value(self%active%sum%column_start(:self%n_rows) + 1)
+  end function system_smoother_compliance
 
-  !> y = (K + B^T W B) x.
+  !> y = (K + B^T W B + R T R^T) x.
   subroutine system_multiply(self, x, y)
     class(contact_multigrid_t), intent(in) :: self
     !> Displacements (n) [length].
@@ -69,6 +178,7 @@ contains
     real(dp), intent(out), contiguous :: y(:)
     real(dp) :: moved(self%n_rows)
     call self%multiply_bodies(x, y)
+    if (self%first_mode(size(self%first_mode)) > 0) call self%add_modes(self%spring_force(self%resultants(x)), y)
     if (size(self%active%row) == 0) return
     call self%row_displacement(x, moved)
     call self%subtract_row_force(-self%stiffness*moved, y)
@@ -98,7 +208,7 @@ contains
     end do
     !$omp end parallel do
     call self%add_rows(own, lambda)
-    ! (W^{-1} + C) lambda - G alpha = B x,  G^T lambda = e.
+    ! (W^{-1} + C) lambda - G alpha = B x,  G^T lambda + T alpha = e.
     allocate (alpha(size(e)))
     call self%active%solve_corner(lambda, e, alpha)
     do k = 1, self%solves%n_alone
@@ -203,7 +313,6 @@ contains
       call add_parts(self%first(i) + 1, self%first(i + 1), &
                      size_of_r/self%grid(self%body(i)%representative)%p%fine%rows%scale, correction, x, b, z)
     end do
-    call self%remove_free_motions(z)
 
   contains
 

@@ -11,8 +11,6 @@ module dotyk_scheme_contact_smoother
 
   !> The bodies with their active rows.
   type, abstract, extends(body_grids_t), public :: contact_smoother_t
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), allocatable :: stiffness(:)
     !> The active rows, with the factors of the preconditioner.
     type(active_rows_t) :: active
   contains

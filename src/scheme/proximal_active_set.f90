@@ -1,5 +1,5 @@
-!> Contact of all bodies by a proximal active set on the displacements: conjugate gradients with a p-multigrid that
-!> knows the active rows (`dotyk_scheme_contact_multigrid`), no compliance of the bodies.
+!> Contact of all bodies by a proximal active set on the displacements (`dotyk_scheme_proximal_system`): no compliance of
+!> the bodies.
 !>
 !> The proximal point method for the pressures (R. T. Rockafellar, SIAM J. Control Optim. 14, 1976) asks for the
 !> minimizer u, given pressures m_0, of the energy with
@@ -7,33 +7,31 @@
 !>     m = max(0, (B u - d + prox m_0)/(theta + prox)),
 !>
 !> then sets m_0 := m. Its limit is the solution for theta, also for theta = 0, and its linear systems
-!> `K + B^T W B` on the active rows, W = w/(theta + prox), are regular in each step. Neither the active set nor the
-!> pressures m_0 wait for exact solutions of the linear systems.
+!> `K + B^T W B` on the active rows, W = w/(theta + prox), are regular in each step. The same steps move the feet of the
+!> springs on motions of floating bodies (`dotyk_scheme_proximal_motion`), which are one more proximal term. Neither the
+!> active set nor pressures m_0 and feet wait for exact solutions of the linear systems.
 !>
 !> Active sets that come again are no progress: from then on the linear systems are solved more accurately, and the step
 !> is the minimum of the energy along its direction, until the set stays. The energy is convex and piecewise quadratic:
-!> such steps end (M. Hintermueller, K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002, without them). Motions that no
-!> active row restrains, and the loads excite, go on until rows meet.
+!> such steps end (M. Hintermueller, K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002, without them).
 module dotyk_scheme_proximal_active_set
   use dotyk_base_error, only: error_t
-  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
-  use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
-  use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
-  use dotyk_scheme_free_motion, only: follow_free_motion
-  use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
+  use dotyk_scheme_active_set, only: foundation_stiffness
+  use dotyk_scheme_coarse_space, only: mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
+  use dotyk_scheme_proximal_system, only: proximal_system_t, solve_outcome_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_costly, ended_diverged, ended_interrupted, ended_limit, &
+    ended_rigid_constraint, ended_stalled
   implicit none
   private
-  public :: best_step, solve_proximal, mark_of_set
+  public :: best_step, solve_proximal
 
   !> How the iteration went.
   type, public :: proximal_outcome_t
-    !> Linear systems, and iterations of conjugate gradients in all.
+    !> Linear systems, and their iterations in all.
     integer :: steps = 0, cg_steps = 0
-    !> Cycles of p-multigrid.
-    integer :: cycles = 0
     !> Whether the active set, the pressures m_0 and the displacements are converged.
     logical :: converged = .false.
     !> Why it ended: one of `ended_*` of `dotyk_scheme_solver_state`. Not converged, the last iterate is returned.
@@ -42,16 +40,16 @@ module dotyk_scheme_proximal_active_set
     real(dp) :: residual = 0
     !> Last change of the pressures, sqrt(sum w prox change^2) [sqrt(energy)].
     real(dp) :: change = 0
-    !> Motions of bodies that the active rows do not restrain.
-    integer :: n_free_modes = 0
+    !> Energy norm of the displacements before the last step [sqrt(energy)].
+    real(dp) :: norm = 0
     !> How often an active set came again.
     integer :: n_cycles = 0
   end type proximal_outcome_t
 
   !> An iterate.
   type :: iterate_t
-    !> prox (n_rows) [length/pressure].
-    real(dp), allocatable :: prox(:)
+    !> prox of each row, and theta + prox (n_rows) [length/pressure].
+    real(dp), allocatable :: prox(:), softness(:)
     !> B u, and d - prox m_0 (n_rows) [length].
     real(dp), allocatable :: y(:), shifted(:)
     !> The active set of the linear system (n_rows).
@@ -64,12 +62,8 @@ module dotyk_scheme_proximal_active_set
     real(dp), allocatable :: seen(:)
   end type iterate_t
 
-  !> prox as a fraction of the compliance that rows have in the corner space. Smaller ones converge in fewer proximal
-  !> steps, and lose more digits of B u in the pressures.
-  real(dp), parameter :: proximal_fraction = 1.0e-4_dp
-  !> prox grows by this factor where active sets come again although steps are minima, up to `greatest_fraction` of the
-  !> compliance.
-  real(dp), parameter :: growth = 10, greatest_fraction = 0.1_dp
+  !> prox grows by this factor where active sets come again although steps are minima, up to the compliance of the row.
+  real(dp), parameter :: growth = 10
   !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again.
   real(dp), parameter :: first_aim = 0.01_dp, closer_aim = 0.1_dp
   !> Active sets without a repetition after which the linear systems are solved more accurately, too.
@@ -86,18 +80,18 @@ module dotyk_scheme_proximal_active_set
   !> Residuals that are smaller, relative to the forces that balance, are rounding.
   real(dp), parameter :: no_residual = 1.0e-9_dp
   !> Iterations of one linear system at most.
-  integer, parameter :: most_iterations = 200
+  integer, parameter :: most_iterations = 500
   !> Fractions of its multiples tell sets of rows apart.
   real(dp), parameter :: golden = 0.6180339887498949_dp
 
 contains
 
   !> Solve, from pressures m and displacements u.
-  subroutine solve_proximal(system, weight, gap, theta, load, tolerance, most_steps, m, u, outcome, error, norm_0)
+  subroutine solve_proximal(system, qp, gap, theta, load, tolerance, most_steps, motion, m, u, outcome, error)
     !> The bodies and rows; its active set is changed.
-    class(contact_multigrid_t), intent(inout) :: system
-    !> Weights w (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
+    class(proximal_system_t), target, intent(inout) :: system
+    !> The same rows, with weights and the rigid body modes of the bodies.
+    type(contact_qp_t), intent(in) :: qp
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
     real(dp), intent(in) :: gap(:)
     !> Penalty parameters, zero or positive (n_rows) [length/pressure].
@@ -108,107 +102,141 @@ contains
     real(dp), intent(in) :: tolerance
     !> Greatest number of linear systems.
     integer, intent(in) :: most_steps
+    !> Springs on motions of floating bodies; with their feet at rest where it is new.
+    type(proximal_motion_t), intent(inout) :: motion
     !> Pressures: those that start the active set, then the solution (n_rows) [pressure].
     real(dp), intent(inout) :: m(:)
     !> Displacements of the free unknowns: start, then solution (n) [length].
     real(dp), intent(inout), contiguous :: u(:)
     !> Steps and convergence.
     type(proximal_outcome_t), intent(out) :: outcome
-    !> Allocated where numbers are not finite.
+    !> Allocated where numbers are not finite, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    !> Energy norm of a displacement that u is added to: the sum is not less than the difference of the norms; 0 if
-    !> absent [sqrt(energy)].
-    real(dp), intent(in), optional :: norm_0
-    type(cg_outcome_t) :: cg
+    type(solve_outcome_t) :: solve
     type(iterate_t) :: now
-    real(dp), allocatable :: r(:), e(:), next(:), along(:)
+    type(proximal_motion_t) :: moved
+    real(dp), allocatable :: r(:), e(:), next(:), along(:), foundation(:), compliance(:), alpha(:)
     logical, allocatable :: new(:)
-    real(dp) :: norm, t, last
-    logical :: moved
-    allocate (r(system%n), e(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
-    now%prox = max(0.0_dp, proximal_term(system, weight) - theta)
-    now%active = m > 0
-    now%aim = first_aim
-    last = huge(last)
+    real(dp) :: t, last, left
+    logical :: at_rest, diverged
+    integer :: n_before
+    compliance = qp%weight*system%row_compliance()
     if (any(system%is_rigid_row() .and. .not. theta > 0 .and. gap < -rounding*maxval(abs(gap)))) then
       outcome%ended = ended_rigid_constraint
       return
     end if
+    ! Rows between held nodes have no compliance of their own.
+    left = maxval([0.0_dp, compliance])
+    if (.not. left > 0) left = 1
+    compliance = max(compliance, system%proximal_fraction*left)
+    allocate (r(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
+    allocate (e(system%n), source=0.0_dp)
+    now%prox = max(0.0_dp, system%proximal_fraction*compliance - theta)
+    now%active = m > 0
+    now%aim = first_aim
+    last = huge(last)
+    foundation = foundation_stiffness(qp, theta)
+    if (.not. allocated(motion%centre)) call motion%init(qp, foundation, now%active, 0*qp%coarse%resultant)
     do while (outcome%steps < most_steps)
       outcome%steps = outcome%steps + 1
-      call set_active(system, weight, theta + now%prox, now%active, error)
+      now%softness = theta + now%prox
+      call system%set_active(merge(qp%weight/now%softness, 0.0_dp, now%active), springs_of(motion, qp), error)
       if (allocated(error)) return
       now%shifted = gap - now%prox*m
-      call find_residual(system, load, now%shifted, u, r, now%y, norm)
-      if (present(norm_0)) norm = max(norm, norm_0 - norm)
-      outcome%n_free_modes = system%n_free_modes()
-      if (outcome%n_free_modes > 0) then
-        call follow_free_motion(system, load, r, now%shifted - now%y, now%active, u, moved, outcome%ended)
-        if (outcome%ended == ended_no_equilibrium) exit
-        if (moved) cycle
-        call system%remove_free_motions(r)
+      call find_residual(system, load, now%shifted, motion%centre*qp%coarse%scale, u, r, now%y, outcome%norm)
+      n_before = system%n_iterations
+      ! Without displacements no norm is known yet: one iteration.
+      call system%solve(r, now%aim*outcome%norm, merge(most_iterations, 1, outcome%norm > 0), e, solve, error)
+      if (allocated(error)) return
+      outcome%cg_steps = outcome%cg_steps + system%n_iterations - n_before
+      if (system%n_iterations > system%most_iterations) then
+        outcome%ended = ended_costly
+        exit
       end if
-      ! Without displacements no norm is known yet: one cycle.
-      call conjugate_gradient(system, r, e, 0.0_dp, merge(most_iterations, 1, norm > 0), cg, now%aim*norm)
-      outcome%cg_steps = outcome%cg_steps + cg%steps
-      outcome%cycles = outcome%cycles + cg%steps + 1
-      outcome%residual = cg%reduction*cg%first_norm
-      if (.not. outcome%residual <= huge(norm) .or. is_indefinite(cg%first_norm, r, load)) then
+      outcome%residual = solve%residual
+      diverged = has_failed(system, solve, r, load)
+      if (diverged) then
         outcome%ended = ended_diverged
         exit
       end if
       call system%row_displacement(e, along)
       t = 1
-      if (now%guarded) t = best_step(system%stiffness, weight/(theta + now%prox), now%y - now%shifted, along, &
-                                     scalar_product(system%n, r, e))
-      call add_multiple(system%n, t, e, u)
+      if (now%guarded) t = best_step(system%stiffness, qp%weight/now%softness, now%y - now%shifted, along, &
+                                     system%product(r, e))
+      u(:) = u + t*e
       now%y = now%y + t*along
       new = now%y - now%shifted > 0
-      next(:) = merge((now%y - now%shifted)/(theta + now%prox), 0.0_dp, new)
-      outcome%change = sqrt(sum(weight*now%prox*(next - m)**2))
-      ! Not after the first cycle, unless nothing moves.
-      if (all(new .eqv. now%active) .and. (norm > 0 .or. .not. cg%first_norm > 0)) then
+      next(:) = merge((now%y - now%shifted)/now%softness, 0.0_dp, new)
+      outcome%change = sqrt(sum(qp%weight*now%prox*(next - m)**2))
+      ! Not after the first iteration, unless nothing moves.
+      if (all(new .eqv. now%active) .and. (outcome%norm > 0 .or. .not. outcome%residual > 0)) then
         m(:) = next
-        associate (left => max(outcome%residual, outcome%change))
-          outcome%converged = left <= tolerance*norm
-          if (outcome%converged) outcome%ended = ended_converged
-          if (.not. left < least_gain*last .and. now%aim <= tolerance .and. outcome%steps > least_steps) &
-            outcome%ended = ended_stalled
-          if (outcome%ended /= ended_limit) exit
-          last = left
-          now%aim = max(tolerance/2, max(of_residual*outcome%residual, of_change*outcome%change)/max(norm, tiny(norm)))
-        end associate
+        alpha = system%resultants(u)/qp%coarse%scale
+        ! Feet that are to stay wait for the pressures.
+        moved = motion
+        call moved%advance(qp, foundation, qp%weight*m, alpha, new, at_rest)
+        left = max(outcome%residual, outcome%change)
+        outcome%converged = at_rest .and. left <= tolerance*outcome%norm
+        if (outcome%converged) outcome%ended = ended_converged
+        if (at_rest .and. .not. (outcome%converged .or. left < least_gain*last) .and. now%aim <= tolerance .and. &
+            outcome%steps > least_steps) outcome%ended = ended_stalled
+        if (.not. at_rest .or. outcome%ended /= ended_limit) motion = moved
+        if (outcome%ended /= ended_limit) exit
+        last = left
+        now%aim = max(tolerance/2, max(of_residual*outcome%residual, of_change*outcome%change)/ &
+                      max(outcome%norm, tiny(t)))
         now%guarded = .false.
         now%seen = [real(dp) ::]
       else
-        call look_for_cycles(system, weight, theta, gap, m, tolerance, new, now, outcome%n_cycles)
+        call look_for_cycles(compliance, gap, m, tolerance, new, now, outcome%n_cycles)
       end if
       now%active = new
-      if (interrupted()) then
+      if (system%is_interrupted()) then
         outcome%ended = ended_interrupted
         exit
       end if
     end do
   end subroutine solve_proximal
 
-  !> Whether a residual has no norm: the preconditioner is not positive, by rounding, and no zero is a small one.
-  pure logical function is_indefinite(first_norm, r, load)
-    !> Its norm [sqrt(energy)].
-    real(dp), intent(in) :: first_norm
-    !> The residual (n) [force].
-    real(dp), intent(in) :: r(:)
+  !> T on the amplitudes of the orthonormal modes.
+  pure function springs_of(motion, qp) result(spring)
+    !> T on those of the QP.
+    type(proximal_motion_t), intent(in) :: motion
+    !> With the scales of the modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_bodies) [force/length]
+    type(mode_block_t) :: spring(size(motion%stiffness))
+    integer :: b, n
+    do b = 1, size(spring)
+      associate (scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1))
+        n = size(motion%stiffness(b)%value, 1)
+        spring(b)%value = motion%stiffness(b)%value/(spread(scale(:n), 1, n)*spread(scale(:n), 2, n))
+      end associate
+    end do
+  end function springs_of
+
+  !> Whether a solve has failed: numbers are not finite, or the preconditioner is not positive, and the right-hand side
+  !> more than rounding.
+  logical function has_failed(system, solve, r, load)
+    !> The bodies.
+    class(proximal_system_t), intent(in) :: system
+    !> How the solve went.
+    type(solve_outcome_t), intent(in) :: solve
+    !> Right-hand side, the residual of the iterate (n) [force].
+    real(dp), intent(in), contiguous :: r(:)
     !> Loads (n) [force].
-    real(dp), intent(in) :: load(:)
-    is_indefinite = .not. first_norm > 0
-    if (is_indefinite) is_indefinite = maxval(abs(r)) > no_residual*max(maxval(abs(load)), maxval(abs(load - r)))
-  end function is_indefinite
+    real(dp), intent(in), contiguous :: load(:)
+    has_failed = .not. solve%residual <= huge(solve%residual)
+    if (solve%has_failed) has_failed = .not. system%product(r, r) <= no_residual**2* &
+      max(system%product(load, load), system%product(load - r, load - r))
+  end function has_failed
 
   !> Whether an active set has come again, and what to do about it.
-  subroutine look_for_cycles(system, weight, theta, gap, m, tolerance, new, now, n_cycles)
-    !> The bodies and rows.
-    class(contact_multigrid_t), intent(in) :: system
+  subroutine look_for_cycles(compliance, gap, m, tolerance, new, now, n_cycles)
+    !> Of the rows, positive (n_rows) [length/pressure].
+    real(dp), intent(in) :: compliance(:)
     !> As in `solve_proximal`.
-    real(dp), intent(in) :: weight(:), theta(:), gap(:), m(:), tolerance
+    real(dp), intent(in) :: gap(:), m(:), tolerance
     !> The next active set; changed where prox is (n_rows).
     logical, intent(inout) :: new(:)
     !> The iterate.
@@ -227,13 +255,11 @@ contains
     now%aim = max(tolerance/2, closer_aim*now%aim)
     now%seen = [real(dp) ::]
     if (now%guarded) then
-      now%prox = max(now%prox, min(growth*now%prox, greatest_fraction/proximal_fraction*proximal_term(system, weight)))
+      now%prox = max(now%prox, min(growth*now%prox, compliance))
       now%shifted = gap - now%prox*m
       new = now%y - now%shifted > 0
     end if
     now%guarded = .true.
-    associate (not_needed => theta)
-    end associate
   end subroutine look_for_cycles
 
   !> A number that tells active sets apart.
@@ -288,14 +314,16 @@ contains
     end function derivative
   end function best_step
 
-  !> The residual f - K u - B^T W (B u - d + prox m_0), and the norm of u.
-  subroutine find_residual(system, load, shifted, u, r, y, norm)
-    !> The bodies and the active rows.
-    class(contact_multigrid_t), intent(in) :: system
+  !> The residual f - K u - B^T W (B u - d + prox m_0) - R T (R^T u - alpha_k), and the norm of u.
+  subroutine find_residual(system, load, shifted, centre, u, r, y, norm)
+    !> The bodies, the active rows and the springs.
+    class(proximal_system_t), intent(in) :: system
     !> f (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> d - prox m_0 (n_rows) [length].
     real(dp), intent(in) :: shifted(:)
+    !> alpha_k, of orthonormal modes (n_modes) [length].
+    real(dp), intent(in) :: centre(:)
     !> Displacements (n) [length].
     real(dp), intent(in), contiguous :: u(:)
     !> Residual (n) [force].
@@ -305,42 +333,10 @@ contains
     !> Energy norm of u [sqrt(energy)].
     real(dp), intent(out) :: norm
     call system%strain_forces(u, r)
-    norm = sqrt(max(0.0_dp, scalar_product(system%n, u, r)))
+    norm = system%energy_norm(u, r)
     r(:) = load - r
     call system%row_displacement(u, y)
     call system%subtract_row_force(system%stiffness*(y - shifted), r)
+    if (size(centre) > 0) call system%add_modes(system%spring_force(centre - system%resultants(u)), r)
   end subroutine find_residual
-
-  !> prox of each row [length/pressure].
-  function proximal_term(system, weight) result(prox)
-    !> The bodies and rows.
-    class(contact_multigrid_t), intent(in) :: system
-    !> Weights w (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
-    !> (n_rows)
-    real(dp) :: prox(size(weight)), most
-    prox = weight*system%row_compliance()
-    most = maxval([0.0_dp, prox])
-    if (.not. most > 0) most = 1
-    ! Rows between held nodes have none of their own.
-    prox = proximal_fraction*max(prox, proximal_fraction*most)
-  end function proximal_term
-
-  !> Give the system its active rows.
-  subroutine set_active(system, weight, softness, active, error)
-    !> The system.
-    class(contact_multigrid_t), intent(inout) :: system
-    !> Weights w (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
-    !> theta + prox (n_rows) [length/pressure].
-    real(dp), intent(in) :: softness(:)
-    !> Whether a row is active (n_rows).
-    logical, intent(in) :: active(:)
-    !> Allocated where numbers are not finite.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp) :: stiffness(size(weight))
-    stiffness = 0
-    where (active) stiffness = weight/softness
-    call system%set_stiffness(stiffness, error)
-  end subroutine set_active
 end module dotyk_scheme_proximal_active_set

@@ -1,6 +1,6 @@
 !> The relaxation parameter gamma of (32) and (44), and the eigenvalue L that rules it for G = A.
 module dotyk_scheme_relaxation
-  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_error, only: about_solver, error_t, set_error
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gamma_fixed, gamma_theory, stop_paper
@@ -118,7 +118,7 @@ contains
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < constants%gamma_limit_of_paper()) &
         call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 of Theorem 3, of which "// &
                        to_text(constants%gamma_limit_of_paper())//' is a computed lower bound, and gamma is '// &
-                       to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule")
+                       to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule", about=about_solver)
     end associate
   end subroutine choose_relaxation
 end module dotyk_scheme_relaxation

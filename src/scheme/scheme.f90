@@ -13,6 +13,15 @@ module dotyk_scheme_scheme
   implicit none
   private
 
+  !> Why a scheme leaves a QP to another one, or its solution is not taken.
+  integer, parameter, public :: reason_none = 0  !< it solves it itself
+  integer, parameter, public :: reason_no_rows = 1  !< there is no contact
+  integer, parameter, public :: reason_near_null_modes = 2  !< supports hardly resist some motions
+  integer, parameter, public :: reason_rigid_rows = 3  !< supports press rows together, and theta is zero
+  integer, parameter, public :: reason_slow = 4  !< it would take longer than another one
+  integer, parameter, public :: reason_accuracy = 5  !< it does not reach the tolerance
+  integer, parameter, public :: reason_parts = 6  !< ranks have parts of bodies that are not to be split
+
   !> A scheme.
   type, abstract, public :: scheme_t
   contains
@@ -24,8 +33,8 @@ module dotyk_scheme_scheme
     procedure :: allows_zero_theta => scheme_allows_zero_theta
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
     procedure :: expected_products => scheme_expected_products
-    !> Whether it solves such a QP itself.
-    procedure :: suits => scheme_suits
+    !> Why it leaves such a QP to another one.
+    procedure :: why_not => scheme_why_not
     !> Whether it solves such a QP for displacements.
     procedure :: finds_displacements => scheme_finds_displacements
   end type scheme_t
@@ -86,8 +95,8 @@ contains
     end associate
   end function scheme_expected_products
 
-  !> Whether the scheme solves a QP itself: another one, which takes far more solves, does so otherwise.
-  logical function scheme_suits(self, qp, compliance, theta) result(suits)
+  !> Why the scheme leaves a QP to another one: one of `reason_*`.
+  integer function scheme_why_not(self, qp, compliance, theta) result(reason)
     !> The scheme.
     class(scheme_t), intent(in) :: self
     !> The rows, the initial penetration, the rigid body modes.
@@ -96,11 +105,11 @@ contains
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    suits = .true.
+    reason = reason_none
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
                               qp%n_rows == size(theta)])
     end associate
-  end function scheme_suits
+  end function scheme_why_not
 
   !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
   !> another theta is for the scheme.

@@ -107,6 +107,16 @@ class FreeExtreme(dotyk_case.Case):
         self.assertEqual(file["dotyk/summary"].attrs["converged"], 1)
         return log, file
 
+    def by_both(self):
+        """The results with factors, then those by displacements with p-multigrid; their logs."""
+        text = (self.folder / "case.nml").read_text()
+        for response in "full", "multigrid":
+            self.write("case.nml", text.replace("&solver ", "&solver response='%s', " % response))
+            with self.subTest(response):
+                log, file = self.solve()
+                self.assertEqual("conjugate gradients with p-multigrid" in log, response == "multigrid")
+                yield log, file
+
     def refuse(self, *parts):
         done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, text=True, timeout=60,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -157,11 +167,11 @@ class FreeExtreme(dotyk_case.Case):
                    "&load body='eye', surface='end', traction=20,0,0 /\n"
                    "&contact auto=.true. /\n&solver theta=0, tolerance=1e-8 /\n"
                    "&output fields='displacement contact', error_parts='' /\n")
-        log, file = self.solve()
-        self.assertRegex(log, "undetermined +'eye'")
-        u = np.abs(file["VTKHDF/PointData/displacement"][:]).max(axis=0)
-        # Facets of 3 on a radius of 6 tilt normals: no more than the pin's clearance and the pull leave.
-        self.assertLess(u[2], u[0])
+        for log, file in self.by_both():
+            self.assertRegex(log, "undetermined +'eye'")
+            u = np.abs(file["VTKHDF/PointData/displacement"][:]).max(axis=0)
+            # Facets of 3 on a radius of 6 tilt normals: no more than the pin's clearance and the pull leave.
+            self.assertLess(u[2], u[0])
 
     def test_row_of_a_hundred(self):
         """A hundred blocks on a frictionless floor, pushed against a wall: the push arrives, and weight does not
@@ -237,7 +247,9 @@ class FreeExtreme(dotyk_case.Case):
         text += "&contact name='joint', surface_a='disc:rim', surface_b='socket:hole' /\n"
         self.scene(text)
         # Facets are inside the circle.
-        self.assertAlmostEqual(self.solve()[1]["dotyk/contact/joint"].attrs["force"][1] / np.pi, 1, delta=1e-3)
+        for log, file in self.by_both():
+            self.assertAlmostEqual(file["dotyk/contact/joint"].attrs["force"][1] / np.pi, 1, delta=1e-3)
+            self.assertRegex(log, "undetermined +'disc': rotation")
         (self.folder / "case.vtkhdf").unlink()
         self.scene(text + "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
         self.refuse("body 'disc'", "rotation about", "resultant 0.628",
@@ -266,12 +278,12 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
                    "&support body='ring', surface='out', fix='xyz' /\n&support body='*', surface='flat', fix='z' /\n"
                    "&load body='disc', acceleration=0,-9.81,0 /\n&contact auto=.true. /\n&solver theta=0 /\n"
                    "&output fields='displacement contact', error_parts='' /\n")
-        log, file = self.solve()
-        self.assertRegex(log, "undetermined +'disc': rotation about the axis")
-        force = file["dotyk/contact/disc - ring"].attrs["force"]
-        # The polygon of facets of 0.06 on a radius of 0.2 has 1.5 % less volume than the circle.
-        self.assertAlmostEqual(force[1] / (1000 * 9.81 * 0.2 * np.pi * 0.04), 1, delta=0.02)
-        self.assertLess(abs(force[0]) / force[1], 1e-3)
+        for log, file in self.by_both():
+            self.assertRegex(log, "undetermined +'disc': rotation about the axis")
+            force = file["dotyk/contact/disc - ring"].attrs["force"]
+            # The polygon of facets of 0.06 on a radius of 0.2 has 1.5 % less volume than the circle.
+            self.assertAlmostEqual(force[1] / (1000 * 9.81 * 0.2 * np.pi * 0.04), 1, delta=0.02)
+            self.assertLess(abs(force[0]) / force[1], 1e-3)
 
     def test_pushed_along_the_floor(self):
         """Nothing stops a disc sideways. A torque rolls it until its next points carry it, and the log says how far."""

@@ -4,13 +4,13 @@ module dotyk_split_split_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
-  use dotyk_distributed_contact, only: distributed_contact_t
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
-  use dotyk_distributed_linear_solver, only: solve_outcome_t
+  use dotyk_distributed_system, only: distributed_system_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_response_response, only: equation_vector_t
+  use dotyk_scheme_proximal_system, only: solve_outcome_t
   implicit none
   private
 
@@ -28,8 +28,8 @@ module dotyk_split_split_bodies
   type, public :: split_bodies_t
     !> Stiffness of all bodies.
     type(distributed_stiffness_t) :: stiffness
-    !> Their contact.
-    type(distributed_contact_t) :: contact
+    !> The linear systems of their contact.
+    type(distributed_system_t) :: system
     !> Equations of the bodies (n_bodies).
     type(equation_map_t), allocatable :: map(:)
     !> Greatest relative residual that a solve has left so far [].
@@ -117,7 +117,7 @@ contains
     type(contact_operator_t), intent(in) :: operator
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    call self%contact%init(self%stiffness, operator, error)
+    call self%system%init(self%stiffness, operator, error)
   end subroutine bodies_factorize
 
   !> x := K^+ x over the equations of one body. All ranks do it at the same time.
@@ -131,7 +131,7 @@ contains
     !> Right-hand side [force] in, solution [length] out, over the equations of the part (n_equations).
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: r(:), e(:)
-    allocate (r(self%contact%system%n), source=0.0_dp)
+    allocate (r(self%system%n), source=0.0_dp)
     call from_equations(self, b, x, r)
     call solve_at(self, self%map(b)%place, r, e)
     call self%to_equations(b, e, x)
@@ -144,7 +144,7 @@ contains
     type(equation_vector_t), intent(inout) :: x(:)
     real(dp), allocatable :: r(:), e(:)
     integer :: b, i
-    allocate (r(self%contact%system%n), source=0.0_dp)
+    allocate (r(self%system%n), source=0.0_dp)
     do b = 1, size(x)
       call from_equations(self, b, x(b)%value, r)
     end do
@@ -164,11 +164,11 @@ contains
     real(dp), intent(inout), contiguous :: r(:)
     !> (n) [length]
     real(dp), allocatable, intent(out) :: e(:)
-    real(dp), allocatable :: left(:), known(:), component(:)
+    real(dp), allocatable :: left(:), known(:)
     real(dp) :: first, of_left
     allocate (e(size(r)), source=0.0_dp)
-    associate (system => self%contact%system)
-      call system%remove_modes(r, component)
+    associate (system => self%system)
+      call system%remove_modes(r)
       first = system%force_norm(r)
       if (.not. first > 0) return
       call find_free(self)
@@ -176,7 +176,7 @@ contains
       known(place) = self%free(place)
       call system%strain_forces(known, left)
       left = r - left
-      call system%remove_modes(left, component)
+      call system%remove_modes(left)
       of_left = system%force_norm(left)
       if (of_left < first) then
         if (of_left > accuracy*first) call solve_for(self, left, first, e)
@@ -185,7 +185,7 @@ contains
       else
         call solve_for(self, r, first, e)
       end if
-      call system%remove_modes(e, component)
+      call system%remove_modes(e)
     end associate
   end subroutine solve_at
 
@@ -195,12 +195,12 @@ contains
     class(split_bodies_t), target, intent(inout) :: self
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
-    real(dp), allocatable :: r(:), component(:)
+    real(dp), allocatable :: r(:)
     if (allocated(self%free)) return
     r = self%stiffness%load
     allocate (self%free(size(r)))
-    call self%contact%system%remove_modes(r, component)
-    call self%contact%system%solve_alone(r, accuracy, most_steps, self%free, outcome, error)
+    call self%system%remove_modes(r)
+    call self%system%solve_alone(r, accuracy, most_steps, self%free, outcome, error)
     self%steps_of_free = outcome%steps
     ! Those who use it look at what it leaves.
     if (allocated(error) .or. outcome%has_failed) self%free(:) = 0
@@ -218,7 +218,7 @@ contains
     real(dp), intent(inout), contiguous :: e(:)
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
-    associate (system => self%contact%system)
+    associate (system => self%system)
       call system%solve_alone(r, min(1.0_dp, accuracy*norm/system%force_norm(r)), most_steps, e, outcome, error)
     end associate
     if (allocated(error) .or. outcome%has_failed .or. .not. norm < huge(norm)) then
@@ -237,14 +237,14 @@ contains
     real(dp), intent(in) :: x(:)
     !> Forces (n_equations) [force].
     real(dp), intent(inout) :: f(:)
-    real(dp), allocatable :: own_x(:), own_f(:), product(:), component(:)
-    allocate (own_x(self%contact%system%n), own_f(self%contact%system%n), source=0.0_dp)
+    real(dp), allocatable :: own_x(:), own_f(:), product(:)
+    allocate (own_x(self%system%n), own_f(self%system%n), source=0.0_dp)
     call from_equations(self, b, x, own_x)
     call from_equations(self, b, f, own_f)
     allocate (product(size(own_x)))
-    call self%contact%system%strain_forces(own_x, product)
+    call self%system%strain_forces(own_x, product)
     own_f = own_f - product
-    call self%contact%system%remove_modes(own_f, component)
+    call self%system%remove_modes(own_f)
     call self%to_equations(b, own_f, f)
   end subroutine bodies_subtract_forces
 
@@ -294,13 +294,13 @@ contains
   pure real(dp) function bodies_solve_error(self) result(error)
     class(split_bodies_t), intent(in) :: self
     error = huge(error)
-    if (self%worst < 1) error = max(accuracy, self%worst)/sqrt(self%contact%system%least)
+    if (self%worst < 1) error = max(accuracy, self%worst)/sqrt(self%system%least)
   end function bodies_solve_error
 
   !> Give back all memory.
   subroutine bodies_destroy(self)
     class(split_bodies_t), intent(inout) :: self
-    call self%contact%destroy()
+    call self%system%destroy()
     call self%stiffness%destroy()
   end subroutine bodies_destroy
 end module dotyk_split_split_bodies

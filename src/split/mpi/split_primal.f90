@@ -1,6 +1,7 @@
-!> The scheme for bodies that all ranks compute together: the proximal active set of `dotyk_distributed_contact`.
+!> The scheme for bodies that all ranks compute together: the engine of `dotyk_scheme_primal_solution` with the linear
+!> systems of `dotyk_distributed_system`.
 module dotyk_split_split_primal
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -10,12 +11,13 @@ module dotyk_split_split_primal
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
-  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
+  use dotyk_scheme_equilibrium_check, only: clear
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_modes, only: find_indeterminate, take_least
+  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
-    ended_limit, ended_rigid_constraint, ended_solves
+    ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
@@ -30,12 +32,8 @@ module dotyk_split_split_primal
     procedure :: needs_held_bodies => primal_needs_held_bodies
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
-    procedure :: suits => primal_suits
     procedure :: finds_displacements => primal_finds_displacements
   end type split_primal_t
-
-  !> Active sets at most: where it converges, it takes a third of them.
-  integer, parameter :: most_sets = 100
 
 contains
 
@@ -63,21 +61,7 @@ contains
     end associate
   end function primal_expected_products
 
-  !> Whether no rigid body mode is held: the coarse level of smoothed aggregation knows all of them.
-  logical function primal_suits(self, qp, compliance, theta) result(suits)
-    class(split_primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    suits = .true.
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
-    end associate
-  end function primal_suits
-
-  !> Where it suits and there are rows.
+  !> Where there are rows.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
     class(split_primal_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
@@ -86,7 +70,9 @@ contains
     class(compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    finds = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+    finds = qp%n_rows > 0
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
+    end associate
   end function primal_finds_displacements
 
   !> Solve.
@@ -100,10 +86,10 @@ contains
     type(solver_state_t), intent(inout) :: state
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
-    real(dp), allocatable :: m(:), component(:), alpha(:), left(:)
-    real(dp), allocatable :: indeterminate(:, :)
+    type(proximal_outcome_t) :: total
+    real(dp), allocatable :: u(:), left(:)
     real(dp) :: tolerance
-    integer :: steps, sets, b
+    integer :: steps, b
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()
@@ -113,44 +99,25 @@ contains
       if (.not. allocated(error)) call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       return
     end if
-    if (.not. self%suits(qp, compliance, theta)) then
-      call set_error(error, 'contact hardly resists some of its motions, and the program must hold them, which it '// &
-                     "cannot where bodies are split over ranks; use response='auto' or 'full'", exit_not_solvable)
-      return
-    end if
-    if (state%history%n == 0) then
-      call check_equilibrium(qp, state)
-      if (allocated(state%unbounded)) return
-    end if
-    if (iterations_per_step*self%bodies%steps_of_free > self%bodies%contact%most_iterations) then
-      call clear(state)
-      state%ended = ended_costly
-      return
-    end if
-    if (allocated(state%m)) m = state%m
-    call clear(state)
-    if (allocated(m)) call move_alloc(m, state%m)
-    associate (contact => self%bodies%contact, system => self%bodies%contact%system)
-      steps = system%n_iterations
-      sets = contact%n_sets
-      ! The error of solves is added to its bound, and may have grown a little by then.
-      tolerance = settings%tolerance - 2*min(settings%tolerance/4, self%bodies%solve_error())
-      call contact%solve(theta, tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, error, qp)
-      if (allocated(error)) return
-      call meet()
-      if (state%ended == ended_limit .and. most_sets < settings%max_iterations) state%ended = ended_solves
-      if (any(state%ended == [ended_rigid_constraint, ended_costly])) then
-        if (allocated(state%m)) deallocate (state%m)
+    associate (system => self%bodies%system)
+      if (iterations_per_step*self%bodies%steps_of_free > system%most_iterations) then
+        call clear(state)
+        state%ended = ended_costly
         return
       end if
-      allocate (left, source=contact%u)
-      call system%remove_modes(left, component)
-      alpha = component/qp%coarse%scale
-      call find_indeterminate(qp, state%m > 0, indeterminate, error)
+      steps = system%n_iterations
+      ! The error of solves is added to its bound, and may have grown a little by then.
+      tolerance = settings%tolerance - 2*min(settings%tolerance/4, self%bodies%solve_error())
+      call move_alloc(system%u, u)
+      if (.not. allocated(state%m) .and. allocated(u)) deallocate (u)
+      call solve_by_displacements(system, qp, theta, tolerance, settings, spread(.false., 1, qp%n_rows), monitor, u, &
+                                  total, state, error)
       if (allocated(error)) return
-      call take_least(qp, state%m > 0, indeterminate, alpha, state%y)
-      call state%indeterminate%take_dense(indeterminate)
-      state%alpha = qp%coarse%scale*alpha
+      call meet()
+      if (.not. allocated(state%m)) return
+      allocate (left, source=u)
+      call move_alloc(u, system%u)
+      call system%remove_modes(left)
       call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       if (interrupted() .and. state%ended /= ended_converged) state%ended = ended_interrupted
       select type (compliance)
@@ -163,7 +130,7 @@ contains
       end select
       steps = system%n_iterations - steps
       compliance%n_sweeps = compliance%n_sweeps + steps
-      call monitor%note('displacements    '//to_text(contact%n_sets - sets)//' active sets, '//to_text(steps)// &
+      call monitor%note('displacements    '//to_text(total%steps)//' active sets, '//to_text(steps)// &
                         ' iterations of conjugate gradients with p-multigrid, '//to_text(system%n_setups)// &
                         ' set-ups of smoothed aggregation')
     end associate

@@ -149,7 +149,7 @@ contains
     select type (scheme)
     type is (split_primal_t)
       scheme%bodies => self%bodies
-      scheme%bodies%contact%most_iterations = most_iterations
+      scheme%bodies%system%most_iterations = most_iterations
     end select
   end subroutine scene_take_scheme
 

@@ -1,0 +1,91 @@
+!> Factors of stiffnesses of rigid body modes, those by contact and by springs, `S + T`: S may be singular, T is not.
+module dotyk_scheme_mode_factor
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
+  use dotyk_scheme_coarse_space, only: mode_block_t
+  implicit none
+  private
+  public :: multiply_springs
+
+  !> The factor.
+  type, public :: mode_factor_t
+    !> Of the matrix, scaled to a unit diagonal.
+    type(dense_cholesky_t), private :: factor
+    !> Scales of the modes (n_modes) [sqrt(length/force)].
+    real(dp), allocatable, private :: scale(:)
+  contains
+    procedure :: init => factor_init
+    procedure :: solve => factor_solve
+  end type mode_factor_t
+
+  !> A shift of the diagonal, relative, where rounding has made the matrix indefinite.
+  real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
+
+contains
+
+  !> Factorize.
+  subroutine factor_init(self, stiffness, spring, error)
+    class(mode_factor_t), intent(inout) :: self
+    !> S (n_modes, n_modes) [force/length].
+    real(dp), intent(in) :: stiffness(:, :)
+    !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: sum(:, :)
+    real(dp) :: shift
+    integer :: b, first, k, n, failed
+    sum = stiffness
+    first = 0
+    do b = 1, size(spring)
+      n = size(spring(b)%value, 1)
+      sum(first + 1:first + n, first + 1:first + n) = sum(first + 1:first + n, first + 1:first + n) + spring(b)%value
+      first = first + n
+    end do
+    n = size(sum, 1)
+    self%scale = [(1/sqrt(sum(k, k)), k=1, n)]
+    sum = sum*spread(self%scale, 1, n)*spread(self%scale, 2, n)
+    shift = 0
+    do
+      do k = 1, n
+        sum(k, k) = 1 + shift
+      end do
+      call self%factor%resize(n)
+      self%factor%value(:int(n, int64)**2) = reshape(sum, [int(n, int64)**2])
+      call self%factor%factorize(failed)
+      if (failed == 0) return
+      shift = max(10*shift, first_shift)
+      if (shift > most_shift) exit
+    end do
+    call set_error(error, 'the stiffness of rigid body modes is not positive definite', exit_not_solvable)
+  end subroutine factor_init
+
+  !> alpha := (S + T)^{-1} alpha.
+  subroutine factor_solve(self, alpha)
+    class(mode_factor_t), intent(in) :: self
+    !> Resultants in [force], amplitudes out [length] (n_modes).
+    real(dp), intent(inout) :: alpha(:)
+    alpha = self%scale*alpha
+    call self%factor%solve(alpha)
+    alpha = self%scale*alpha
+  end subroutine factor_solve
+
+  !> T alpha.
+  pure function multiply_springs(spring, alpha) result(force)
+    !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)
+    !> Amplitudes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n_modes) [force]
+    real(dp) :: force(size(alpha))
+    integer :: b, first, n
+    force = 0
+    first = 0
+    do b = 1, size(spring)
+      n = size(spring(b)%value, 1)
+      force(first + 1:first + n) = matmul(spring(b)%value, alpha(first + 1:first + n))
+      first = first + n
+    end do
+  end function multiply_springs
+end module dotyk_scheme_mode_factor

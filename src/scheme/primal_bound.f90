@@ -1,0 +1,117 @@
+!> A bound of the error of displacements and contact forces of the primal engine, and the equilibrium of floating bodies
+!> that it asks for.
+module dotyk_scheme_primal_bound
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_gap_closing, only: left_open
+  use dotyk_scheme_proximal_system, only: proximal_system_t
+  implicit none
+  private
+  public :: balance, error_bound, slack
+
+  !> Inactive rows whose gaps are smaller than this multiple of what active rows miss are closed with them.
+  real(dp), parameter :: nearly_closed = 4
+  !> Fractions of the diagonal that are added where gaps are closed [].
+  real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
+  !> Bounds beyond this are none: squares of larger numbers overflow.
+  real(dp), parameter :: largest = 1.0e150_dp
+  !> Eigenvalues below this fraction of the greatest are rounding [].
+  real(dp), parameter :: rank = 1.0e-10_dp
+  !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
+  real(dp), parameter :: small_change = 0.1_dp
+
+contains
+
+  !> A bound of ||u - u_theta||_A [sqrt(energy)].
+  !>
+  !> With the residual r of the equilibrium of u and lambda, and a displacement g that closes gaps (`close_gaps`), u - g
+  !> is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
+  !> complementarity, s. The energy is strongly convex, so that `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`.
+  !> |r| comes from the preconditioner and its least eigenvalue. `huge` where other rows penetrate. The least of several
+  !> g: none, and such that close gaps of dependent rows with more or less force.
+  real(dp) function error_bound(system, weight, theta, load, u, lambda, y) result(bound)
+    !> The bodies and rows.
+    class(proximal_system_t), intent(inout) :: system
+    !> Weights (n_rows) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: u(:)
+    !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Penetrations (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: r(:)
+    real(dp) :: closed(size(y)), softness(size(y)), of_r, of_g, left
+    logical :: chosen(size(y))
+    integer :: k
+    allocate (r(system%n))
+    call system%strain_forces(u, r)
+    r(:) = load - r
+    call system%subtract_row_force(lambda, r)
+    of_r = system%force_norm(r)
+    bound = duality_gap(weight, theta, lambda/weight, y)
+    if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
+    softness = theta/weight
+    chosen = lambda > 0 .or. y > -slack(weight, theta, lambda, y)
+    do k = 1, size(shift)
+      call system%close_gaps(chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), closed, of_g, &
+                             error)
+      if (allocated(error)) return
+      left = left_open(weight, theta, lambda, y, closed, .not. softness > system%smoother_compliance())
+      if (max(of_g, left) < largest) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
+    end do
+  end function error_bound
+
+  !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
+  pure real(dp) function slack(weight, theta, lambda, y)
+    !> Weights (n) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Penalty parameters (n) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Contact forces (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Penetrations (n) [length].
+    real(dp), intent(in) :: y(:)
+    slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0))])
+  end function slack
+
+  !> Change the pressures of the active rows as little as the equilibrium of the floating bodies asks for.
+  subroutine balance(qp, m)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:)
+    integer, allocatable :: row(:)
+    type(error_t), allocatable :: error
+    integer :: i, pass
+    if (qp%coarse%n == 0) return
+    row = pack([(i, i=1, size(m))], m > 0)
+    allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n), missing(qp%coarse%n))
+    call qp%coarse%rows(row, g)
+    ! Pressures change in proportion to themselves: none becomes tensile before the others do.
+    weighted = g*spread(qp%weight(row)*m(row), 2, size(g, 2))
+    call symmetric_eigen(matmul(transpose(g), weighted), values, vectors, error)
+    if (allocated(error)) return
+    do pass = 1, 2
+      call qp%mode_resultant(qp%weight*m, missing)
+      missing = matmul(qp%coarse%resultant - missing, vectors)
+      where (values > rank*maxval(values))
+        missing = missing/values
+      else where
+        missing = 0
+      end where
+      change = matmul(g, matmul(vectors, missing))
+      if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
+      m(row) = max(0.0_dp, m(row)*(1 + change))
+    end do
+  end subroutine balance
+end module dotyk_scheme_primal_bound

@@ -1,0 +1,207 @@
+!> The primal engine: the displacements as unknowns, by a proximal active set (`dotyk_scheme_proximal_active_set`) over
+!> any linear systems (`dotyk_scheme_proximal_system`). Any theta >= 0, held and floating bodies, whose motions that
+!> contact does not restrain are held by springs (`dotyk_scheme_proximal_motion`).
+!>
+!> As in the dual scheme, rows that stay inactive on a Winkler foundation are screened where the systems are made for
+!> their rows, and join the working set where the displacement violates them. It ends by the bound of
+!> `dotyk_scheme_primal_bound`, which is asked for by more and more accurate solutions.
+module dotyk_scheme_primal_solution
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_timer, only: wall_time
+  use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm, rounding
+  use dotyk_scheme_coarse_space, only: coarse_space_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_bound, only: balance, error_bound, slack
+  use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
+  use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
+  use dotyk_scheme_proximal_system, only: proximal_system_t
+  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
+    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
+  use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
+  implicit none
+  private
+  public :: solve_by_displacements
+
+  !> How often violated rows enter the working set; then all rows do.
+  integer, parameter :: most_rounds = 6
+  !> How often a bound above the tolerance is followed by a more accurate solution.
+  integer, parameter :: most_attempts = 5
+  !> Active sets at most: where it converges, it takes a third of them.
+  integer, parameter :: most_sets = 100
+  !> Rows enter the working set with the violated ones whose gaps are smaller than this multiple of the largest
+  !> violation.
+  real(dp), parameter :: near_violation = 4
+  !> Accuracy of the displacements that is asked for first, as a fraction of the tolerance; factor of the next one [].
+  real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
+  !> Accuracy that is asked for at least: forces of floating bodies balance their loads then [].
+  real(dp), parameter :: least_accuracy = 1.0e-4_dp
+  !> A more accurate solution whose bound is not below this fraction of the last one ends the attempts [].
+  real(dp), parameter :: least_gain = 0.5_dp
+  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
+  real(dp), parameter :: largest_bound = 1.0e150_dp
+  !> Working sets of more than this fraction of the rows become all rows.
+  real(dp), parameter :: not_worth_screening = 0.8_dp
+
+contains
+
+  !> Solve by displacements.
+  subroutine solve_by_displacements(system, qp, theta, tolerance, settings, is_rigid, monitor, u, total, state, error)
+    !> The bodies.
+    class(proximal_system_t), target, intent(inout) :: system
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Bound to end at, relative in the energy norm [].
+    real(dp), intent(in) :: tolerance
+    !> Settings of the user.
+    type(solver_settings_t), intent(in) :: settings
+    !> Rows that no displacement moves: they are in no system (n_rows).
+    logical, intent(in) :: is_rigid(:)
+    !> Gets each solution that is followed by a more accurate one.
+    class(monitor_t), intent(inout) :: monitor
+    !> Displacements: start where allocated, and solution (system%n) [length].
+    real(dp), allocatable, intent(inout) :: u(:)
+    !> Active sets and iterations in all.
+    type(proximal_outcome_t), intent(out) :: total
+    !> Where to begin if it has pressures; without pressures on return where there is no solution.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where numbers are not finite, or PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    ! With the rows of the working set alone, and with the loads less what the springs carry.
+    type(contact_qp_t) :: part, held
+    type(coarse_space_t) :: coarse
+    type(proximal_outcome_t) :: outcome
+    type(proximal_motion_t) :: motion
+    type(iterate_t) :: now
+    real(dp), allocatable :: m(:), of_rows(:)
+    logical, allocatable :: working(:), violated(:)
+    real(dp) :: accuracy, start, last
+    integer :: round, attempt, limit
+    logical :: warm, has_equilibrium
+    start = wall_time()
+    warm = allocated(state%m)
+    if (state%history%n == 0) then
+      call check_equilibrium(qp, state)
+      if (state%ended == ended_no_equilibrium) return
+    end if
+    allocate (m(qp%n_rows), source=0.0_dp)
+    if (warm) then
+      m(:) = state%m
+      working = m > 0
+      if (allocated(state%y)) working = working .or. state%y > -near_violation*maxval([0.0_dp, state%y])
+    else
+      call screen_rows(qp, theta, working)
+    end if
+    if (.not. system%is_for_rows) working = .true.
+    call clear(state)
+    held = qp
+    limit = min(most_sets, settings%max_iterations)
+    accuracy = min(first_share*tolerance, least_accuracy)
+    rounds: do round = 1, most_rounds
+      if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
+      if (round == most_rounds .or. count(working) > not_worth_screening*qp%n_rows) working = .true.
+      working = working .and. .not. is_rigid
+      call restrict_qp(qp, working, part)
+      call system%take_rows(part)
+      of_rows = pack(m, working)
+      if (.not. allocated(u)) then
+        allocate (u(system%n), source=0.0_dp)
+        call system%start(part, pack(theta, working), warm, of_rows, u)
+      end if
+      last = huge(last)
+      do attempt = 1, most_attempts
+        call solve_proximal(system, part, system%gap, pack(theta, working), system%load, accuracy, &
+                            max(1, limit - total%steps), motion, of_rows, u, outcome, error)
+        state%ended = outcome%ended
+        if (allocated(error) .or. any(outcome%ended == [ended_rigid_constraint, ended_costly])) return
+        total%steps = total%steps + outcome%steps
+        total%cg_steps = total%cg_steps + outcome%cg_steps
+        if (any(motion%excess > largest_rest) .and. .not. all(working .or. is_rigid)) then
+          ! Rows that stop the bodies may have been screened.
+          working = .true.
+          deallocate (u)
+          motion = proximal_motion_t()
+          cycle rounds
+        end if
+        m(:) = unpack(of_rows, working, 0*m)
+        coarse = qp%coarse
+        coarse%resultant = coarse%resultant - motion%imbalance
+        call held%replace_modes(coarse)
+        call balance(held, m)
+        of_rows = pack(m, working)
+        now%lambda = qp%weight*m
+        now%alpha = system%resultants(u)/qp%coarse%scale
+        now%y = qp%initial_penetration
+        call system%find_penetrations(qp, u, now%y)
+        violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
+          slack(qp%weight, theta, now%lambda, now%y)
+        has_equilibrium = is_balanced(held, theta, now%lambda, now%alpha) .and. .not. any(motion%excess > largest_rest)
+        call judge(has_equilibrium .and. .not. any(violated))
+        ! Errors that no longer fall at one accuracy may do so at a smaller one.
+        if (system%is_interrupted() .or. .not. (outcome%converged .or. outcome%ended == ended_stalled)) exit rounds
+        if (any(violated)) exit
+        if (state%error_bound <= tolerance) exit rounds
+        if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
+        if (total%steps >= limit) exit rounds
+        last = state%error_bound
+        accuracy = next_share*accuracy
+        call monitor%step(state%history, tolerance, state%error_bound)
+      end do
+      if (.not. any(violated)) exit rounds
+      working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
+    end do rounds
+    call motion%find_undetermined(qp, foundation_stiffness(qp, theta), now%lambda > 0, state%indeterminate)
+    call state%indeterminate%scale(qp%coarse%scale)
+    state%imbalance = motion%imbalance/qp%coarse%scale
+    state%rest = motion%rest
+    state%excess = motion%excess
+    state%screened = count(.not. working)
+    call state%history%finish()
+    state%iterations = state%history%n
+    state%m = m
+    where (is_rigid .and. theta > 0) state%m = max(0.0_dp, now%y)/theta
+    state%y = now%y
+    state%alpha = qp%coarse%scale*now%alpha
+    state%bound_is_guaranteed = .false.
+    state%ended = ended_solves
+    if (.not. (outcome%converged .or. outcome%ended == ended_stalled)) state%ended = outcome%ended
+    if (any(violated) .or. state%ended == ended_limit) &
+      state%ended = merge(ended_limit, ended_solves, total%steps >= settings%max_iterations)
+    if (.not. has_equilibrium) state%ended = ended_unbalanced
+    if (system%is_interrupted()) state%ended = ended_interrupted
+    if (state%error_bound <= tolerance) state%ended = ended_converged
+
+  contains
+
+    !> Bound, energy and penetration of the iterate, for the state and its history.
+    subroutine judge(has_bound)
+      !> Whether there is a bound: not where rows outside of the working set penetrate, or forces do not balance.
+      logical, intent(in) :: has_bound
+      real(dp) :: norm, bound
+      norm = max(reference_norm(qp, theta, now), tiny(norm))
+      state%error_bound = huge(norm)
+      if (has_bound) then
+        bound = hypot(system%error_of_isolated, &
+                      error_bound(system, pack(qp%weight, working), pack(theta, working), system%load, u, &
+                                  pack(now%lambda, working), pack(now%y, working)))
+        if (bound <= largest_bound*norm) state%error_bound = bound/norm
+        if (bound <= 0) state%error_bound = 0
+      end if
+      call system%find_terms(u, state%terms)
+      if (allocated(state%terms)) then
+        state%energy = state%terms(1) - state%terms(2) + sum(qp%weight*max(0.0_dp, now%y)**2/theta, mask=theta > 0)/2
+      else
+        state%energy = qp%energy(theta, m, now%y, now%alpha)
+      end if
+      state%max_penetration = max(0.0_dp, maxval(now%y))
+      call state%history%add(wall_time() - start, outcome%change, outcome%change/norm, state%error_bound, &
+                             state%energy, state%max_penetration, count(m > 0))
+    end subroutine judge
+  end subroutine solve_by_displacements
+end module dotyk_scheme_primal_solution
