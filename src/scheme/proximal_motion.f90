@@ -125,7 +125,7 @@ contains
     real(dp) :: contact
     integer :: j
     associate (row => qp%block(b)%row, first => qp%coarse%first(b), n => qp%coarse%first(b + 1) - qp%coarse%first(b))
-      if (qp%coarse%has_stiffness(b) .or. all(qp%coarse%is_slide(first:first + n - 1))) then
+      if (qp%coarse%has_stiffness(b) .or. n == 0) then
         allocate (stiffness(0, 0))
         return
       end if
@@ -239,8 +239,8 @@ contains
     !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
     !> other bodies were at rest, and by how much they are uncertain; and the greatest force on one of its bodies.
     subroutine measure_groups()
-      real(dp), allocatable :: own(:)
-      integer :: body
+      real(dp) :: own(qp%n_rows)
+      integer :: body, j
       resisted = 0
       alone = 0
       doubted = 0
@@ -250,11 +250,13 @@ contains
       do body = 1, size(qp%block)
         associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
                    g => self%group(body))
-          own = matmul(qp%coarse%block(body)%value, step(first:last))
-          where (qp%is_tied(row)) own = moved(row)
+          own(row) = merge(moved(row), 0.0_dp, qp%is_tied(row))
+          do j = first, last
+            where (.not. qp%is_tied(row)) own(row) = own(row) + step(j)*qp%coarse%block(body)%value(:, j - first + 1)
+          end do
           weight(g) = weight(g) + sum(foundation(row), mask=active(row))
           resisted(g) = resisted(g) + sum(foundation(row)*moved(row)**2, mask=active(row))
-          alone(g) = alone(g) + sum(foundation(row)*own**2, mask=active(row))
+          alone(g) = alone(g) + sum(foundation(row)*own(row)**2, mask=active(row))
           doubted(g) = doubted(g) + sum(foundation(row)*uncertainty(row)**2, mask=active(row))
           whole(g) = whole(g) + sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
           on_group(g) = max(on_group(g), sum(abs(lambda(row)), mask=.not. qp%is_tied(row)), &
