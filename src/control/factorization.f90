@@ -41,6 +41,8 @@ module dotyk_control_factorization
     integer(int64) :: class_entries = 0
     !> Entries that the compliance of a contact row goes through in a corner space without a factor.
     integer(int64) :: row_entries = 0
+    !> Entries of the factor on the elimination-tree path of a contact row, on average.
+    real(dp) :: path_entries = 0
     !> How the body is solved: one of `form_*` of dotyk_control_response_choice.
     integer :: form = form_direct
     !> Whether p-multigrid takes too many iterations for this body, or a factor costs less: it is replaced, or the
@@ -126,6 +128,7 @@ contains
         size_of(b)%forms_matrix = first%forms_matrix
         size_of(b)%product_entries = first%product_entries
         size_of(b)%class_entries = first%class_entries
+        size_of(b)%path_entries = first%path_entries
       end associate
     end do
   end subroutine analyze_bodies
@@ -176,10 +179,11 @@ contains
       if (allocated(error)) return
       call size_of%take(slot%direct%factor)
       associate (equation => body%constraint%equation(:, contact_node))
+        if (any(equation > 0)) size_of%path_entries = slot%direct%path_entries(pack(equation, equation > 0))
         if (work%n_steps > 0 .and. any(equation > 0)) then
           size_of%forms_matrix = response == response_compliance
           if (response == response_auto) size_of%forms_matrix = matrix_is_cheaper(work, real(size_of%entries, dp), &
-            slot%direct%path_entries(pack(equation, equation > 0)))
+                                                                                  size_of%path_entries)
         end if
       end associate
     else if (.not. associated(slot%multigrid%grid)) then

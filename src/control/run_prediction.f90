@@ -2,12 +2,15 @@
 !> the rest follows from the sizes of the factors and of the block rows, and from the speed of the machine.
 !>
 !> Constants are measured on Hertz scenes of 0.17 to 2 million unknowns. Iterations are assumed: contact problems with
-!> many changes of the active set take more time.
+!> many changes of the active set take more time. Rows of ties are all active, and their matrices count where the run
+!> will have them; how many contact rows will be is not known.
 module dotyk_control_run_prediction
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: linear_solver_auto, linear_solver_iterative
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_response_choice, only: form_direct, form_multigrid
   use dotyk_linalg_machine_speed, only: machine_speed_t
+  use dotyk_scheme_linear_solver_choice, only: add_costs, takes_products
   implicit none
   private
 
@@ -51,7 +54,7 @@ module dotyk_control_run_prediction
 contains
 
   !> Predict.
-  subroutine run_prediction_init(self, n_unknowns, n_rows, size_of, used, elapsed, speed)
+  subroutine run_prediction_init(self, n_unknowns, n_rows, size_of, used, elapsed, speed, n_tied, linear_solver, room)
     class(run_prediction_t), intent(out) :: self
     !> Unknowns of the bodies (n_bodies).
     integer, intent(in) :: n_unknowns(:)
@@ -65,8 +68,14 @@ contains
     real(dp), intent(in) :: elapsed
     !> The machine.
     type(machine_speed_t), intent(in) :: speed
-    real(dp) :: n, bytes, flops, of_solve
-    logical :: by_rows
+    !> Rows of ties among those of the bodies; none if absent (n_bodies).
+    integer, intent(in), optional :: n_tied(:)
+    !> One of `linear_solver_*`; present with `n_tied`.
+    integer, intent(in), optional :: linear_solver
+    !> Memory for matrices of the rows; present with `n_tied` [bytes].
+    real(dp), intent(in), optional :: room
+    real(dp) :: n, bytes, flops, of_solve, cost(2), of_ties
+    logical :: by_rows, by_products
     integer :: b
     self%n_threads = speed%n_threads
     self%speed = speed%flops
@@ -96,6 +105,22 @@ contains
       end if
       flops = flops + size_of(b)%flops/factorization_speed + work_afterwards*n
     end do
+    if (present(n_tied)) then
+      cost = 0
+      of_ties = 0
+      do b = 1, size(size_of)
+        if (n_tied(b) > 0) call add_costs(n_tied(b), size_of(b)%path_entries, real(size_of(b)%class_entries, dp), &
+                                          .true., all(n_rows == n_tied), cost, of_ties)
+      end do
+      by_products = linear_solver == linear_solver_iterative
+      if (linear_solver == linear_solver_auto) by_products = takes_products(cost, [of_ties, 0.0_dp], room)
+      if (by_products) then
+        bytes = bytes + 4*cost(2)
+      else
+        self%memory = self%memory + of_ties
+        bytes = bytes + 4*cost(1)
+      end if
+    end if
     self%seconds = elapsed + bytes/max(speed%bandwidth, tiny(1.0_dp)) + &
                    flops/max(1, speed%n_threads)/max(speed%flops, tiny(1.0_dp))
   end subroutine run_prediction_init

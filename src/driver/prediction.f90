@@ -11,6 +11,7 @@ module dotyk_driver_prediction
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_timing, only: stage_time_t
   use dotyk_log_scene_tables, only: show_prediction
+  use dotyk_scheme_linear_solver_choice, only: room_for_matrices
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
@@ -34,7 +35,7 @@ contains
     type(machine_speed_t) :: speed
     type(run_prediction_t) :: prediction
     type(stage_time_t) :: elapsed
-    integer :: b
+    integer :: b, n_contact
     logical :: has_factors
     if (scene%is_split()) then
       call monitor%log%line('  estimated memory and time: not for bodies split over ranks (docs/scaling.md)')
@@ -46,9 +47,12 @@ contains
     elapsed = monitor%watch%since_start()
     call set_blas_threads(1)
     call speed%measure()
+    n_contact = sum(scene%problem%pair%n_rows)
     call prediction%init(scene%problem%body%n_unknowns(), &
                          [(size(scene%operator%block(b)%row), b=1, size(scene%size_of))], scene%size_of, memory%used, &
-                         elapsed%wall, speed)
+                         elapsed%wall, speed, &
+                         [(count(scene%operator%block(b)%row > n_contact), b=1, size(scene%size_of))], &
+                         case%solver%linear_solver, room_for_matrices(memory))
     call show_prediction(monitor%log, scene%size_of, prediction)
   end subroutine predict_run
 end module dotyk_driver_prediction

@@ -5,7 +5,7 @@ module dotyk_linalg_blas
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: reserve_blas, set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
+  public :: reserve_blas, set_blas_threads, blas_threads, blas_name, transposed_product, &
     dgemm, dgemv, dsyrk, dtpsv, dtrsm, dtrsv
 
   interface
@@ -143,21 +143,6 @@ contains
     integer, intent(in) :: n
     call c_reserve_blas(int(n, c_int))
   end subroutine reserve_blas
-
-  !> C <- C + factor A B.
-  subroutine add_product(factor, a, b, c)
-    !> Factor of the product [any].
-    real(dp), intent(in) :: factor
-    !> A (n, r) [any].
-    real(dp), intent(in), contiguous :: a(:, :)
-    !> B (r, m) [any].
-    real(dp), intent(in), contiguous :: b(:, :)
-    !> C (n, m) [factor A B].
-    real(dp), intent(inout), contiguous :: c(:, :)
-    if (size(a) == 0 .or. size(b) == 0) return
-    call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), factor, a, size(a, 1), b, size(b, 1), 1.0_dp, &
-               c, size(c, 1))
-  end subroutine add_product
 
   !> C = A^T B.
   subroutine transposed_product(a, b, c)

@@ -22,7 +22,6 @@ module dotyk_linalg_dense_cholesky
     procedure :: factorize => dense_factorize
     procedure :: solve => dense_solve
     procedure :: solve_lower => dense_solve_lower
-    procedure :: solve_columns => dense_solve_columns
     procedure :: least_pivot => dense_least_pivot
   end type dense_cholesky_t
 
@@ -174,16 +173,6 @@ contains
     if (size(x) == 0) return
     call dtrsm('L', 'L', 'N', 'N', self%n, size(x, 2), 1.0_dp, self%value, self%n, x, self%n)
   end subroutine dense_solve_lower
-
-  !> X := (L L^T)^{-1} X.
-  subroutine dense_solve_columns(self, x)
-    class(dense_cholesky_t), intent(in) :: self
-    !> Right-hand sides in [any], solutions out (n, m) [X/A].
-    real(dp), intent(inout), contiguous :: x(:, :)
-    call self%solve_lower(x)
-    if (size(x) == 0) return
-    call dtrsm('L', 'L', 'T', 'N', self%n, size(x, 2), 1.0_dp, self%value, self%n, x, self%n)
-  end subroutine dense_solve_columns
 
   !> The least pivot of the factor, the square of its diagonal entry; huge for order 0 [A].
   pure real(dp) function dense_least_pivot(self) result(least)

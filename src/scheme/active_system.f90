@@ -103,7 +103,7 @@ module dotyk_scheme_active_system
   real(dp), parameter :: restart = 1.0e-8_dp
   !> Iterations from one true residual to the next at most, and true residuals.
   integer, parameter :: most_iterations = 2000, most_rounds = 8
-  !> Rounds at most with ties.
+  !> Rounds at most with ties where all rows couple: refinements of a direct solution.
   integer, parameter :: most_rounds_of_ties = 40
   !> Iterations of a solution with the couplings within pairs: balls in a box take 1 to 20, bodies whose contacts lie
   !> close together a hundred.
@@ -565,7 +565,7 @@ contains
     integer :: k, n
     logical :: has_ties
     n = size(self%row)
-    has_ties = any(qp%is_tied(self%row))
+    has_ties = self%coupling == coupling_all .and. any(qp%is_tied(self%row))
     gain = merge(worthwhile_gain_of_ties, worthwhile_gain, has_ties)
     allocate (r_b(n), x(n), next_b(n), r_c(qp%coarse%n), beta(qp%coarse%n), next_c(qp%coarse%n))
     alpha = 0

@@ -18,7 +18,8 @@ contains
   !> `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu
   !> that solve the active system with its theta, so that B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
-  !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
+  !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Ties are equations, for which it is
+  !> `(lambda - lambda_theta).r`, to first order mu.r. [sqrt(energy)]
   real(dp) function admissible_bound(qp, with_springs, compliance, theta, system, lambda, y, rounding) result(bound)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
@@ -30,7 +31,7 @@ contains
     real(dp), intent(in) :: theta(:)
     !> Linear system of the active set that the state came from.
     type(active_system_t), intent(in) :: system
-    !> Contact forces, not negative (n_rows) [force].
+    !> Forces of contact, not negative, and of ties (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> Penetrations (n_rows) [length].
     real(dp), intent(in) :: y(:)
@@ -58,7 +59,8 @@ contains
       active(row) = .true.
       ! B g = z + G beta.
       if (any(.not. active .and. y > z + motion .and. y > rounding*maxval(abs(qp%initial_penetration)))) return
-      remainder = 2*sum(abs(lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
+      remainder = 2*sum(abs(merge(mu, lambda(row), qp%is_tied(row))* &
+                            (z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
                   + sum(theta(row)/weight(row)*mu**2)/4
       bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%stiffness_forces(beta)))) + sqrt(remainder)
     end associate

@@ -1,4 +1,4 @@
-!> Ties by themselves, without loads and contact: whether they can be closed, and which contact rows they hold.
+!> Whether ties are closed, and which contact rows they hold by themselves, without loads and contact.
 module dotyk_scheme_closed_ties
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -9,11 +9,13 @@ module dotyk_scheme_closed_ties
   use dotyk_scheme_solver_state, only: solver_state_t, ended_open_tie, ended_rigid_constraint
   implicit none
   private
-  public :: close_ties
+  public :: check_ties, find_held_rows
 
   !> Ties that stay open by more than this fraction of what they or their forces would open contradict each other or
   !> supports [].
   real(dp), parameter :: most_open = 1.0e-6_dp
+  !> Rounding of the displacements of bodies that move [].
+  real(dp), parameter :: rounding_of_motion = 1.0e3_dp*epsilon(1.0_dp)
   !> Contact rows that yield by less than this fraction of what they yield without ties are held by these: rounding
   !> leaves 1e-16 to 1e-15, and beside the tie of a cantilever 700 times as long as thick a row yields by 4e-10 of what
   !> it yields without the tie [].
@@ -27,8 +29,42 @@ module dotyk_scheme_closed_ties
 
 contains
 
-  !> Close the ties. The state ends where they stay open, or where surfaces overlap between which they allow no motion.
-  subroutine close_ties(qp, with_springs, compliance, theta, system, state, is_held, error)
+  !> Whether ties stay open: the state ends there.
+  subroutine check_ties(qp, compliance, lambda, alpha, y, state)
+    !> Rows of contact and ties.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Forces of a solution (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Its amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Its penetrations (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Ended by a tie, or as it was.
+    type(solver_state_t), intent(inout) :: state
+    real(dp) :: yielded(qp%n_rows), moved(qp%n_rows), most
+    integer :: b, i
+    if (.not. any(qp%is_tied)) return
+    call compliance%multiply(qp, merge(lambda, 0.0_dp, qp%is_tied), yielded)
+    moved = 0
+    do b = 1, size(qp%block)
+      associate (row => qp%block(b)%row, own => qp%coarse%block(b)%value)
+        moved(row) = moved(row) + matmul(abs(own), abs(alpha(qp%coarse%first(b):qp%coarse%first(b + 1) - 1)))
+      end associate
+    end do
+    i = maxloc(abs(y), 1, qp%is_tied)
+    most = maxval(abs(qp%initial_penetration) + abs(yielded), mask=qp%is_tied)
+    ! Large motions, on soft springs, leave their rounding.
+    if (.not. abs(y(i)) > max(most_open*most, rounding_of_motion*maxval(moved, mask=qp%is_tied))) return
+    state%ended = ended_open_tie
+    state%overlap_of = most
+    state%rigid_row = qp%parent_row(i)
+    state%overlap = abs(y(i))
+  end subroutine check_ties
+
+  !> Find contact rows that ties hold. The state ends where surfaces overlap there.
+  subroutine find_held_rows(qp, with_springs, compliance, theta, system, state, is_held, error)
     !> Rows of contact and ties.
     type(contact_qp_t), intent(in) :: qp
     !> The same with springs on the modes.
@@ -37,9 +73,9 @@ contains
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> That of the ties on return.
+    !> Work space: that of the ties on return, where rows may be held.
     type(active_system_t), intent(inout) :: system
-    !> Ended by the ties, or as it was.
+    !> Ended by an overlap, or as it was.
     type(solver_state_t), intent(inout) :: state
     !> Contact rows without penalty that ties hold (n_rows).
     logical, allocatable, intent(out) :: is_held(:)
@@ -48,17 +84,17 @@ contains
     logical :: active(qp%n_rows), is_rigid(qp%n_rows)
     real(dp), allocatable :: yields(:)
     real(dp) :: y(qp%n_rows), terms(qp%n_rows), z(qp%n_rows), unit(qp%n_rows), none(qp%coarse%n), resultant(qp%coarse%n)
-    real(dp) :: own
     integer, allocatable :: candidate(:)
     integer :: i, k
     allocate (is_held(qp%n_rows), source=.false.)
+    if (.not. any(qp%is_tied)) return
+    call find_candidates(qp, compliance, theta, candidate)
+    if (size(candidate) == 0) return
     active = qp%is_tied
     is_rigid = .false.
-    none = 0
     call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
     call system%init(with_springs, compliance, theta, active, error)
     if (allocated(error)) return
-    call find_candidates(qp, compliance, theta, candidate)
     do k = 1, size(candidate)
       i = candidate(k)
       unit = 0
@@ -68,21 +104,16 @@ contains
       call find_gaps(-z, -resultant, y, terms)
       is_held(i) = abs(y(i)) <= rounding_of_held*terms(i)
     end do
+    if (.not. any(is_held)) return
+    none = 0
     call find_gaps(qp%initial_penetration, none, y, terms)
-    own = maxval(terms, mask=qp%is_tied)
-    if (maxval(abs(y), mask=qp%is_tied) > most_open*own) then
-      state%ended = ended_open_tie
-      i = maxloc(abs(y), 1, qp%is_tied)
-      state%overlap_of = own
-    else
-      ! Rounding is no overlap.
-      z = max(rounding_of_terms*terms, rounding_of_closing*maxval(abs(qp%initial_penetration)))
-      if (.not. any(is_held .and. y > z)) return
-      state%ended = ended_rigid_constraint
-      i = maxloc(y, 1, is_held)
-    end if
+    ! Rounding is no overlap.
+    if (.not. any(is_held .and. y > max(rounding_of_terms*terms, &
+                                        rounding_of_closing*maxval(abs(qp%initial_penetration))))) return
+    i = maxloc(y, 1, is_held)
+    state%ended = ended_rigid_constraint
     state%rigid_row = qp%parent_row(i)
-    state%overlap = abs(y(i))
+    state%overlap = y(i)
 
   contains
 
@@ -107,7 +138,7 @@ contains
       left = penetration - yielded + moved
       size_of = abs(penetration) + abs(yielded) + abs(moved)
     end subroutine find_gaps
-  end subroutine close_ties
+  end subroutine find_held_rows
 
   !> Contact rows without penalty whose nodes ties or supports have, all of them: others yield.
   subroutine find_candidates(qp, compliance, theta, candidate)

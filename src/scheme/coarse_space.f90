@@ -360,9 +360,11 @@ contains
     integer, intent(in) :: b
     integer :: i
     has_stiffness = allocated(self%stiffness)
-    if (has_stiffness) &
-      has_stiffness = all([(self%stiffness(b)%value(i, i) > 0 .or. self%is_slide(self%first(b) + i - 1), &
-                            i=1, size(self%stiffness(b)%value, 1))])
+    if (.not. has_stiffness) return
+    associate (is_slide => self%is_slide(self%first(b):self%first(b + 1) - 1))
+      has_stiffness = all([(self%stiffness(b)%value(i, i) > 0 .or. is_slide(i), i=1, size(is_slide))]) .and. &
+                      .not. (size(is_slide) > 0 .and. all(is_slide))
+    end associate
   end function coarse_has_stiffness
 
   !> Free all memory.

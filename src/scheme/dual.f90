@@ -18,7 +18,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_closed_ties, only: close_ties
+  use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -339,20 +339,16 @@ contains
     foundation = foundation_stiffness(qp, theta)
     with_springs = qp
     starts_inside = .not. warm .and. qp%is_heap()
-    if (any(qp%is_tied)) then
-      call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
-      call motion%apply(qp, with_springs)
-      call close_ties(qp, with_springs, compliance, theta, system, state, is_held, error)
-      if (allocated(error) .or. any(state%ended == [ended_open_tie, ended_rigid_constraint])) return
-    end if
+    call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
+    call motion%apply(qp, with_springs)
+    call find_held_rows(qp, with_springs, compliance, theta, system, state, is_held, error)
+    if (allocated(error) .or. state%ended == ended_rigid_constraint) return
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
       if (qp%is_heap()) then
         call begin_without_contact(qp, now)
         if (allocated(guess)) call begin_on_foundation(qp, theta, guess, now)
       else
-        call motion%init(qp, foundation, active, [(0.0_dp, k=1, qp%coarse%n)])
-        call motion%apply(qp, with_springs)
         call find_start(with_springs, compliance, theta, now, active, error)
       end if
       if (allocated(error)) return
@@ -371,6 +367,8 @@ contains
                              max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
+        call check_ties(qp, compliance, now%lambda, now%alpha, now%y, state)
+        if (state%ended == ended_open_tie) return
       end if
       starts_inside = .false.
       call motion%advance(qp, foundation, now%lambda, now%alpha, active, done)

@@ -14,15 +14,16 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: choose_coupling, room_for_matrices, takes_products
+  public :: add_costs, choose_coupling, room_for_matrices, takes_products
 
-  !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set.
+  !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set, 470
+  !> to 575 for ties between blocks.
   real(dp), parameter :: typical_solves = 600
-  !> Factorizations for all active sets together.
-  real(dp), parameter :: typical_systems = 6
+  !> Factorizations for all active sets together; and of ties alone.
+  real(dp), parameter :: typical_systems = 6, systems_of_ties = 1
   !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
-  !> a single right-hand side.
-  real(dp), parameter :: gain_of_blocks = 8
+  !> a single right-hand side; and with ties, thousands of rows at once.
+  real(dp), parameter :: gain_of_blocks = 8, gain_of_ties = 25
   !> Bytes for an entry of C in a factor: 16 in the matrix, 8 in its permuted copy, 8 in the factor.
   real(dp), parameter :: bytes_of_entry = 32
   !> Bytes that compliances, forward substitutions and the factor may take,
@@ -69,25 +70,42 @@ contains
     !> As in `choose_coupling` (n_rows).
     logical, intent(in) :: rows(:)
     type(memory_t) :: memory
-    real(dp) :: direct_cost, iterative_cost, bytes, n, path, solve
-    integer :: b
-    ! In floating-point operations at the speed of single solves: 4 for each entry of the factor of a body.
-    direct_cost = 0
-    iterative_cost = 0
+    real(dp) :: cost(2), bytes, path, solve
+    integer :: b, n
+    cost = 0
     bytes = 0
     do b = 1, size(qp%block)
       n = count(rows(qp%block(b)%row))
-      if (.not. n > 0) cycle
+      if (n == 0) cycle
       call compliance%get_costs(b, path, solve)
-      ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries. The
-      ! factor of a system has about twice the entries of its matrix.
-      direct_cost = direct_cost + (2*path*n + sqrt(2*path)*n**2 + typical_systems*n**3)/gain_of_blocks
-      iterative_cost = iterative_cost + 4*solve*typical_solves
-      bytes = bytes + (8 + bytes_of_entry/2)*n**2 + 8*n*sqrt(2*path)
+      call add_costs(n, path, solve, any(qp%is_tied), all(qp%is_tied), cost, bytes)
     end do
     memory = memory_now()
-    cheaper = on_any_rank(takes_products([direct_cost, iterative_cost], [bytes, 0.0_dp], room_for_matrices(memory)))
+    cheaper = on_any_rank(takes_products(cost, [bytes, 0.0_dp], room_for_matrices(memory)))
   end function is_matrix_free_cheaper
+
+  !> Add what a body costs.
+  pure subroutine add_costs(n_rows, path, solve, has_ties, has_no_contact, cost, bytes)
+    !> Its rows.
+    integer, intent(in) :: n_rows
+    !> As in `compliance_t`.
+    real(dp), intent(in) :: path, solve
+    !> Whether some rows of the scene are ties, and whether all are.
+    logical, intent(in) :: has_ties, has_no_contact
+    !> Of entries, and of products: floating-point operations at the speed of single solves, 4 for each entry of the
+    !> factor of the body (2).
+    real(dp), intent(inout) :: cost(:)
+    !> Memory of entries, forward substitution and factors [B].
+    real(dp), intent(inout) :: bytes
+    real(dp) :: n
+    n = n_rows
+    ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries. The
+    ! factor of a system has about twice the entries of its matrix.
+    cost(1) = cost(1) + (2*path*n + sqrt(2*path)*n**2 + merge(systems_of_ties, typical_systems, has_no_contact)*n**3)/ &
+                        merge(gain_of_ties, gain_of_blocks, has_ties)
+    cost(2) = cost(2) + 4*solve*typical_solves
+    bytes = bytes + (8 + bytes_of_entry/2)*n**2 + 8*n*sqrt(2*path)
+  end subroutine add_costs
 
   !> Whether products are taken: by the cost where both ways fit into the memory, else by the memory.
   pure logical function takes_products(cost, bytes, room) result(takes)

@@ -24,7 +24,7 @@ module dotyk_scheme_multilevel_start
   private
   public :: find_start, group_rows
 
-  !> Fewer rows than this need no better start than that of rigid bodies.
+  !> Fewer contact rows than this need no better start than that of rigid bodies.
   integer, parameter, public :: few_rows = 60
   !> Rows of a group at most.
   integer, parameter :: most_rows = 6
@@ -70,7 +70,7 @@ contains
     integer :: n_groups
 
     call rest_on_winkler_foundation(qp, theta, now, active)
-    if (qp%n_rows < few_rows) return
+    if (count(.not. qp%is_tied) < few_rows) return
     allocate (group(qp%n_rows))
     call group_rows(qp, group, n_groups)
     if (least_mean*n_groups > qp%n_rows) return

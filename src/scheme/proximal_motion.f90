@@ -135,7 +135,7 @@ contains
     real(dp) :: contact
     integer :: j
     associate (row => qp%block(b)%row, first => qp%coarse%first(b), n => qp%coarse%first(b + 1) - qp%coarse%first(b))
-      if (qp%coarse%has_stiffness(b) .or. all(qp%coarse%is_slide(first:first + n - 1))) then
+      if (qp%coarse%has_stiffness(b) .or. n == 0) then
         allocate (stiffness(0, 0))
         return
       end if

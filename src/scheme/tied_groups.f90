@@ -100,7 +100,7 @@ contains
     !> Symmetric (n, n) [force/length].
     real(dp), intent(in) :: of_ties(:, :), of_springs(:, :)
     type(error_t), allocatable :: error
-    real(dp), allocatable :: root(:), values(:), vectors(:, :), scaled(:, :)
+    real(dp), allocatable :: root(:), values(:), vectors(:, :), scaled(:, :), own(:, :)
     integer :: i, n
     n = size(of_ties, 1)
     resists = n == 0
@@ -116,12 +116,11 @@ contains
     if (resists) return
     scaled = of_springs/spread(root, 2, size(root))/spread(root, 1, size(root))
     if (.not. maxval(abs(scaled)) > 0) return
-    associate (largest => maxval(abs(scaled)), soft => vectors(:, :n))
-      scaled = matmul(transpose(soft), matmul(scaled, soft))
-      deallocate (values, vectors)
-      allocate (values(n), vectors(n, n))
-      call symmetric_eigen((scaled + transpose(scaled))/2, values, vectors, error)
-      if (.not. allocated(error)) resists = values(1) > max(least_stiffness*values(n), rounding*largest)
-    end associate
+    own = matmul(transpose(vectors(:, :n)), matmul(scaled, vectors(:, :n)))
+    deallocate (values, vectors)
+    allocate (values(n), vectors(n, n))
+    call symmetric_eigen((own + transpose(own))/2, values, vectors, error)
+    if (.not. allocated(error)) &
+      resists = values(1) > max(least_stiffness*values(n), rounding*maxval(abs(scaled)))
   end function resists_all
 end module dotyk_scheme_tied_groups

@@ -7,7 +7,7 @@ module dense_scene
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t
-  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, slide_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
@@ -37,6 +37,10 @@ module dense_scene
     !> Of the solution without contact.
     real(dp) :: energy_0 = 0, norm_square_0 = 0
     type(dense_body_t), allocatable :: body(:)
+    !> Rows of ties; none if not allocated (n_rows).
+    logical, allocatable :: is_tied(:)
+    !> Bolts of given tension; none if not allocated.
+    type(slide_t), allocatable :: slide(:)
   contains
     procedure :: build => scene_build
   end type dense_scene_t
@@ -87,8 +91,9 @@ contains
         modes(b)%resultant_size = abs(given%resultant)
       end associate
     end do
-    call coarse%init(operator%block, operator%n_rows, modes)
-    call qp%init(operator, self%y_0, self%y_load, self%energy_0, self%norm_square_0, foundation, coarse)
+    ! What is not allocated is absent.
+    call coarse%init(operator%block, operator%n_rows, modes, self%slide)
+    call qp%init(operator, self%y_0, self%y_load, self%energy_0, self%norm_square_0, foundation, coarse, self%is_tied)
     call compliance%init(qp, response, body, .true.)
   end subroutine scene_build
 end module dense_scene
