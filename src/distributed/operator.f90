@@ -1,8 +1,8 @@
 !> The linear system of an active set, `K + B^T W B`, as an operator of PETSc, and its smoother's `(D + B^T W B)^{-1}`.
 !>
-!> Rigid body motions of floating bodies, which springs T hold where the rows hardly do, are deflated: conjugate gradients
-!> see `P (K + B^T W B + R T R^T)`, P the projection along forces `A R` to those without resultants on the modes R, and
-!> the amplitudes follow from `S = G^T W G + T`.
+!> Rigid body motions of floating bodies, which springs T hold where the rows hardly do, are deflated: conjugate
+!> gradients see `P (K + B^T W B + R T R^T)`, P the projection along forces `A R` to those without resultants on
+!> the modes R, and the amplitudes follow from `S = G^T W G + T`.
 !>
 !> The contact is not assembled into the fine matrix: that would be a second one. D are the diagonal blocks of K times
 !> the greatest eigenvalue of D^{-1} K, so that `K + B^T W B <= D + B^T W B` however stiff the rows; its inverse is that

@@ -14,7 +14,8 @@ contains
     integer, intent(in) :: reason
     !> Gets the line.
     type(log_monitor_t), intent(inout) :: monitor
-    call monitor%note('factors          '//sentence(reason)//': the bodies are factorized, and the contact solved again')
+    call monitor%note('factors          '//sentence(reason)// &
+                      ': the bodies are factorized, and the contact solved again')
   end subroutine note_factors
 
   !> They do not get them.

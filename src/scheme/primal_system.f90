@@ -130,7 +130,8 @@ contains
     integer :: b
     y = qp%initial_penetration
     do b = 1, size(self%body)
-      associate (rows => qp%block(b), map => self%compliance%body(b)%map, grid => self%grid(self%body(b)%representative)%p)
+      associate (rows => qp%block(b), map => self%compliance%body(b)%map, &
+                 grid => self%grid(self%body(b)%representative)%p)
         if (size(rows%row) == 0) cycle
         allocate (x(grid%constraint%n_equations), nodal(map%dimension*map%n_nodes), moved(size(rows%row)))
         call grid%to_equations(u(self%first(b) + 1:self%first(b + 1)), x)

@@ -1,5 +1,5 @@
-!> Contact of all bodies by a proximal active set on the displacements (`dotyk_scheme_proximal_system`): no compliance of
-!> the bodies.
+!> Contact of all bodies by a proximal active set on the displacements (`dotyk_scheme_proximal_system`): no
+!> compliance of the bodies.
 !>
 !> The proximal point method for the pressures (R. T. Rockafellar, SIAM J. Control Optim. 14, 1976) asks for the
 !> minimizer u, given pressures m_0, of the energy with

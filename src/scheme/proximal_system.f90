@@ -1,6 +1,7 @@
-!> The linear systems of the primal engine as its active set iteration (`dotyk_scheme_proximal_active_set`) and its error
-!> bound (`dotyk_scheme_primal_bound`) see them: stiffness K of all bodies in the displacements, active contact rows of
-!> stiffness W, and springs T on the amplitudes of the rigid body modes R of floating bodies, which are orthonormal,
+!> The linear systems of the primal engine as its active set iteration (`dotyk_scheme_proximal_active_set`) and its
+!> error bound (`dotyk_scheme_primal_bound`) see them: stiffness K of all bodies in the displacements, active contact
+!> rows of stiffness W, and springs T on the amplitudes of the rigid body modes R of floating bodies, which are
+!> orthonormal,
 !>
 !>     K + B^T W B + R T R^T.
 !>
