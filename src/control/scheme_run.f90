@@ -74,6 +74,9 @@ contains
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     real(dp) :: of_penetrations
+    is_unloaded = .false.
+    ! Ties may be tightened.
+    if (qp%pair_first_row(size(qp%pair_first_row)) <= qp%n_rows) return
     of_penetrations = sum(foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)**2)
     is_unloaded = .not. (qp%norm_square_0 > rounding**2*of_penetrations .or. any(abs(qp%coarse%resultant) > 0))
     if (allocated(qp%coarse%lift)) is_unloaded = is_unloaded .and. .not. any(abs(qp%coarse%lift) > 0)

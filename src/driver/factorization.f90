@@ -60,6 +60,7 @@ contains
       call foundation_compliance(problem%body, problem%pair, scene%operator%n_rows, foundation)
       ! The rows; loads come after it.
       call coarse%take_rows(block, scene%operator%n_rows)
+      coarse%max_unbalanced = case%solver%max_unbalanced
       allocate (nothing(scene%operator%n_rows), source=0.0_dp)
       call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse)
       call compliance%init(qp, response, operators, side_by_side)

@@ -79,7 +79,7 @@ contains
       if (allocated(error) .or. needs_factors) exit
       if (k == n) call scene%compliance%destroy()
       if (allocated(solution%state%m)) call keep_shortenings(solution%state%m, solution%state%y, scene%problem)
-      call note_modes(scene%problem, solution%state, monitor%log)
+      call note_modes(scene%problem, solution%state, case%solver%max_unbalanced, monitor%log)
       call check_bodies(scene, solution, monitor)
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                          monitor%timing%iterate%wall - before)

@@ -39,18 +39,22 @@ contains
 
   !> Say which modes are indeterminate, and which bodies rotate too far. A solution with a rotation by more than the
   !> size of a body is none.
-  subroutine note_modes(problem, state, log)
+  subroutine note_modes(problem, state, max_unbalanced, log)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
     !> State of the scheme at its end; ended by a rotation that is too large on return.
     type(solver_state_t), intent(inout) :: state
+    !> Greatest part of the forces on a body that may rest on weak springs [].
+    real(dp), intent(in) :: max_unbalanced
     !> The log.
     type(log_t), intent(inout) :: log
-    real(dp) :: largest
+    real(dp) :: largest, rest
     !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
     real(dp), parameter :: largest_rotation = 1
-    call note_undetermined(problem, state%indeterminate, log)
-    call note_rest(problem, state, log)
+    rest = 0
+    if (allocated(state%rest)) rest = maxval([rest, state%rest])
+    call note_undetermined(problem, state%indeterminate, merge(0.0_dp, rest, rest > max_unbalanced), log)
+    call note_rest(problem, state, max_unbalanced, log)
     if (.not. allocated(state%alpha)) return
     call note_rotations(problem%body, problem%modes, state%alpha, log, largest)
     if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated
@@ -131,7 +135,8 @@ contains
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
                    ': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact '// &
                    'resist: '//motion_of(worst)//others// &
-                   '; add a &support, a &contact that resists the motion, or another &load'// &
+                   '; add a &support, a &contact that resists the motion, or another &load (more than '// &
+                   to_text(qp%coarse%max_unbalanced)//' of the forces on the body, max_unbalanced of &solver)'// &
                    trim(merge(' (no body of the scene has a &support)', repeat(' ', 38), size(case%support) == 0)), &
                    exit_not_solvable)
   contains

@@ -235,6 +235,7 @@ contains
     integer :: g
     associate (coarse => condensed%qp%coarse, group => condensed%group)
       call coarse%take_rows(condensed%qp%block, condensed%qp%n_rows)
+      coarse%max_unbalanced = qp%coarse%max_unbalanced
       allocate (coarse%first(size(group) + 1), coarse%block(size(group)))
       coarse%first(1) = 1
       do g = 1, size(group)

@@ -25,7 +25,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
-  use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
@@ -344,7 +344,7 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
-                      .not. any(state%rest > largest_rest)
+                      .not. any(state%rest > qp%coarse%max_unbalanced)
     if (has_equilibrium) then
       state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)

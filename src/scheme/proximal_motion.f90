@@ -9,7 +9,7 @@
 !> When rows become active that stop it, the springs are as strong as before.
 !>
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
-!> rounding, or no more than `largest_rest` of the forces on a body that goes on moving along a direction in which the
+!> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
 !> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as
 !> the contact there.
@@ -63,9 +63,6 @@ module dotyk_scheme_proximal_motion
   real(dp), parameter :: uncertain = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
-  !> Forces along motions that contact does not determine are an error of the loads or of the mesh up to this fraction
-  !> of the forces on the body.
-  real(dp), parameter, public :: largest_rest = 0.01_dp
   !> Steps at most.
   integer, parameter :: most_steps = 60
   !> Motions of several bodies together are looked for among so many modes at most; the eigenvectors of more would take
@@ -198,7 +195,7 @@ contains
         if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
           self%rest(b) = size_now/max(on_body, largest_rounding*greatest)
           call judge(is_free, may_rest)
-          may_rest = may_rest .and. self%rest(b) <= largest_rest
+          may_rest = may_rest .and. self%rest(b) <= qp%coarse%max_unbalanced
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then

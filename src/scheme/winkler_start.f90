@@ -15,7 +15,6 @@ module dotyk_scheme_winkler_start
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
-  use dotyk_scheme_proximal_motion, only: largest_rest
   implicit none
   private
   public :: winkler_equilibrium, find_unbounded_direction
@@ -167,8 +166,8 @@ contains
           if (allocated(qp%foundation)) on_body = max(on_body, &
             sum(qp%weight(row)/qp%foundation(row)*max(0.0_dp, -qp%gap(row)))/length)
           if (.not. maxval(abs(motion(one:last))) > imbalance) cycle
-          if (dot_product(e(one:last), motion(one:last)) > largest_rest*on_body*norm2(motion(one:last))) &
-            is_unbounded = .true.
+          if (dot_product(e(one:last), motion(one:last)) > &
+              max(imbalance, qp%coarse%max_unbalanced)*on_body*norm2(motion(one:last))) is_unbounded = .true.
         end associate
       end do
     end function is_unbounded
