@@ -62,6 +62,8 @@ contains
     call set_blas_threads(1)
     if (allocated(error)) return
     if (is_unloaded(qp, theta) .and. allocated(state%m)) call leave_at_rest(qp, theta, state)
+    if (allocated(state%y)) state%max_penetration = &
+      maxval([0.0_dp, state%y(:qp%pair_first_row(size(qp%pair_first_row)) - 1)])
     if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
   end subroutine run_solve

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -41,12 +42,17 @@ class Case(unittest.TestCase):
 
     def dotyk(self, *arguments, code=0, timeout=600, **environment):
         """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one
-        text."""
+        text. With exit code 0, no contact row of the results may be violated."""
+        began = time.time() - 1
         done = subprocess.run([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, timeout=timeout, text=True,
                               env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if code is not None:
             self.assertEqual(done.returncode, code, "dotyk %s:\n%s" % (" ".join(map(str, arguments)), done.stdout))
+        if done.returncode == 0:
+            for path in self.folder.rglob("*.vtkhdf"):
+                if path.stat().st_mtime > began:
+                    self.assertEqual(violated_rows(path), [], done.stdout)
         return done.stdout
 
     def assertBetween(self, low, value, high, message=None):
@@ -70,6 +76,41 @@ class Case(unittest.TestCase):
         file = h5py.File(self.folder / name, "r")
         self.addCleanup(file.close)
         return file
+
+
+def violated_rows(path):
+    """Contact rows, active or not, of all pairs and load cases of a results file that penetrate by more than theta times
+    their pressure, to rounding of the displacements and what the error bound allows; and where `max_penetration` is not
+    the greatest of them."""
+    import h5py
+    import numpy as np
+    found = []
+    with h5py.File(path) as file:
+        own = file["dotyk"]
+        u = file["VTKHDF/PointData/displacement"][:] if "displacement" in file["VTKHDF/PointData"] else np.zeros((1, 3))
+        for name, group in own["cases"].items() if "cases" in own else [("", own)]:
+            summary, greatest, overlap = group["summary"].attrs, 0.0, 0.0
+            rows = [(pair, *(rows[key][:] for key in ("gap", "theta", "pressure", "weight", "gap_initial")))
+                    for pair, rows in group["contact"].items() if len(rows["gap"])]
+            for *_, before in rows:
+                overlap = max(overlap, -before.min())
+            scale = max(np.abs(u).max(), overlap)
+            for pair, gap, theta, pressure, weight, _ in rows:
+                # An error e in the energy norm moves a row by e times the root of its compliance: of the mesh, by which
+                # displacements have a few times their relative error, and of the layer, theta/weight.
+                error = summary["error_bound"] * summary["energy_norm"] * np.sqrt(2 * theta / weight)
+                allowed = (1e-9 + 10 * summary["error_bound"]) * scale + np.nan_to_num(error)
+                over = -gap - theta * pressure - allowed
+                if over.max() > 0:
+                    worst = over.argmax()
+                    found.append("%s%s: row %d of %d penetrates by %.3e, theta*pressure is %.3e, allowed beside it %.3e" % (
+                        name and name + ", ", pair, worst, len(gap), -gap[worst], theta[worst] * pressure[worst],
+                        np.broadcast_to(allowed, gap.shape)[worst]))
+                greatest = max(greatest, -gap.min())
+            if abs(greatest - summary["max_penetration"]) > 1e-9 * scale:
+                found.append("%smax_penetration is %.3e, that of the rows %.3e" % (
+                    name and name + ", ", summary["max_penetration"], greatest))
+    return found
 
 
 def main():
