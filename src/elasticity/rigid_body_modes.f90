@@ -288,8 +288,9 @@ contains
     character(:), allocatable :: motion
     real(dp) :: combined(6, size(amplitude, 2)), basis(6, 6)
     integer :: p, k, j, n
-    !> Entries and singular values below this fraction of the largest one are rounding errors.
-    real(dp), parameter :: small = 1.0e-6_dp
+    !> Entries and singular values below this fraction of the largest one are errors of the mesh: facets turn axes by
+    !> 1e-4 and more.
+    real(dp), parameter :: small = 1.0e-2_dp
     text = ''
     do p = 1, size(self%radius)
       combined = 0

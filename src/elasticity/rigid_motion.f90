@@ -338,7 +338,7 @@ contains
         if (dim == 2) then
           text = text//rotation()//' about '//vector_text(through(:2), radius)
         else
-          if (norm2(along) > screw_shift*radius) then
+          if (norm2(along) > merge(off_centre, screw_shift, on_others)*radius) then
             text = text//'translation by '//to_text(dot_product(shift, axis), 4)//' per radian of rotation'
           else
             text = text//rotation()

@@ -14,6 +14,8 @@ module dotyk_log_indeterminate
 
   !> Greatest number of names, or of parts of the line; more are summed up.
   integer, parameter :: most_named = 20
+  !> Bodies that a motion moves by less than this fraction of the body that it moves most take no part in it [].
+  real(dp), parameter :: least_part = 0.01_dp
   !> Names that differ in numbers or in their last word alone become one with a wildcard where they are so many.
   integer, parameter :: many_alike = 3
 
@@ -32,11 +34,13 @@ contains
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
     type(text_t) :: all_names(size(problem%body))
     type(mode_block_t), allocatable :: of_body(:)
+    type(mode_columns_t) :: columns
     character(:), allocatable :: line, text
     logical :: is_open(size(problem%body)), alike(size(problem%body))
     integer :: b, n_parts, class(size(problem%body)), kind(size(problem%body))
     if (amplitude%n == 0) return
-    call amplitude%by_bodies(first_mode(problem%modes), of_body)
+    call columns_of_parts(problem, amplitude, columns)
+    call columns%by_bodies(first_mode(problem%modes), of_body)
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
@@ -84,6 +88,32 @@ contains
       is_single = is_open .and. n_members(class) == 1
     end function is_single
   end subroutine note_undetermined
+
+  !> The motions without bodies that hardly take part in them: what moves a bolt in its hole moves the plate by 1e-4 of
+  !> that.
+  subroutine columns_of_parts(problem, amplitude, columns)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The motions, as in `note_undetermined`.
+    type(mode_columns_t), intent(in) :: amplitude
+    !> The same.
+    type(mode_columns_t), intent(out) :: columns
+    real(dp) :: part(size(problem%body))
+    real(dp), allocatable :: x(:)
+    integer :: b, k, first(size(problem%body) + 1)
+    first = first_mode(problem%modes)
+    allocate (x(first(size(first)) - 1))
+    do k = 1, amplitude%n
+      call amplitude%get(k, x)
+      do b = 1, size(part)
+        part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_nodes(), dp))
+      end do
+      do b = 1, size(part)
+        if (part(b) < least_part*maxval(part)) x(first(b):first(b + 1) - 1) = 0
+      end do
+      call columns%add(x)
+    end do
+  end subroutine columns_of_parts
 
   !> Say which forces along motions that contact does not determine are too large to rest on weak springs.
   subroutine note_rest(problem, state, max_unbalanced, log)
