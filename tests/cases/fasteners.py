@@ -9,14 +9,14 @@ HEAD = 'SetFactory("OpenCASCADE");\nMesh.ElementOrder = 2; Mesh.HighOrderOptimiz
 
 
 class Fasteners(dotyk_case.Case):
-    def solve(self, name, geometry, size, bodies, lines, solver="theta=0, tolerance=1e-8"):
-        """Mesh and solve; log, results file, and the mean displacement of each body."""
+    def solve(self, name, geometry, size, bodies, lines, solver="theta=0, tolerance=1e-8", code=0):
+        """Mesh and solve; log, results file, and the displacements of each body."""
         self.write(name + ".geo", HEAD % size + geometry)
         self.write(name + ".nml", "\n".join([
             "&scene mesh='%s.geo' /" % name, "&material name='steel', young=210e3, poisson=0.3 /",
             *("&body name='%s', volume='%s', material='steel' /" % (body, body) for body in bodies), *lines,
             "&solver %s /" % solver, "&output fields='displacement contact', error_parts='' /"]) + "\n")
-        log = self.dotyk(name + ".nml")
+        log = self.dotyk(name + ".nml", code=code)
         file = self.results(name + ".vtkhdf")
         self.assertLess(file["dotyk/summary"].attrs["error_bound"], 1e-8)
         ends = np.cumsum(file["VTKHDF/NumberOfPoints"][:])[:-1]
@@ -121,6 +121,32 @@ Physical Surface("top") = Surface In BoundingBox {-20.1, -10.1, 7.9, 20.1, 10.1,
                 self.assertLess(np.abs(u[body]).max(), 0.01)
         self.assertIn("not determined by contact: sliding along (0, 0, 1) and spin about the axis (0, 0, 1) of 'bolt 1', 'bolt 2', ",
                       log)
+
+    def test_rim_below_a_head(self):
+        """A quarter of a pin with a head in a hole of its radius. Edges of the rim of the hole are chords, inside the shank
+        just below the head by more than anything moves: that is the mesh. A shank that is thicker by 0.4 is not."""
+        for thicker, code in (0.0, 0), (0.4, 1):
+            with self.subTest(thicker=thicker):
+                geometry = """
+Cylinder(1) = {0, 0, -14, 0, 0, 14, %g, Pi/2}; Cylinder(2) = {0, 0, 0, 0, 0, 3, 8, Pi/2};
+BooleanUnion(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Box(4) = {0, 0, -10, 15, 15, 10}; Cylinder(5) = {0, 0, -10, 0, 0, 10, 5, Pi/2};
+BooleanDifference(6) = { Volume{4}; Delete; }{ Volume{5}; Delete; };
+Physical Volume("pin") = {3}; Physical Volume("plate") = {6};
+Physical Surface("x0") = Surface In BoundingBox {-0.1, -0.1, -20, 0.1, 20, 20};
+Physical Surface("y0") = Surface In BoundingBox {-0.1, -0.1, -20, 20, 0.1, 20};
+Physical Surface("bottom") = Surface In BoundingBox {-0.1, -0.1, -10.1, 20, 20, -9.9};
+Physical Surface("end") = Surface In BoundingBox {-0.1, -0.1, -14.1, 20, 20, -13.9};
+Physical Surface("seat") = Surface In BoundingBox {-0.1, -0.1, -0.1, 20, 20, 0.1};
+Mesh.HighOrderOptimize = 0;
+""" % (5 + thicker)
+                log, file, _ = self.solve("rim", geometry, 2, ("pin", "plate"), [
+                    "&support body='p*', surface='x0', fix='x' /", "&support body='p*', surface='y0', fix='y' /",
+                    "&support body='plate', surface='bottom', fix='z' /",
+                    "&load body='pin', surface='end', force=0,0,-2500 /",
+                    "&contact name='head', surface_a='pin:seat', surface_b='plate:seat' /"], code=code)
+                self.assertAlmostEqual(file["dotyk/contact/head"].attrs["force"][2] / 2500, 1, delta=1e-8)
+                self.assertEqual("is inside 'pin'" in log or "is inside 'plate'" in log, code == 1, log)
 
     def test_tube_between_plates(self):
         """A tube between two plates, the upper one under a pressure: the tube as slave and as master."""

@@ -101,7 +101,7 @@ def violated_rows(path):
             if "ties" in group:
                 _, vertex = np.unique(np.round(place / size, 9), axis=0, return_inverse=True)
                 over = (np.bincount(vertex, weight * over) / np.bincount(vertex, weight))[vertex]
-            scale = max(np.abs(u).max(), -before.min())
+            scale = max(np.abs(u).max(), np.abs(gap - before).max(), -before.min())
             # An error e in the energy norm moves a row by e times the root of its compliance: of the mesh, by which
             # displacements have a few times their relative error, and of the layer, theta/weight.
             error = summary["error_bound"] * summary["energy_norm"] * np.sqrt(2 * theta / weight)
