@@ -1,4 +1,4 @@
-!> Rigid body motions that contact does not determine in the log: one line, in which bodies that move alike share a part.
+!> Rigid body motions that contact does not determine in the log: one line; bodies that move alike share a part of it.
 module dotyk_log_indeterminate
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -21,7 +21,7 @@ module dotyk_log_indeterminate
 
 contains
 
-  !> Say which motions contact does not determine, and which part of the forces rests on the weak springs that hold them.
+  !> Say which motions contact does not determine, and which part of the forces rests on the springs that hold them.
   subroutine note_undetermined(problem, amplitude, rest, log)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
@@ -142,8 +142,8 @@ contains
       end do
       text = text//': '//vector_text(force)//' along '//modes%combination_text(along)
     end associate
-    call log%line('  out of balance   '//text//', which contact does not resist; hold the body along this motion by '// &
-                  'a &support or a &spring (max_unbalanced of &solver: '//to_text(max_unbalanced)//')')
+    call log%line('  out of balance   '//text//', which contact does not resist; hold the body along this motion '// &
+                  'by a &support or a &spring (max_unbalanced of &solver: '//to_text(max_unbalanced)//')')
   end subroutine note_rest
 
   !> Bodies with the same text: classes by their first members.

@@ -235,7 +235,7 @@ contains
     penalty = 0
     where (theta > 0 .and. y > least)
       penalty = self%weight*y**2/(2*theta)
-    elsewhere (theta > 0 .and. m > 0 .and. y > -least)
+    else where (theta > 0 .and. m > 0 .and. y > -least)
       penalty = self%weight*theta*m**2/2
     end where
   end function qp_penalty_of_rows
