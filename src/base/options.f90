@@ -134,6 +134,8 @@ module dotyk_base_options
   real(dp), parameter, public :: default_tolerance = 1.0e-6_dp
   !> Default of `&solver budget_fraction` [].
   real(dp), parameter, public :: default_budget_fraction = 0.1_dp
+  !> Default of `&solver max_unbalanced` [].
+  real(dp), parameter, public :: default_max_unbalanced = 0.01_dp
   !> Default of `&solver max_iterations`.
   integer, parameter, public :: default_max_iterations = 100000
 

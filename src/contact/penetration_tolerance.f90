@@ -2,6 +2,7 @@
 !> second order in the displacements, which small-displacement theory omits, and by rounding.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
@@ -26,6 +27,8 @@ module dotyk_contact_penetration_tolerance
 
   !> Depths that the contact conditions leave are notable from this fraction of the displacements on [].
   real(dp), parameter, public :: notable_fraction = 0.25_dp
+  !> Distances that differ by less are equal [].
+  real(dp), parameter :: same = 1.0e-6_dp
 
 contains
 
@@ -66,7 +69,8 @@ contains
               second_order(a, roughest, b, facet, displacement - b%displacement_at(facet, xi))
   end function tolerance_depth_allowed
 
-  !> Set a depth to 0 that is explained, but keep it where it is notable.
+  !> Set a depth to 0 that is explained, but keep it where it is notable. At an edge, the facets beside the nearest one
+  !> may explain it: those of a shank below its head, or of a bore below its rim.
   pure subroutine tolerance_keep_unexplained(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
     class(penetration_tolerance_t), intent(in) :: self
     !> The part of the point.
@@ -87,12 +91,53 @@ contains
     real(dp), intent(inout) :: depth
     !> Depth if it is explained, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
+    real(dp) :: below, xi_g(2), square
+    integer :: g, i, k, v
+    logical :: is_explained
     unresolved = 0
-    if (depth > self%slack + b%roughness(facet)) then
-      if (depth > self%depth_allowed(a, nodes, b, facet, xi, displacement)) return
+    depth = max(0.0_dp, depth)
+    if (.not. depth > 0) return
+    is_explained = is_explained_by(facet, xi, depth)
+    if (is_explained) then
+      if (.not. is_notable(self, a, nodes, b, facet, xi, x, displacement, depth)) then
+        depth = 0
+        return
+      end if
     end if
-    if (is_notable(self, a, nodes, b, facet, xi, x, displacement, depth)) unresolved = depth
+    do i = 1, b%set%corners(facet)
+      v = b%adjacency%vertex(i, facet)
+      do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
+        g = b%adjacency%facet(k)
+        if (g == facet) cycle
+        call closest_point_on_facet(b%set, g, x, xi_g, square)
+        below = sqrt(square)
+        ! A nearer one is flush with the first part, such as that on a plane of symmetry.
+        if (below < (1 - same)*depth) cycle
+        if (.not. is_explained_by(g, xi_g, below)) cycle
+        is_explained = .true.
+        if (is_notable(self, a, nodes, b, g, xi_g, x, displacement, below)) cycle
+        depth = 0
+        return
+      end do
+    end do
+    if (.not. is_explained) return
+    unresolved = depth
     depth = 0
+
+  contains
+
+    !> Whether a facet explains that the point is below it.
+    pure logical function is_explained_by(other, at, distance)
+      !> Facet of b.
+      integer, intent(in) :: other
+      !> Reference coordinates of its closest point (2) [].
+      real(dp), intent(in) :: at(2)
+      !> Distance [length].
+      real(dp), intent(in) :: distance
+      is_explained_by = .not. distance > self%slack + b%roughness(other)
+      if (.not. is_explained_by) is_explained_by = &
+        .not. distance > self%depth_allowed(a, nodes, b, other, at, displacement)
+    end function is_explained_by
   end subroutine tolerance_keep_unexplained
 
   !> Whether a depth is a notable part of what the two bodies move and overlap, beside what contact pairs leave and

@@ -89,7 +89,6 @@ module dotyk_control_contact_solution
   contains
     procedure :: begin => solution_begin
     procedure :: energies => solution_energies
-    procedure, private :: penalty_of_rows => solution_penalty_of_rows
   end type contact_solution_t
 
   !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask
@@ -139,7 +138,7 @@ contains
     associate (state => self%state, qp => self%qp)
       allocate (alpha, source=state%alpha/qp%coarse%scale)
       energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
-      energies%penalty = sum(self%penalty_of_rows())
+      energies%penalty = sum(qp%penalty_of_rows(self%theta, state%m, state%y))
       energies%load_work = qp%load_work(state%m, alpha)
       if (allocated(state%terms)) then
         energies%strain = state%terms(1)
@@ -147,14 +146,6 @@ contains
       end if
     end associate
   end function solution_energies
-
-  !> The penalty term (18) of each constraint (n_rows) [energy].
-  pure function solution_penalty_of_rows(self) result(penalty)
-    class(contact_solution_t), intent(in) :: self
-    real(dp) :: penalty(size(self%theta))
-    penalty = 0
-    where (self%theta > 0) penalty = self%qp%weight*max(0.0_dp, self%state%y)**2/(2*self%theta)
-  end function solution_penalty_of_rows
 
   !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes
   !> smaller.
@@ -345,7 +336,7 @@ contains
     yielding = 0
     energies = solution%energies()
     if (.not. energies%strain > 0) return
-    penalty = solution%penalty_of_rows()
+    penalty = qp%penalty_of_rows(solution%theta, solution%state%m, solution%state%y)
     do k = 1, size(goal%theta_given)
       if (.not. goal%theta_given(k)) &
         yielding = yielding + sum(penalty(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))/energies%strain

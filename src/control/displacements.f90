@@ -63,7 +63,7 @@ contains
     real(dp) :: distance(size(problem%body)), stored(size(problem%body)), found_rounding, rounding, gaps, norm, left
     associate (tolerance => run%settings%tolerance)
       rounding = 0
-      norm = 0
+      norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
       stored = 0
       found_rounding = 0
       if (are_needed) then
@@ -74,7 +74,8 @@ contains
         if (state%ended == ended_converged .and. .not. problem%ranks%are_split()) &
           call flag_rounded(distance, norm, tolerance, conditioning)
       end if
-      if (any(conditioning%needs_refinement())) then
+      ! Motions without strain have no digits to lose.
+      if (any(conditioning%needs_refinement()) .and. norm > 0) then
         call monitor%begin_phase(phase_iterate)
         call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, &
                              displacements%n_recoveries, state, rounding, error)
@@ -85,12 +86,12 @@ contains
         if (are_needed) call recover_and_measure(.true.)
         if (allocated(error)) return
       end if
-      if (are_needed) then
+      if (are_needed .and. norm > 0) then
         call refuse_lost_pressures(problem%body, conditioning, distance, norm, error)
         if (allocated(error)) return
         rounding = rounding + relative_rounding([distance, found_rounding, gaps], norm, conditioning)
         if (rounding > tolerance) call storage_rounding(problem, displacements%body, stored)
-      else
+      else if (.not. are_needed) then
         call displacements%forget()
         allocate (displacements%body(size(problem%body)))
       end if
@@ -110,7 +111,7 @@ contains
       if (refined) then
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
         if (allocated(error)) return
-        state%energy = energy_of(problem, qp, theta, displacements%body, state%y)
+        state%energy = energy_of(problem, qp, theta, displacements%body, state%m, state%y)
         ! The work of the tensions of bolts is none of loads on displacements.
         state%energy = state%energy - sum(qp%coarse%resultant*state%alpha, mask=qp%coarse%is_slide)
       end if

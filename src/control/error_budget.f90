@@ -111,13 +111,14 @@ contains
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
     ! The error of the penalty takes another solution.
-    if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
+    if (want_penalty .and. .not. budget%norm > 0) then
+      budget%penalty = 0
+    else if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
       call reference%init(problem, qp%pair_first_row, theta)
       call estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
       if (allocated(error)) return
       budget%penalty_is_bound = reference%is_exact()
-      budget%penalty = 0
-      if (budget%norm > 0) budget%penalty = distance/budget%norm
+      budget%penalty = distance/budget%norm
       if (interrupted()) budget%penalty = ieee_value(budget%penalty, ieee_quiet_nan)
     end if
     associate (history => state%history)
@@ -184,7 +185,9 @@ contains
       displacements%norm_square = block(1)%norm_square
     end if
     call move_alloc(displacements%square, budget%of_element)
-    norm_square = displacements%norm_square
+    ! Without strain, what the mesh leaves of motions is rounding.
+    norm_square = 0
+    if (budget%norm > 0) norm_square = displacements%norm_square
     work = 0
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k), surface_a => problem%surface_a(k), surface_b => problem%surface_b(k), &
@@ -202,7 +205,11 @@ contains
     budget%of_body = 0
     do b = 1, size(problem%body)
       if (.not. problem%ranks%is_own(b)) cycle
-      if (norm_square > 0) budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)
+      if (norm_square > 0) then
+        budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)
+      else
+        budget%of_element(b)%value = 0
+      end if
       budget%of_body(b) = norm2(budget%of_element(b)%value)
     end do
     call problem%ranks%share_norm(budget%of_body)

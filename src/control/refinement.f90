@@ -174,7 +174,7 @@ contains
   end subroutine penetrations
 
   !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
-  real(dp) function energy_of(problem, rows, theta, solution, y) result(energy)
+  real(dp) function energy_of(problem, rows, theta, solution, m, y) result(energy)
     !> Bodies and their ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Weights of the rows.
@@ -183,6 +183,8 @@ contains
     real(dp), intent(in) :: theta(:)
     !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
     real(dp), dimension(size(solution)) :: strained, work
@@ -196,7 +198,7 @@ contains
     end do
     call problem%ranks%share_sum(strained)
     call problem%ranks%share_sum(work)
-    energy = 0.5_dp*sum(rows%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
+    energy = sum(rows%penalty_of_rows(theta, m, y))
     do b = 1, size(solution)
       energy = energy + strained(b) - work(b)
     end do

@@ -63,6 +63,7 @@ contains
       call foundation_compliance(problem%body, problem%pair, foundation, problem%tie)
       ! The rows; loads come after it.
       call coarse%take_rows(block, scene%operator%n_rows)
+      coarse%max_unbalanced = case%solver%max_unbalanced
       allocate (nothing(scene%operator%n_rows), source=0.0_dp)
       call find_joined_rows(problem%pair, problem%tie, scene%operator%n_rows, joined_row)
       call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse, &

@@ -83,7 +83,7 @@ contains
       if (k == n) call scene%compliance%destroy()
       if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
       call find_rotations(scene%problem, solution%state, ratio)
-      call note_modes(scene%problem, solution%state, ratio, monitor%log)
+      call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
       call check_bodies(scene, solution, monitor)
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                          monitor%timing%iterate%wall - before)

@@ -292,8 +292,8 @@ contains
     end do
   end function rigid_body_modes_combination_text
 
-  !> Describe the span of several combinations of the modes, as in "translation along (1, 0, 0) and translation along
-  !> (0, 1, 0)"; empty for none.
+  !> Describe the span of several combinations of the modes as motions of bodies in contact, as in "sliding along
+  !> (1, 0, 0) and spin about the axis (0, 0, 1) through (0, 0, 0)", "any motion" for all; empty for none.
   function rigid_body_modes_span_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
     !> Amplitudes of each combination as columns; small columns count as zero (n, n_combinations) [any].
@@ -302,8 +302,9 @@ contains
     character(:), allocatable :: motion
     real(dp) :: combined(6, size(amplitude, 2)), basis(6, 6)
     integer :: p, k, j, n
-    !> Entries and singular values below this fraction of the largest one are rounding errors.
-    real(dp), parameter :: small = 1.0e-6_dp
+    !> Entries and singular values below this fraction of the largest one are errors of the mesh: facets turn axes by
+    !> 1e-4 and more.
+    real(dp), parameter :: small = 1.0e-2_dp
     text = ''
     do p = 1, size(self%radius)
       combined = 0
@@ -315,7 +316,9 @@ contains
       where (abs(combined) <= small*maxval(abs(combined))) combined = 0
       call orthonormal_range(combined, small, basis, n)
       if (n == 0) cycle
-      call describe_rigid_motions(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion)
+      call describe_rigid_motions(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion, &
+                                  on_contact=.true.)
+      if (n == merge(6, 3, self%analysis == analysis_3d)) motion = 'any motion'
       if (len(text) > 0) text = text//'; '
       text = text//self%component_name(p)%s//motion
     end do

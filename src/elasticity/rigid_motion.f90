@@ -34,6 +34,10 @@ module dotyk_elasticity_rigid_motion
   !> coordinates in mesh files, less than the motion that a real support stops.
   real(dp), parameter :: least_hold = 1.0e-6_dp
 
+  !> An axis of a rotation passes through a component if it is no farther from its centre than this fraction of the
+  !> radius [].
+  real(dp), parameter :: off_centre = 0.1_dp
+
 contains
 
   !> Number and description of the free rigid body modes of all connected components of a body. All ranks ask together
@@ -283,7 +287,7 @@ contains
   end subroutine add_springs
 
   !> Describe a space of rigid motions.
-  subroutine describe_rigid_motions(analysis, free, centre, radius, text)
+  subroutine describe_rigid_motions(analysis, free, centre, radius, text, on_contact)
     !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
     !> Independent motions (6, n) [].
@@ -294,6 +298,10 @@ contains
     real(dp), intent(in) :: radius
     !> Description.
     character(:), allocatable, intent(out) :: text
+    !> Whether the words are sliding, spin about an axis through the component, and rocking about another one.
+    logical, intent(in), optional :: on_contact
+    character(:), allocatable :: sliding
+    logical :: on_others
     real(dp) :: motion(6, size(free, 2)), axis(3), shift(3), along(3), through(3)
     integer :: n, j, dim, n_rotations, i
     n = size(free, 2)
@@ -306,6 +314,9 @@ contains
       if (norm2(motion(4:6, j)) > negligible) n_rotations = n_rotations + 1
     end do
     call remove_translations(motion, n_rotations)
+    on_others = .false.
+    if (present(on_contact)) on_others = on_contact
+    sliding = trim(merge('sliding    ', 'translation', on_others))//' along '
     text = ''
     do i = 1, n
       ! Translations are described first.
@@ -313,7 +324,7 @@ contains
       if (i > 1) text = text//merge(' and ', ',    ', i == n)
       if (i > 1 .and. i < n) text = trim(text)//' '
       if (j > n_rotations) then
-        text = text//'translation along '//direction_text(motion(:dim, j))
+        text = text//sliding//direction_text(motion(:dim, j))
       else
         axis = motion(4:6, j)/norm2(motion(4:6, j))
         shift = motion(1:3, j)*radius/norm2(motion(4:6, j))
@@ -321,21 +332,28 @@ contains
         through = centre + cross(axis, shift)
         if (norm2(shift) > far_axis*radius) then
           ! An axis far away, or a screw of such a pitch, is a translation with a slight rotation.
-          text = text//'translation along '//direction_text(motion(:dim, j))//' with a slight rotation'
+          text = text//sliding//direction_text(motion(:dim, j))//' with a slight rotation'
           cycle
         end if
         if (dim == 2) then
-          text = text//'rotation about '//vector_text(through(:2), radius)
+          text = text//rotation()//' about '//vector_text(through(:2), radius)
         else
-          if (norm2(along) > screw_shift*radius) then
+          if (norm2(along) > merge(off_centre, screw_shift, on_others)*radius) then
             text = text//'translation by '//to_text(dot_product(shift, axis), 4)//' per radian of rotation'
           else
-            text = text//'rotation'
+            text = text//rotation()
           end if
           text = text//' about the axis '//direction_text(axis)//' through '//vector_text(through, radius)
         end if
       end if
     end do
+  contains
+    !> What the rotation is called.
+    function rotation() result(name)
+      character(:), allocatable :: name
+      name = 'rotation'
+      if (on_others) name = trim(merge('spin   ', 'rocking', norm2(shift - along) <= off_centre*radius))
+    end function rotation
   end subroutine describe_rigid_motions
 
   !> Gauss-Jordan elimination of the columns of a matrix, with the rows in a given order and the largest pivot first

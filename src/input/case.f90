@@ -9,9 +9,9 @@ module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
-    default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, default_quadrature, &
-    default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, load_traction, &
-    material_isotropic
+    default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
+    default_max_unbalanced, default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, &
+    default_tolerance, load_traction, material_isotropic
   use dotyk_base_text, only: quoted, text_t
   use dotyk_input_body, only: body_input_t
   use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t
@@ -263,6 +263,8 @@ module dotyk_input_case
     real(dp) :: budget_fraction = default_budget_fraction
     !> Relative error in the energy norm at which the iteration stops [].
     real(dp) :: tolerance = default_tolerance
+    !> Forces along motions that contact does not determine, as a fraction of the forces on the body [].
+    real(dp) :: max_unbalanced = default_max_unbalanced
     !> Greatest number of iterations.
     integer :: max_iterations = default_max_iterations
     !> One of `locking_*`.

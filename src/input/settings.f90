@@ -7,7 +7,7 @@ module dotyk_input_settings
     field_displacement, field_error, field_nodal_stress, field_reaction, field_stress, gamma_fixed, gamma_theory, &
     option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, &
     theta_names
-  use dotyk_base_text, only: shown
+  use dotyk_base_text, only: shown, to_text
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
   use dotyk_input_problems, only: problems_t
@@ -118,6 +118,10 @@ contains
     if (is_usable(group, 'robin_gap')) solver%robin_gap = real_of(group, 'robin_gap')
     solver%budget_fraction = real_of(group, 'budget_fraction')
     solver%tolerance = real_of(group, 'tolerance')
+    solver%max_unbalanced = real_of(group, 'max_unbalanced')
+    if (is_usable(group, 'max_unbalanced') .and. solver%max_unbalanced > 1) &
+      call report(problems, group, 'max_unbalanced', 'max_unbalanced is a fraction of the forces on a body, from 0 '// &
+                  'to 1, got '//to_text(solver%max_unbalanced))
     solver%max_iterations = integer_of(group, 'max_iterations')
     solver%locking = integer_of(group, 'locking')
     solver%reproducible = logical_of(group, 'reproducible')

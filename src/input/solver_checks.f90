@@ -38,6 +38,9 @@ contains
       if (is_given(group, 'robin_gap') .and. scheme /= scheme_robin) &
         call report(problems, group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// &
                     ' does not use it: remove it, or set scheme=''robin''')
+      if (is_given(group, 'max_unbalanced') .and. scheme /= scheme_dual) &
+        call report(problems, group, 'max_unbalanced', 'max_unbalanced is about floating bodies, for '// &
+                    'scheme=''dual''; '//name//' has none: remove it')
       call check_response()
       if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. is_usable(group, 'linear_solver') .and. &
           solver%linear_solver /= linear_solver_auto) &

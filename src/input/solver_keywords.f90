@@ -1,8 +1,9 @@
 !> Keys of `&solver` and `&output`, for the table of all keys.
 module dotyk_input_solver_keywords
   use dotyk_base_options, only: default_budget_fraction, default_gamma_rule, default_linear_solver, default_locking, &
-    default_max_iterations, default_response, default_scheme, default_tolerance, error_part_names, field_names, &
-    gamma_rule_names, linear_solver_names, locking_names, option_name, response_names, scheme_names, stop_rule_names
+    default_max_iterations, default_max_unbalanced, default_response, default_scheme, default_tolerance, &
+    error_part_names, field_names, gamma_rule_names, linear_solver_names, locking_names, &
+    option_name, response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: keyword_list_t, kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
@@ -64,6 +65,10 @@ contains
                   'stop_rule=''budget''')
     call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
                   meaning='relative tolerance of stop_rule in the energy norm; not with stop_rule=''budget''')
+    call list%add('max_unbalanced', kind_real, default=to_text(default_max_unbalanced), not_negative=.true., &
+                  meaning='scheme=''dual'': largest force along a motion of a floating body that supports and '// &
+                  'contact do not determine, as a fraction of the forces on the body, from 0 to 1: errors of loads '// &
+                  'and meshes, which weak springs carry; above it the body is not in equilibrium (exit code 1 or 3)')
     call list%add('max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
                   meaning='largest number of iterations')
     call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &

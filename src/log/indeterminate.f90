@@ -1,4 +1,4 @@
-!> Rigid body motions that contact does not determine in the log: bodies that move alike share a line.
+!> Rigid body motions that contact does not determine in the log: one line; bodies that move alike share a part of it.
 module dotyk_log_indeterminate
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -7,32 +7,40 @@ module dotyk_log_indeterminate
   use dotyk_log_load_tables, only: vector_text
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
-  use dotyk_scheme_proximal_motion, only: largest_rest
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
   public :: note_undetermined, note_rest, names_in_short, without_places, kinds_of_motion
 
-  !> Greatest number of names or lines; more are summed up.
+  !> Greatest number of names, or of parts of the line; more are summed up.
   integer, parameter :: most_named = 20
+  !> Bodies that a motion moves by less than this fraction of the body that it moves most take no part in it [].
+  real(dp), parameter :: least_part = 0.01_dp
+  !> Names that differ in numbers or in their last word alone become one with a wildcard where they are so many.
+  integer, parameter :: many_alike = 3
 
 contains
 
-  !> Say which motions contact does not determine.
-  subroutine note_undetermined(problem, amplitude, log)
+  !> Say which motions contact does not determine, and which part of the forces rests on the springs that hold them.
+  subroutine note_undetermined(problem, amplitude, rest, log)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
     !> The motions as columns: amplitudes of the modes of all bodies, body after body [length].
     type(mode_columns_t), intent(in) :: amplitude
+    !> Largest part of the forces on a body that the springs carry []; 0 where it is rounding, or told elsewhere.
+    real(dp), intent(in) :: rest
     !> The log.
     type(log_t), intent(inout) :: log
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
+    type(text_t) :: all_names(size(problem%body))
     type(mode_block_t), allocatable :: of_body(:)
-    character(:), allocatable :: text
+    type(mode_columns_t) :: columns
+    character(:), allocatable :: line, text
     logical :: is_open(size(problem%body)), alike(size(problem%body))
-    integer :: b, n_lines, class(size(problem%body)), kind(size(problem%body))
+    integer :: b, n_parts, class(size(problem%body)), kind(size(problem%body))
     if (amplitude%n == 0) return
-    call amplitude%by_bodies(first_mode(problem%modes, problem%tie), of_body)
+    call columns_of_parts(problem, amplitude, columns)
+    call columns%by_bodies(first_mode(problem%modes, problem%tie), of_body)
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
@@ -41,27 +49,33 @@ contains
       end associate
       short(b)%s = without_places(motion(b)%s)
       kinds(b)%s = kinds_of_motion(motion(b)%s)
+      all_names(b)%s = problem%body(b)%name
     end do
     is_open = [(len(motion(b)%s) > 0, b=1, size(motion))]
     call find_classes(short, class)
     call find_classes(kinds, kind)
-    n_lines = 0
+    line = ''
+    n_parts = 0
     do b = 1, size(motion)
       if (.not. is_open(b)) cycle
-      n_lines = n_lines + 1
-      if (n_lines > most_named) exit
+      n_parts = n_parts + 1
+      if (n_parts > most_named) exit
       alike = is_open .and. class == class(b)
       text = short(b)%s
       if (count(alike) == 1) then
         alike = is_open .and. kind == kind(b) .and. is_single()
-        text = kinds(b)%s//' each'
+        text = kinds(b)%s
         if (count(alike) == 1) text = motion(b)%s
       end if
       is_open = is_open .and. .not. alike
-      call log%line('  undetermined     '//names_in_short(pack_names(alike))//': '//text// &
-                    ' (not determined by contact; least motion taken)')
+      if (len(line) > 0) line = line//', '
+      line = line//text//' of '//names_in_short(pack(all_names, alike), all_names)
     end do
-    if (any(is_open)) call log%line('  undetermined     motions of '//to_text(count(is_open))//' more')
+    if (len(line) == 0) return
+    if (any(is_open)) line = line//', motions of '//to_text(count(is_open))//' more'
+    line = line//'; least motion taken'
+    if (rest > 0) line = line//'; '//to_text(100*rest, 2)//' % of the loads rest on it'
+    call log%line('  not determined by contact: '//line)
   contains
     !> Bodies whose motion no other one shares.
     function is_single()
@@ -73,53 +87,63 @@ contains
       end do
       is_single = is_open .and. n_members(class) == 1
     end function is_single
-
-    !> Names of some bodies.
-    function pack_names(chosen) result(name)
-      !> Which bodies (n_bodies).
-      logical, intent(in) :: chosen(:)
-      type(text_t) :: name(count(chosen))
-      integer :: i, n
-      n = 0
-      do i = 1, size(chosen)
-        if (.not. chosen(i)) cycle
-        n = n + 1
-        name(n)%s = problem%body(i)%name
-      end do
-    end function pack_names
   end subroutine note_undetermined
 
-  !> Say which forces rest on the weak springs of the scheme.
-  subroutine note_rest(problem, state, log)
+  !> The motions without bodies that hardly take part in them: what moves a bolt in its hole moves the plate by 1e-4 of
+  !> that.
+  subroutine columns_of_parts(problem, amplitude, columns)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The motions, as in `note_undetermined`.
+    type(mode_columns_t), intent(in) :: amplitude
+    !> The same.
+    type(mode_columns_t), intent(out) :: columns
+    real(dp) :: part(size(problem%body))
+    real(dp), allocatable :: x(:)
+    integer :: b, k, first(size(problem%body) + 1)
+    first = first_mode(problem%modes, problem%tie)
+    allocate (x(first(size(first)) - 1))
+    do k = 1, amplitude%n
+      call amplitude%get(k, x)
+      do b = 1, size(part)
+        part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_nodes(), dp))
+      end do
+      do b = 1, size(part)
+        if (part(b) < least_part*maxval(part)) x(first(b):first(b + 1) - 1) = 0
+      end do
+      call columns%add(x)
+    end do
+  end subroutine columns_of_parts
+
+  !> Say which forces along motions that contact does not determine are too large to rest on weak springs.
+  subroutine note_rest(problem, state, max_unbalanced, log)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
     !> How the scheme ended.
     type(solver_state_t), intent(in) :: state
+    !> Greatest part of the forces on a body that may rest on them [].
+    real(dp), intent(in) :: max_unbalanced
     !> The log.
     type(log_t), intent(inout) :: log
     character(:), allocatable :: text
     real(dp) :: force(3)
     integer :: b, i, first(size(problem%body) + 1)
     if (.not. allocated(state%rest)) return
-    if (.not. any(state%rest > 0)) return
-    b = maxloc(state%rest, 1)
-    if (any(state%excess > largest_rest)) b = maxloc(state%excess, 1)
-    text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)//' rest on weak springs'
-    if (count(state%rest > 0) > 1) text = text//' (of '//to_text(count(state%rest > 0))//' bodies the largest)'
-    if (state%excess(b) > largest_rest) then
-      first = first_mode(problem%modes, problem%tie)
-      associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b) + problem%modes(b)%n - 1))
-        force = 0
-        do i = 1, size(modes%shape, 1)
-          force(i) = sum(matmul(modes%shape(i, :, :), along))
-        end do
-        text = text//': '//vector_text(force)//' along '//modes%combination_text(along)// &
-               ', which contact does not resist; constrain it with a &support or a &spring'
-      end associate
-    end if
-    if (state%rest(b) > largest_rest .and. .not. state%excess(b) > largest_rest) &
-      text = text//': facets resist these motions by no more than their normals are uncertain'
-    call log%line('  '//merge('out of balance   ', 'on springs       ', state%excess(b) > largest_rest)//text)
+    if (.not. any(state%excess > max_unbalanced)) return
+    b = maxloc(state%excess, 1)
+    text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)
+    if (count(state%excess > max_unbalanced) > 1) &
+      text = text//' (of '//to_text(count(state%excess > max_unbalanced))//' bodies the largest)'
+    first = first_mode(problem%modes, problem%tie)
+    associate (modes => problem%modes(b), along => state%imbalance(first(b):first(b) + problem%modes(b)%n - 1))
+      force = 0
+      do i = 1, size(modes%shape, 1)
+        force(i) = sum(matmul(modes%shape(i, :, :), along))
+      end do
+      text = text//': '//vector_text(force)//' along '//modes%combination_text(along)
+    end associate
+    call log%line('  out of balance   '//text//', which contact does not resist; hold the body along this motion '// &
+                  'by a &support or a &spring (max_unbalanced of &solver: '//to_text(max_unbalanced)//')')
   end subroutine note_rest
 
   !> Bodies with the same text: classes by their first members.
@@ -144,36 +168,63 @@ contains
     end do
   end subroutine find_classes
 
-  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'; both halves of
-  !> a body that is cut by its name.
-  function names_in_short(names) result(text)
+  !> Names in quotes; those that differ in numbers or in the last word alone as 'bolt *' with their number, that of all
+  !> such bodies with it where these are more; both halves of a body that is cut by its name.
+  function names_in_short(names, all_names) result(text)
     !> The names (n).
     type(text_t), intent(in) :: names(:)
+    !> Those of all bodies (n_bodies).
+    type(text_t), intent(in) :: all_names(:)
     character(:), allocatable :: text
-    type(text_t), allocatable :: name(:)
+    type(text_t), allocatable :: name(:), whole(:)
+    logical, allocatable :: is_open(:), alike(:)
     integer :: i, j, n
     call join_halves(names, name)
+    call join_halves(all_names, whole)
+    allocate (is_open(size(name)), source=.true.)
     text = ''
-    i = 1
     n = 0
-    do while (i <= size(name))
-      j = i
-      do while (j < size(name))
-        if (.not. follows(name(j)%s, name(j + 1)%s)) exit
-        j = j + 1
-      end do
-      if (j < i + 2) j = i
+    do i = 1, size(name)
+      if (.not. is_open(i)) cycle
       n = n + 1
       if (n > most_named) then
-        text = text//' and '//to_text(size(name) - i + 1)//' more'
+        text = text//' and '//to_text(count(is_open))//' more'
         return
       end if
-      if (i > 1) text = text//', '
-      text = text//quoted(name(i)%s)
-      if (j > i) text = text//' to '//quoted(name(j)%s)
-      i = j + 1
+      if (n > 1) text = text//', '
+      alike = [(is_open(j) .and. pattern_of(name(j)%s) == pattern_of(name(i)%s), j=1, size(name))]
+      if (count(alike) < many_alike) then
+        text = text//quoted(name(i)%s)
+        is_open(i) = .false.
+      else
+        text = text//quoted(pattern_of(name(i)%s))//' ('//to_text(count(alike))
+        j = count([(pattern_of(whole(j)%s) == pattern_of(name(i)%s), j=1, size(whole))])
+        if (j > count(alike)) text = text//' of '//to_text(j)
+        text = text//' bodies)'
+        is_open = is_open .and. .not. alike
+      end if
     end do
   end function names_in_short
+
+  !> A name with wildcards for its numbers; for its last word where it has none, 'nut *' of 'nut left'.
+  pure function pattern_of(name) result(pattern)
+    character(*), intent(in) :: name
+    character(:), allocatable :: pattern
+    integer :: i, k
+    pattern = ''
+    k = 0
+    do i = 1, len(name)
+      if (verify(name(i:i), '0123456789') > 0) then
+        pattern = pattern//name(i:i)
+      else if (k < i - 1 .or. k == 0) then
+        pattern = pattern//'*'
+      end if
+      if (verify(name(i:i), '0123456789') == 0) k = i
+    end do
+    if (k > 0) return
+    k = scan(name, ' _-', back=.true.)
+    if (k > 1 .and. k < len(name)) pattern = name(:k)//'*'
+  end function pattern_of
 
   !> Replace 'bolt (1)' with 'bolt (2)' after it by 'bolt'.
   pure subroutine join_halves(names, name)
@@ -201,31 +252,8 @@ contains
     name = name(:n)
   end subroutine join_halves
 
-  !> Whether two names differ by consecutive numbers at their ends.
-  pure logical function follows(first, second)
-    !> The names.
-    character(*), intent(in) :: first, second
-    integer :: i, k, l, number, next
-    !> Digits that an integer has in any case.
-    integer, parameter :: most_digits = 9
-    follows = .false.
-    k = verify(first, '0123456789', back=.true.)
-    l = verify(second, '0123456789', back=.true.)
-    if (k == len(first) .or. l == len(second) .or. k /= l) return
-    if (first(:k) /= second(:l) .or. max(len(first), len(second)) - k > most_digits) return
-    number = 0
-    do i = k + 1, len(first)
-      number = 10*number + iachar(first(i:i)) - iachar('0')
-    end do
-    next = 0
-    do i = l + 1, len(second)
-      next = 10*next + iachar(second(i:i)) - iachar('0')
-    end do
-    follows = next == number + 1
-  end function follows
-
-  !> A description of motions without the places of axes: "rotation about the axis (0, 0, 1) through (1, 2, 3)" becomes
-  !> "rotation about the axis (0, 0, 1)", "rotation about (1, 2)" of two dimensions "rotation".
+  !> A description of motions without the places of axes: "spin about the axis (0, 0, 1) through (1, 2, 3)" becomes
+  !> "spin about the axis (0, 0, 1)", "spin about (1, 2)" of two dimensions "spin".
   pure function without_places(motion) result(text)
     !> Description.
     character(*), intent(in) :: motion
@@ -249,44 +277,23 @@ contains
     end function cut_all
   end function without_places
 
-  !> What kinds of motions a description names: "2 translations and a rotation".
+  !> What kinds of motions a description names: "sliding and spin".
   pure function kinds_of_motion(motion) result(text)
     !> Description.
     character(*), intent(in) :: motion
     character(:), allocatable :: text
-    integer :: n
-    n = occurrences('per radian of rotation about')
     text = ''
-    if (occurrences('translation along') > 0) text = several('translation', occurrences('translation along'))
-    if (occurrences('rotation about') > 0) text = joined(several('rotation', occurrences('rotation about')))
-    if (n > 0) text = joined(several('screw motion', n))
+    if (index(motion, 'sliding along') > 0) call add('sliding')
+    if (index(motion, 'per radian of rotation') > 0) call add('screw motion')
+    if (index(motion, 'spin about') > 0) call add('spin')
+    if (index(motion, 'rocking about') > 0) call add('rocking')
+    if (len(text) == 0) text = motion
   contains
-    !> With the parts before.
-    pure function joined(part) result(whole)
-      !> The new part.
-      character(*), intent(in) :: part
-      character(:), allocatable :: whole
-      whole = part
-      if (len(text) > 0) whole = text//' and '//part
-    end function joined
-
-    !> How often a text occurs.
-    pure integer function occurrences(part)
-      !> The text.
-      character(*), intent(in) :: part
-      integer :: i
-      occurrences = count([(motion(i:i + len(part) - 1) == part, i=1, len(motion) - len(part) + 1)])
-    end function occurrences
-
-    !> "a rotation", "2 rotations".
-    pure function several(noun, number) result(phrase)
-      !> The noun.
-      character(*), intent(in) :: noun
-      !> How many.
-      integer, intent(in) :: number
-      character(:), allocatable :: phrase
-      phrase = 'a '//noun
-      if (number > 1) phrase = to_text(number)//' '//noun//'s'
-    end function several
+    !> Add a kind.
+    pure subroutine add(kind)
+      character(*), intent(in) :: kind
+      if (len(text) > 0) text = text//' and '
+      text = text//kind
+    end subroutine add
   end function kinds_of_motion
 end module dotyk_log_indeterminate

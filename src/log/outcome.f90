@@ -40,17 +40,22 @@ contains
   end subroutine refuse_unsolvable
 
   !> Say which modes are indeterminate, and which bodies rotate too far.
-  subroutine note_modes(problem, state, ratio, log)
+  subroutine note_modes(problem, state, ratio, max_unbalanced, log)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
     !> State of the scheme at its end.
     type(solver_state_t), intent(in) :: state
     !> Displacement by rotation, relative to the size of the body (n_bodies) [].
     real(dp), intent(in) :: ratio(:)
+    !> Greatest part of the forces on a body that may rest on weak springs [].
+    real(dp), intent(in) :: max_unbalanced
     !> The log.
     type(log_t), intent(inout) :: log
-    call note_undetermined(problem, state%indeterminate, log)
-    call note_rest(problem, state, log)
+    real(dp) :: rest
+    rest = 0
+    if (allocated(state%rest)) rest = maxval([rest, state%rest])
+    call note_undetermined(problem, state%indeterminate, rest, log)
+    call note_rest(problem, state, max_unbalanced, log)
     call note_rotations(problem%body, ratio, log)
   end subroutine note_modes
 
@@ -130,7 +135,8 @@ contains
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
                    ': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact '// &
                    'resist: '//motion_of(worst)//others// &
-                   '; add a &support, a &contact that resists the motion, or another &load'// &
+                   '; add a &support, a &contact that resists the motion, or another &load (more than '// &
+                   to_text(qp%coarse%max_unbalanced)//' of the forces on the body, max_unbalanced of &solver)'// &
                    trim(merge(' (no body of the scene has a &support)', repeat(' ', 38), size(case%support) == 0)), &
                    exit_not_solvable)
   contains

@@ -8,6 +8,7 @@
 module dotyk_scheme_coarse_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: default_max_unbalanced
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_dense, only: solve_dense
   implicit none
@@ -77,6 +78,9 @@ module dotyk_scheme_coarse_space
     !> How uncertain G is: its change where the normals of the slave surfaces are taken for those of the master
     !> surfaces; not allocated where they agree (n_bodies).
     type(mode_block_t), allocatable :: deviation(:)
+    !> Forces along motions that contact does not determine are errors of the loads or of the mesh up to this fraction
+    !> of the forces on the body (`&solver max_unbalanced`) [].
+    real(dp) :: max_unbalanced = default_max_unbalanced
     !> The bodies of each row, two but where rows are joined; 0 where there are fewer (n, n_rows).
     integer, allocatable :: body(:, :)
     !> Position of each row among the rows of these bodies (n, n_rows).

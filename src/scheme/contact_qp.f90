@@ -67,11 +67,14 @@ module dotyk_scheme_contact_qp
     procedure :: mode_resultant => qp_mode_resultant
     procedure :: energy_norm => qp_energy_norm
     procedure :: energy => qp_energy
+    procedure :: penalty_of_rows => qp_penalty_of_rows
     procedure :: load_work => qp_load_work
     procedure :: body_force => qp_body_force
     procedure :: is_heap => qp_is_heap
   end type contact_qp_t
 
+  !> Penetrations below this fraction of the largest initial one are rounding [].
+  real(dp), parameter :: touching = 1.0e-12_dp
   !> A heap has more rigid body modes than this, and fewer rows for each.
   integer, parameter :: many_modes = 60, rows_per_mode = 30
 
@@ -243,6 +246,26 @@ contains
     norm = sqrt(max(0.0_dp, norm))
   end function qp_energy_norm
 
+  !> The penalty term (18) of each row (n_rows) [energy]: that of its penetration, or of its force where the penetration
+  !> is rounding, which a small theta would magnify; 0 where theta = 0.
+  pure function qp_penalty_of_rows(self, theta, m, y) result(penalty)
+    class(contact_qp_t), intent(in) :: self
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    real(dp) :: penalty(size(y)), least
+    least = touching*maxval([0.0_dp, abs(self%initial_penetration)])
+    penalty = 0
+    where (theta > 0 .and. y > least)
+      penalty = self%weight*y**2/(2*theta)
+    else where (theta > 0 .and. m > 0 .and. y > -least)
+      penalty = self%weight*theta*m**2/2
+    end where
+  end function qp_penalty_of_rows
+
   !> F_theta(u) of equations (19), (25) [energy]; without the energy of penetrations where theta = 0. The work of the
   !> loads cancels, because u_0 is in equilibrium with them, except for the work on rigid body modes.
   real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
@@ -260,7 +283,7 @@ contains
     allocate (product(size(y)))
     call find_compliance_product(self, y, product, alpha)
     energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + &
-      0.5_dp*sum(self%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
+      sum(self%penalty_of_rows(theta, m, y))
     if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - &
       self%coarse%resultant)
   end function qp_energy

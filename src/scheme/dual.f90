@@ -27,7 +27,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
-  use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_restriction, only: aggregate_values, join_qp, restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
@@ -413,7 +413,7 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
-                      .not. any(state%excess > largest_rest)
+                      .not. any(state%excess > qp%coarse%max_unbalanced)
     if (has_equilibrium) then
       ! Ties that are not closed to the bit leave none.
       if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))

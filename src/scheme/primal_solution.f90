@@ -16,7 +16,7 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_bound, only: balance, error_bound, slack
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
-  use dotyk_scheme_proximal_motion, only: largest_rest, proximal_motion_t
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_proximal_system, only: proximal_system_t
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
@@ -122,7 +122,7 @@ contains
         if (allocated(error) .or. any(outcome%ended == [ended_rigid_constraint, ended_costly])) return
         total%steps = total%steps + outcome%steps
         total%cg_steps = total%cg_steps + outcome%cg_steps
-        if (any(motion%excess > largest_rest) .and. .not. all(working .or. is_rigid)) then
+        if (any(motion%excess > qp%coarse%max_unbalanced) .and. .not. all(working .or. is_rigid)) then
           ! Rows that stop the bodies may have been screened.
           working = .true.
           deallocate (u)
@@ -141,7 +141,8 @@ contains
         call system%find_penetrations(qp, u, now%y)
         violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
           slack(qp%weight, theta, now%lambda, now%y)
-        has_equilibrium = is_balanced(held, theta, now%lambda, now%alpha) .and. .not. any(motion%excess > largest_rest)
+        has_equilibrium = is_balanced(held, theta, now%lambda, now%alpha) .and. &
+                          .not. any(motion%excess > qp%coarse%max_unbalanced)
         call judge(has_equilibrium .and. .not. any(violated))
         ! Errors that no longer fall at one accuracy may do so at a smaller one.
         if (system%is_interrupted() .or. .not. (outcome%converged .or. outcome%ended == ended_stalled)) exit rounds

@@ -9,7 +9,7 @@
 !> When rows become active that stop it, the springs are as strong as before.
 !>
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
-!> rounding, or no more than `largest_rest` of the forces on a body that goes on moving along a direction in which the
+!> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
 !> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as
 !> the contact there.
@@ -78,9 +78,6 @@ module dotyk_scheme_proximal_motion
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
-  !> Forces along motions that contact does not determine are an error of the loads or of the mesh up to this fraction
-  !> of the forces on the body.
-  real(dp), parameter, public :: largest_rest = 0.01_dp
   !> Steps at most.
   integer, parameter :: most_steps = 60
   !> Motions of several bodies together are looked for among so many modes at most; the eigenvectors of more would take
@@ -289,7 +286,7 @@ contains
             is_free = alone(g) <= no_resistance**2*weight(g)*whole(g)
             may_rest = resisted(g) <= no_resistance**2*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resisted(g)
           end associate
-          may_rest = may_rest .and. self%excess(b) <= largest_rest
+          may_rest = may_rest .and. self%excess(b) <= qp%coarse%max_unbalanced
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then
@@ -341,13 +338,13 @@ contains
           self%centre(first:last) = before(first:last) + step(first:last)
         end associate
         self%rest(b) = norm2(carried)/on_body
-        if (norm2(loads) > largest_rest*on_body) then
+        if (norm2(loads) > qp%coarse%max_unbalanced*on_body) then
           call release(loads/norm2(loads))
-        else if (self%rest(b) > largest_rest) then
+        else if (self%rest(b) > qp%coarse%max_unbalanced) then
           carried = carried/norm2(carried)
           self%excess(b) = self%rest(b) - sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, &
                                                                      matmul(held, carried))))/(uncertain*on_body)
-          if (self%excess(b) > largest_rest) call release(carried)
+          if (self%excess(b) > qp%coarse%max_unbalanced) call release(carried)
         end if
       end associate
     end subroutine judge_held

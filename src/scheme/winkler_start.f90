@@ -16,7 +16,6 @@ module dotyk_scheme_winkler_start
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
-  use dotyk_scheme_proximal_motion, only: largest_rest
   use dotyk_scheme_tied_groups, only: find_groups
   implicit none
   private
@@ -177,7 +176,7 @@ contains
           moved(g) = moved(g) + sum(motion(one:last)**2)
         end associate
       end do
-      is_unbounded = any(largest > imbalance .and. work > largest_rest*on_body*sqrt(moved))
+      is_unbounded = any(largest > imbalance .and. work > max(imbalance, qp%coarse%max_unbalanced)*on_body*sqrt(moved))
     end function is_unbounded
   end subroutine find_unbounded_direction
 

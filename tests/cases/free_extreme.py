@@ -131,7 +131,7 @@ class FreeExtreme(dotyk_case.Case):
             with self.subTest(options):
                 n_balls, _ = balls.write_scene(self.folder, (3, 3, 3), options)
                 log = self.dotyk("balls.nml")
-                weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf", log)
+                weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
                 self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
                 self.assertLessEqual(summary["error_bound"], 1e-6)
                 self.assertAlmostEqual(weight / (4 * np.pi / 3), 1, delta=0.1)  # of a ball of triangles
@@ -147,8 +147,8 @@ class FreeExtreme(dotyk_case.Case):
         energy = []
         for solver in ("", ", linear_solver='direct'"):
             n_balls, _ = balls.write_scene(self.folder, (4, 4, 4), "theta_mesh=1e-2, tolerance=1e-6" + solver)
-            log = self.dotyk("balls.nml")
-            _, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf", log)
+            self.dotyk("balls.nml")
+            _, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
             self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
             self.assertLessEqual(summary["error_bound"], 1e-6)
             self.assertLess(spread, 1e-2)
@@ -168,7 +168,7 @@ class FreeExtreme(dotyk_case.Case):
                    "&contact auto=.true. /\n&solver theta=0, tolerance=1e-8 /\n"
                    "&output fields='displacement contact', error_parts='' /\n")
         for log, file in self.by_both():
-            self.assertRegex(log, "undetermined +'eye'")
+            self.assertRegex(log, "not determined by contact: .* of .*'eye'")
             u = np.abs(file["VTKHDF/PointData/displacement"][:]).max(axis=0)
             # Facets of 3 on a radius of 6 tilt normals: no more than the pin's clearance and the pull leave.
             self.assertLess(u[2], u[0])
@@ -210,8 +210,8 @@ class FreeExtreme(dotyk_case.Case):
         text += "&contact name='edge', surface_a='ridge:sides', surface_b='beam:bottom' /\n"
         self.scene(text)
         log, file = self.solve()
-        self.assertIn("'beam': translation along (1, 0) and rotation about (0, 1.5) (not determined by "
-                      "contact; least motion taken)", log)
+        self.assertIn("not determined by contact: sliding along (1, 0) and spin about (0, 1.5) of 'beam'; least motion taken\n",
+                      log)
         self.assertAlmostEqual(file["dotyk/contact/edge"].attrs["force"][1], -4, delta=1e-10)
         x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
         ends = [np.argmin(np.abs(x[:, :2] - [side, 1.5]).sum(axis=1)) for side in (-2, 2)]
@@ -219,10 +219,18 @@ class FreeExtreme(dotyk_case.Case):
         # The weight beside the edge, by less than one percent of the beam: weak springs carry it. By more the beam tips
         # until it lies on a side of the ridge, by no small rotation.
         self.scene(text.replace("ridge.geo'", "ridge.geo', at=1e-4,0"))
-        self.assertIn("on springs ", self.solve()[0])
+        self.assertRegex(self.solve()[0], r"of 'beam'; least motion taken; [\d.]+ % of the loads rest on it\n")
+        # What they may carry is a key: less than there is here, and more than there is farther out.
+        self.scene(text.replace("ridge.geo'", "ridge.geo', at=0.1,0"), "theta=0, max_unbalanced=0.2")
+        self.assertRegex(self.solve()[0], r"'beam'; least motion taken; [\d.]+ % of the loads rest on it\n")
         (self.folder / "case.vtkhdf").unlink()
-        self.scene(text.replace("ridge.geo'", "ridge.geo', at=0.1,0"))
-        self.refuse("body 'beam'", "no equilibrium", "rotation about")
+        for place, solver in ("1e-4,0", "theta=0, max_unbalanced=1e-6"), ("0.1,0", "theta=0"):
+            self.scene(text.replace("ridge.geo'", "ridge.geo', at=" + place), solver)
+            self.refuse("body 'beam'", "no equilibrium", "rotation about", "max_unbalanced")
+        for wrong, told in (("theta=0, max_unbalanced=1.5", "from 0 to 1, got 1.5"), ("max_unbalanced=-1", "max_unbalanced"),
+                            ("scheme='neumann', max_unbalanced=0.1", "max_unbalanced is about floating bodies")):
+            self.scene(text, wrong)
+            self.assertIn(told, self.dotyk("case.nml", code=2))
 
     def test_on_the_rim_of_its_support(self):
         """A beam whose weight stands exactly above the last point of its support, by 1e-6 beyond it, which weak springs carry,
@@ -249,7 +257,7 @@ class FreeExtreme(dotyk_case.Case):
         # Facets are inside the circle.
         for log, file in self.by_both():
             self.assertAlmostEqual(file["dotyk/contact/joint"].attrs["force"][1] / np.pi, 1, delta=1e-3)
-            self.assertRegex(log, "undetermined +'disc': rotation")
+            self.assertRegex(log, "not determined by contact: .* of 'disc'")
         (self.folder / "case.vtkhdf").unlink()
         self.scene(text + "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
         self.refuse("body 'disc'", "rotation about", "resultant 0.628",
@@ -279,7 +287,7 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
                    "&load body='disc', acceleration=0,-9.81,0 /\n&contact auto=.true. /\n&solver theta=0 /\n"
                    "&output fields='displacement contact', error_parts='' /\n")
         for log, file in self.by_both():
-            self.assertRegex(log, "undetermined +'disc': rotation about the axis")
+            self.assertRegex(log, "not determined by contact: .*rocking about the axis .* of 'disc'; least motion taken; 0.* % of the loads")
             force = file["dotyk/contact/disc - ring"].attrs["force"]
             # The polygon of facets of 0.06 on a radius of 0.2 has 1.5 % less volume than the circle.
             self.assertAlmostEqual(force[1] / (1000 * 9.81 * 0.2 * np.pi * 0.04), 1, delta=0.02)
@@ -351,7 +359,7 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
                  "&load body='a', surface='bottom', pressure=1 /\n")
         self.scene(text + "&load body='b', surface='top', pressure=1 /\n")
         log, file = self.solve()
-        self.assertIn("undetermined     'a', 'b': translation along (1, 0), translation along (0, 1) and rotation", log)
+        self.assertIn("not determined by contact: any motion of 'a', 'b'; least motion taken\n", log)
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], 1, rtol=1e-9)
         u = file["VTKHDF/PointData/displacement"][:]
         self.assertLess(np.abs(u).max(), 2 / YOUNG)
@@ -439,7 +447,7 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
         """A free body without contact and load stays where it is."""
         self.scene(self.block("alone", 1, (0, 0), (1, 1)))
         log, file = self.solve()
-        self.assertIn("undetermined     'alone'", log)
+        self.assertIn("not determined by contact: any motion of 'alone'; least motion taken\n", log)
         np.testing.assert_array_equal(file["VTKHDF/PointData/displacement"][:], 0)
 
 

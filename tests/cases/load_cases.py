@@ -182,6 +182,52 @@ class LoadCases(dotyk_case.Case):
         self.assertEqual([results[name].pairs["joint"]["active"] for name in names], [9] * 4)
         self.assertEqual(file["dotyk/cases/both/summary"].attrs["converged"], 1)
 
+    def test_nothing_acts(self):
+        """Cases in which nothing acts, before and after one with a load: no forces and no strain, whatever gap, theta and
+        solver; bodies that overlap come apart. Forces are those of rounding otherwise, which no norm tells from a solution,
+        and a small theta would magnify."""
+        turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0], [0.48, 0.64, 0.6]])
+        for name, kind, n, origin, size in (("lower", "hex8", (3, 2, 2), (0, 0, 0), (1, 1, 1)),
+                                            ("upper", "tet10", (2, 2, 1), (0, 0, 1), (1, 1, 0.5))):
+            mesh(self.write(name + " turned.geo", block_geo(kind, n, origin, size)), 3, lambda x: x @ turn.T + 3)
+        more = {"floats": [], "held": ["&support body='upper', surface='top', fix='xyz' /"],
+                "on springs": ["&spring body='upper', surface='top', fix='xyz', stiffness=1 /"],
+                "moved": []}
+        grids = "response='multigrid'"
+        for upper, gap, solver in ([("floats", -2e-3, solver)
+                                    for solver in ("theta=0", "theta_relative=1e-4, tolerance=1e-10", "", grids)] +
+                                   [("floats", 0.0, ""), ("floats", 0.0, grids), ("floats", 1e-3, ""), ("held", 0.0, ""),
+                                    ("held", 0.0, grids), ("on springs", 0.0, ""), ("moved", 0.0, ""),
+                                    ("moved", 0.0, grids), ("held", 1e-3, "scheme='neumann', theta_relative=0.1")]):
+            with self.subTest(upper=upper, gap=gap, solver=solver):
+                self.write("idle.nml", "\n".join([
+                    "&scene /", "&material name='steel', young=200, poisson=0.3 /", "&solver %s /" % solver,
+                    *("&body name='%s', mesh='%s turned.msh', volume='block', material='steel' /" % (name, name)
+                      for name in ("lower", "upper")),
+                    "&support body='lower', surface='bottom', fix='xyz' %s /" % (
+                        ", value=1e-3,0,2e-3, case='yet'" if upper == "moved" else ""),
+                    "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top', gap=%r /" % gap,
+                    "&case name='still' /", "&case name='pressed' /", "&case name='yet', history=.true. /",
+                    "&load body='upper', surface='top', pressure=0.3, case='pressed' /", *more[upper]]) + "\n")
+                log = self.dotyk("idle.nml")
+                self.assertNotIn("penalty term is", log)
+                file = self.results("idle.vtkhdf")
+                for name in ("still", "yet"):
+                    own = file["dotyk/cases"][name]
+                    summary = own["summary"].attrs
+                    self.assertEqual((summary["converged"], summary["error_bound"], summary["penalty_energy"]), (1, 0, 0))
+                    np.testing.assert_array_equal(own["contact/joint/pressure"][:], 0)
+                    np.testing.assert_allclose(own["supports/force"][:], 0, atol=1e-15)
+                    self.assertLess(abs(summary["strain_energy"]), 1e-30)
+                    u = file["VTKHDF/PointData/displacement"][:]
+                    n = len(file["VTKHDF/Points"])
+                    u = u[(own.attrs["step"] - 1) * n:][:n].reshape(-1, 3)
+                    u = u[file["VTKHDF/NumberOfPoints"][0]:]
+                    if upper == "moved" and name == "yet":
+                        self.assertGreater((u @ turn[:, 2]).min(), np.array([1e-3, 0, 2e-3]) @ turn[:, 2] - 1e-14)
+                    else:
+                        np.testing.assert_allclose(u, max(0.0, -gap) * np.tile(turn[:, 2], (len(u), 1)), atol=1e-14)
+
     def test_history_and_restart(self):
         """From the contact of the case before, or of an earlier run, the same solution within the error bound."""
         cold = self.with_cases()

@@ -278,7 +278,7 @@ def alone(theta):
     def nothing(answer):
         yield np.abs(answer.displacement).max(), 0.0, "displacement"
 
-    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="undetermined     '")
+    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="not determined by contact: any motion of '")
 
 
 def in_a_box(n, theta):

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -41,12 +42,17 @@ class Case(unittest.TestCase):
 
     def dotyk(self, *arguments, code=0, timeout=600, **environment):
         """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one
-        text."""
+        text. With exit code 0, no contact row of the results may be violated."""
+        began = time.time() - 1
         done = subprocess.run([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, timeout=timeout, text=True,
                               env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if code is not None:
             self.assertEqual(done.returncode, code, "dotyk %s:\n%s" % (" ".join(map(str, arguments)), done.stdout))
+        if done.returncode == 0:
+            for path in self.folder.rglob("*.vtkhdf"):
+                if path.stat().st_mtime > began:
+                    self.assertEqual(violated_rows(path), [], done.stdout)
         return done.stdout
 
     def assertBetween(self, low, value, high, message=None):
@@ -70,6 +76,44 @@ class Case(unittest.TestCase):
         file = h5py.File(self.folder / name, "r")
         self.addCleanup(file.close)
         return file
+
+
+def violated_rows(path):
+    """Contact rows, active or not, of all pairs and load cases of a results file that penetrate by more than theta times
+    their pressure, to rounding of the displacements and what the error bound allows; and where `max_penetration` is not
+    the greatest of them. Rows of one vertex on both sides of a tie are one (docs/ties.md): their mean counts."""
+    import h5py
+    import numpy as np
+    found = []
+    with h5py.File(path) as file:
+        own = file["dotyk"]
+        u = file["VTKHDF/PointData/displacement"][:] if "displacement" in file["VTKHDF/PointData"] else np.zeros((1, 3))
+        size = np.ptp(file["VTKHDF/Points"][:], axis=0).max()
+        for name, group in own["cases"].items() if "cases" in own else [("", own)]:
+            summary = group["summary"].attrs
+            rows = [(pair, *(data[key][:] for key in ("gap", "theta", "pressure", "weight", "gap_initial", "position")))
+                    for pair, data in group["contact"].items() if len(data["gap"])]
+            if not rows:
+                continue
+            pair = np.concatenate([[row[0]] * len(row[1]) for row in rows])
+            gap, theta, pressure, weight, before, place = (np.concatenate([row[k] for row in rows]) for k in range(1, 7))
+            over = -gap - theta * pressure
+            if "ties" in group:
+                _, vertex = np.unique(np.round(place / size, 9), axis=0, return_inverse=True)
+                over = (np.bincount(vertex, weight * over) / np.bincount(vertex, weight))[vertex]
+            scale = max(np.abs(u).max(), np.abs(gap - before).max(), -before.min())
+            # An error e in the energy norm moves a row by e times the root of its compliance: of the mesh, by which
+            # displacements have a few times their relative error, and of the layer, theta/weight.
+            error = summary["error_bound"] * summary["energy_norm"] * np.sqrt(2 * theta / weight)
+            allowed = (1e-9 + 10 * summary["error_bound"]) * scale + np.nan_to_num(error)
+            worst = np.argmax(over - allowed)
+            if over[worst] > allowed[worst]:
+                found.append("%s %s at %s penetrates by %.3e, theta*pressure is %.3e, allowed beside it %.3e" % (
+                    name, pair[worst], place[worst], -gap[worst], theta[worst] * pressure[worst], allowed[worst]))
+            if abs(max(0.0, -gap.min()) - summary["max_penetration"]) > 1e-9 * scale:
+                found.append("%s max_penetration is %.3e, that of the rows %.3e" % (
+                    name, summary["max_penetration"], max(0.0, -gap.min())))
+    return found
 
 
 def main():
