@@ -12,8 +12,8 @@
 !> contact u_0, and the rigid body modes `G = B R` of floating bodies, their resultants e and springs S
 !> (`dotyk_scheme_coarse_space`). Every iterate is `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per
 !> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The penalty parameter theta and the
-!> tolerance are arguments of a solve. Rows of ties are equations, `B u - d = 0`: their forces have any sign, their theta
-!> is 0. (docs/theory.md)
+!> tolerance are arguments of a solve. Rows of ties are equations, `B u - d = 0`: their forces have any sign, and their
+!> theta is 0. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t

@@ -9,9 +9,10 @@
 !> working set. At the end the displacement tells which of them are violated; these are added to the working set, and
 !> the problem is solved again. Rows of ties are in every set, with forces of any sign.
 module dotyk_scheme_dual
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
     rounding, update_penetrations
@@ -19,7 +20,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
-  use dotyk_scheme_linear_solver_choice, only: choose_coupling
+  use dotyk_scheme_linear_solver_choice, only: choose_coupling, entries_fit
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
@@ -88,7 +89,7 @@ contains
     end associate
   end function dual_expected_products
 
-  !> With ties another theta is for the scheme: their forces are no contact forces, of which tensile ones may be dropped.
+  !> With ties another theta is for the scheme: their forces are none of which tensile ones may be dropped.
   logical function dual_finds_displacements(self, qp, compliance, theta) result(finds)
     !> The scheme.
     class(dual_t), intent(in) :: self
@@ -174,6 +175,17 @@ contains
       end if
       call state%history%finish()
       call state%history%put_after(earlier)
+      if (needs_entries_of_ties()) then
+        ! Rows that depend on each other, or slender bodies.
+        call monitor%note('active sets      ties need entries of the compliance')
+        call system%destroy()
+        call choose_coupling(qp, compliance, linear_solver_direct, working, system)
+        if (allocated(error)) deallocate (error)
+        if (allocated(state%m)) deallocate (state%m, state%y, state%alpha)
+        earlier = state%history
+        warm = .false.
+        cycle
+      end if
       if (allocated(error) .or. all(working) .or. .not. allocated(state%m)) exit
       violated = .not. working .and. state%y > rounding*maxval(abs(qp%initial_penetration))
       if (.not. any(violated)) exit
@@ -195,6 +207,20 @@ contains
     state%screened = count(.not. working)
     associate (not_needed => same_type_as(self, self))
     end associate
+
+  contains
+
+    !> Whether conjugate gradients without entries of the compliance have not solved a problem with ties.
+    logical function needs_entries_of_ties() result(needed)
+      needed = .false.
+      if (system%needs_entries() .or. .not. any(qp%is_tied)) return
+      if (allocated(error)) then
+        needed = error%code == exit_not_solvable
+      else
+        needed = all(state%ended /= [ended_converged, ended_interrupted])
+      end if
+      if (needed) needed = entries_fit(qp, compliance, working)
+    end function needs_entries_of_ties
   end subroutine dual_solve
 
   !> Solve for rows that are one.
@@ -367,7 +393,7 @@ contains
                              max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
-        call check_ties(qp, compliance, now%lambda, now%alpha, now%y, state)
+        if (system%needs_entries()) call check_ties(qp, compliance, now%lambda, now%alpha, now%y, state)
         if (state%ended == ended_open_tie) return
       end if
       starts_inside = .false.

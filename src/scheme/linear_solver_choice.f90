@@ -14,7 +14,7 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: add_costs, choose_coupling, room_for_matrices, takes_products
+  public :: add_costs, choose_coupling, entries_fit, room_for_matrices, takes_products
 
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set, 470
   !> to 575 for ties between blocks.
@@ -70,7 +70,40 @@ contains
     !> As in `choose_coupling` (n_rows).
     logical, intent(in) :: rows(:)
     type(memory_t) :: memory
-    real(dp) :: cost(2), bytes, path, solve
+    real(dp) :: cost(2), bytes
+    call find_costs(qp, compliance, rows, cost, bytes)
+    memory = memory_now()
+    cheaper = on_any_rank(takes_products(cost, [bytes, 0.0_dp], room_for_matrices(memory)))
+  end function is_matrix_free_cheaper
+
+  !> Whether entries and factors fit into the memory.
+  logical function entries_fit(qp, compliance, rows)
+    !> As in `choose_coupling`.
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `choose_coupling`.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `choose_coupling` (n_rows).
+    logical, intent(in) :: rows(:)
+    type(memory_t) :: memory
+    real(dp) :: cost(2), bytes
+    call find_costs(qp, compliance, rows, cost, bytes)
+    memory = memory_now()
+    entries_fit = .not. on_any_rank(bytes > room_for_matrices(memory))
+  end function entries_fit
+
+  !> Costs of all bodies.
+  subroutine find_costs(qp, compliance, rows, cost, bytes)
+    !> As in `choose_coupling`.
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `choose_coupling`.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `choose_coupling` (n_rows).
+    logical, intent(in) :: rows(:)
+    !> As in `add_costs` (2).
+    real(dp), intent(out) :: cost(:)
+    !> As in `add_costs` [B].
+    real(dp), intent(out) :: bytes
+    real(dp) :: path, solve
     integer :: b, n
     cost = 0
     bytes = 0
@@ -80,9 +113,7 @@ contains
       call compliance%get_costs(b, path, solve)
       call add_costs(n, path, solve, any(qp%is_tied), all(qp%is_tied), cost, bytes)
     end do
-    memory = memory_now()
-    cheaper = on_any_rank(takes_products(cost, [bytes, 0.0_dp], room_for_matrices(memory)))
-  end function is_matrix_free_cheaper
+  end subroutine find_costs
 
   !> Add what a body costs.
   pure subroutine add_costs(n_rows, path, solve, has_ties, has_no_contact, cost, bytes)

@@ -397,7 +397,7 @@ contains
       end do
     end subroutine measure_groups
 
-    !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact there.
+    !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact is.
     !> False where they are so already.
     logical function may_change(stiffer) result(may)
       !> Whether they become stiffer.

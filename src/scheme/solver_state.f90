@@ -56,8 +56,8 @@ module dotyk_scheme_solver_state
     !> can stop.
     real(dp), allocatable :: unbounded(:)
     !> Where ended_rigid_constraint: the row that overlaps most of those that nothing moves, 0 where the scheme does not
-    !> tell it, and by how much, with ties closed. Where ended_open_tie: the row that stays open most, by how much, and of
-    !> what [length].
+    !> tell it, and by how much, with ties closed. Where ended_open_tie: the row that stays open most, by how much, and
+    !> of what [length].
     integer :: rigid_row = 0
     real(dp) :: overlap = 0, overlap_of = 0
     !> How it ended: one of the parameters above.
