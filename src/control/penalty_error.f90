@@ -31,7 +31,7 @@ module dotyk_control_penalty_error
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_primal, only: primal_t
+  use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
@@ -147,7 +147,7 @@ contains
     if (scheme%allows_zero_theta()) then
       allocate (solver, source=scheme)
     else
-      allocate (primal_t :: solver)
+      allocate (dual_t :: solver)
       call solver%solve(qp, compliance, theta, settings, silent, penalized, error)
     end if
     if (allocated(error)) return
