@@ -85,6 +85,11 @@ contains
     integer :: round, attempt, limit
     logical :: warm, has_equilibrium
     start = wall_time()
+    if (any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)) then
+      call clear(state)
+      state%ended = ended_rigid_constraint
+      return
+    end if
     warm = allocated(state%m)
     if (state%history%n == 0) then
       call check_equilibrium(qp, state)
