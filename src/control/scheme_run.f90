@@ -62,8 +62,7 @@ contains
     call set_blas_threads(1)
     if (allocated(error)) return
     if (is_unloaded(qp, theta) .and. allocated(state%m)) call leave_at_rest(qp, theta, state)
-    if (allocated(state%y)) state%max_penetration = &
-      maxval([0.0_dp, state%y(:qp%pair_first_row(size(qp%pair_first_row)) - 1)])
+    if (allocated(state%y)) state%max_penetration = maxval([0.0_dp, pack(state%y, .not. qp%is_tied)])
     if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
   end subroutine run_solve
@@ -78,7 +77,7 @@ contains
     real(dp) :: of_penetrations
     is_unloaded = .false.
     ! Ties may be tightened.
-    if (qp%pair_first_row(size(qp%pair_first_row)) <= qp%n_rows) return
+    if (any(qp%is_tied .and. abs(qp%gap) > 0)) return
     of_penetrations = sum(foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)**2)
     is_unloaded = .not. (qp%norm_square_0 > rounding**2*of_penetrations .or. any(abs(qp%coarse%resultant) > 0))
     if (allocated(qp%coarse%lift)) is_unloaded = is_unloaded .and. .not. any(abs(qp%coarse%lift) > 0)
@@ -98,11 +97,11 @@ contains
     alpha = state%alpha/qp%coarse%scale
     call qp%mode_displacement(alpha, y)
     y = qp%initial_penetration + y
-    if (any(y > rounding*maxval(abs(qp%initial_penetration))) .or. &
+    if (any(merge(abs(y), y, qp%is_tied) > rounding*maxval(abs(qp%initial_penetration))) .or. &
         maxval([0.0_dp, abs(qp%coarse%stiffness_forces(alpha))]) > 0) return
     state%m = 0*state%m
     state%y = y
-    state%max_penetration = maxval([0.0_dp, y])
+    state%max_penetration = maxval([0.0_dp, pack(y, .not. qp%is_tied)])
     state%energy = qp%energy(theta, state%m, y, alpha)
     state%error_bound = 0
     state%ended = ended_converged

@@ -287,7 +287,7 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
                    "&load body='disc', acceleration=0,-9.81,0 /\n&contact auto=.true. /\n&solver theta=0 /\n"
                    "&output fields='displacement contact', error_parts='' /\n")
         for log, file in self.by_both():
-            self.assertRegex(log, "not determined by contact: .*rocking about the axis .* of 'disc'; least motion taken; 0.* % of the loads")
+            self.assertRegex(log, "not determined by contact: .*(spin|rocking) about the axis .* of 'disc'; least motion taken; 0.* % of the loads")
             force = file["dotyk/contact/disc - ring"].attrs["force"]
             # The polygon of facets of 0.06 on a radius of 0.2 has 1.5 % less volume than the circle.
             self.assertAlmostEqual(force[1] / (1000 * 9.81 * 0.2 * np.pi * 0.04), 1, delta=0.02)
