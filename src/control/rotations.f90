@@ -29,7 +29,8 @@ contains
     first = first_mode(problem%modes, problem%tie)
     do b = 1, size(ratio)
       if (problem%modes(b)%n > 0) &
-        ratio(b) = rotation_ratio(problem%body(b), problem%modes(b), state%alpha(first(b):first(b) + problem%modes(b)%n - 1))
+        ratio(b) = rotation_ratio(problem%body(b), problem%modes(b), &
+                                  state%alpha(first(b):first(b) + problem%modes(b)%n - 1))
     end do
     if (state%ended == ended_converged .and. maxval(ratio) > largest_rotation) state%ended = ended_rotated
   end subroutine find_rotations

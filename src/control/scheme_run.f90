@@ -62,7 +62,7 @@ contains
     call set_blas_threads(1)
     if (allocated(error)) return
     if (is_unloaded(qp, theta) .and. allocated(state%m)) call leave_at_rest(qp, theta, state)
-    if (allocated(state%y)) state%max_penetration = maxval([0.0_dp, pack(state%y, .not. qp%is_tied)])
+    if (allocated(state%y)) state%max_penetration = maxval([0.0_dp, pack(qp%of_vertices(state%y), .not. qp%is_tied)])
     if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
   end subroutine run_solve

@@ -53,8 +53,8 @@ contains
     logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
-      call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
-                             contact_pressure, error, contact)
+      call project_pressures(problem, qp%pair_first_row, solution%state%m, qp%of_vertices(solution%state%y), &
+                             pair_solution, contact_pressure, error, contact)
       if (allocated(error)) return
       call refuse_overflow(case, problem, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
@@ -72,8 +72,8 @@ contains
           end associate
         end do
         if (any(forgotten)) &
-          call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
-                                 contact_pressure, error, contact, forgotten)
+          call project_pressures(problem, qp%pair_first_row, solution%state%m, qp%of_vertices(solution%state%y), &
+                                 pair_solution, contact_pressure, error, contact, forgotten)
         if (allocated(error)) return
       end if
       if (solution%state%ended /= ended_time) then

@@ -70,6 +70,7 @@ module dotyk_scheme_contact_qp
     procedure :: penalty_of_rows => qp_penalty_of_rows
     procedure :: load_work => qp_load_work
     procedure :: body_force => qp_body_force
+    procedure :: of_vertices => qp_of_vertices
     procedure :: is_heap => qp_is_heap
   end type contact_qp_t
 
@@ -313,6 +314,26 @@ contains
     n_modes = sum(self%coarse%first(2:) - self%coarse%first(:size(is_loose)), mask=is_loose)
     is_heap = n_modes > many_modes .and. count(.not. self%is_tied) < rows_per_mode*n_modes
   end function qp_is_heap
+
+  !> Penetrations in which the rows of one vertex have their mean (n_rows) [length].
+  pure function qp_of_vertices(self, y) result(mean)
+    class(contact_qp_t), intent(in) :: self
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    real(dp), allocatable :: mean(:), weight(:)
+    integer :: i
+    mean = y
+    if (.not. allocated(self%joined_row)) return
+    allocate (weight(maxval(self%joined_row)), source=0.0_dp)
+    mean(:size(weight)) = 0
+    do i = 1, size(y)
+      associate (k => self%joined_row(i))
+        weight(k) = weight(k) + self%weight(i)
+        mean(k) = mean(k) + self%weight(i)*y(i)
+      end associate
+    end do
+    mean = mean(self%joined_row)/weight(self%joined_row)
+  end function qp_of_vertices
 
   !> Nodal contact forces on one body, - B_b^T W m.
   subroutine qp_body_force(self, b, m, force)

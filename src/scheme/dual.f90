@@ -243,7 +243,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(contact_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
-    real(dp), allocatable :: fraction(:)
+    real(dp), allocatable :: fraction(:), z(:), motion(:)
     call join_qp(qp, compliance, joined, of_joined, fraction)
     associate (row => qp%joined_row)
       if (allocated(state%m)) state%m = aggregate_values(row, joined%n_rows, fraction, state%m)
@@ -254,8 +254,11 @@ contains
       if (state%rigid_row > 0) state%rigid_row = findloc(row, state%rigid_row, 1)
       if (.not. allocated(state%m)) return
       state%m = state%m(row)
-      state%y = state%y(row)
     end associate
+    allocate (z(qp%n_rows), motion(qp%n_rows))
+    call compliance%multiply(qp, qp%weight*state%m, z)
+    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
+    state%y = qp%initial_penetration - z + motion
   end subroutine solve_joined
 
   !> A warm start may have pressures alone.
