@@ -4,8 +4,8 @@
 !>     benchmark_contact CELLS [KIND [BODIES [HOLDING [TOLERANCE [POISSON]]]]]
 !>
 !> BODIES blocks of KIND tet10, hex20 or quad8, CELLS cells along each edge and one more in every other block, HOLDING
-!> pressed or floating. For theta from 1e-2 to 0: active sets, iterations of conjugate gradients in all, cycles of
-!> p-multigrid, changes of the start, processor time of the start and of the solution. Threads: OMP_NUM_THREADS.
+!> pressed or floating. For theta from 1e-2 to 0: active sets, iterations of conjugate gradients in all, active sets
+!> that came again, changes of the start, processor time of the start and of the solution. Threads: OMP_NUM_THREADS.
 program contact_multigrid
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -14,12 +14,14 @@ program contact_multigrid
   use dotyk_mesh_element, only: element_hex20, element_quad8, element_tet10
   use dotyk_scheme_corner_contact, only: solve_corner_contact
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
+  use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use test_multigrid_scene, only: floating, multigrid_scene_t, pressed, scene_settings_t
   implicit none
 
   type(multigrid_scene_t) :: scene
   type(scene_settings_t) :: settings
   type(proximal_outcome_t) :: outcome
+  type(proximal_motion_t) :: motion
   type(error_t), allocatable :: error
   real(dp), parameter :: theta(4) = [1.0e-2_dp, 1.0e-4_dp, 1.0e-6_dp, 0.0_dp]
   real(dp), allocatable :: thetas(:), m(:), u(:)
@@ -55,13 +57,14 @@ program contact_multigrid
     call cpu_time(time(2))
     wall(1) = wall_time()
     start = m > 0
-    call solve_proximal(scene%system, scene%qp%weight, scene%gap, thetas, scene%load, tolerance, 60, m, u, outcome, &
+    motion = proximal_motion_t()
+    call solve_proximal(scene%system, scene%qp, scene%gap, thetas, scene%load, tolerance, 60, motion, m, u, outcome, &
                         error)
     wall(2) = wall_time()
     call cpu_time(time(3))
     if (allocated(error)) error stop 'solution'
     write (*, '(es8.1,i6,i4,i8,i11,i8,i7,f9.2,f12.2,f8.2)') theta(k), outcome%steps, outcome%cg_steps, &
-      outcome%cycles, count(start .neqv. m > 0), count(m > 0), outcome%ended, time(2) - time(1), time(3) - time(2), &
+      outcome%n_cycles, count(start .neqv. m > 0), count(m > 0), outcome%ended, time(2) - time(1), time(3) - time(2), &
       wall(2) - wall(1)
   end do
   call scene%destroy()
