@@ -6,19 +6,16 @@
 !> surface the error of the normal is of second order in the distance of the vertices, whether these lie around the
 !> vertex or, at the boundary of the surface, on one side of it.
 module dotyk_contact_normal_fit
-  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private
   public :: fit_normal
 
   !> Number of fits, each in the frame of the previous normal.
   integer, parameter :: n_fits = 3
-  !> With a pivot of the scaled normal equations below this the vertices hardly determine the function.
+  !> With a pivot of the scaled normal equations below this the vertices hardly determine a coefficient: two layers of
+  !> them tell no curvature from a slope.
   real(dp), parameter :: min_pivot = 0.02_dp
-  !> Eigenvalues below this fraction of the largest one count as zero.
-  real(dp), parameter :: min_eigenvalue = 1.0e-6_dp
   !> Points are isotropic where their mixed moment is below this fraction of their polar moment: round-off.
   real(dp), parameter :: isotropy_round_off = 1.0e-14_dp
   !> Points have no extent along an axis where it is below this fraction of the greatest one.
@@ -26,8 +23,8 @@ module dotyk_contact_normal_fit
 
 contains
 
-  !> Fit the normal. Without enough vertices `determined` is false, and the normal is that of the minimum-norm fit.
-  subroutine fit_normal(dimension, point, normal, determined)
+  !> Fit the normal.
+  pure subroutine fit_normal(dimension, point, normal, n_left_out)
     !> Dimension of space, 2 or 3.
     integer, intent(in) :: dimension
     !> Vertices of the patch relative to the vertex itself, which is not among them (3, n) [length].
@@ -35,13 +32,13 @@ contains
     !> Unit normal: on entry a guess, in whose frame all heights are functions of the tangential coordinates; the fit on
     !> return (3) [].
     real(dp), intent(inout) :: normal(3)
-    !> The vertices determine the function.
-    logical, intent(out) :: determined
+    !> Number of coefficients that the vertices do not determine: they are zero, those of second order first.
+    integer, intent(out) :: n_left_out
     real(dp) :: axis(3, 2), slope(2)
     integer :: k
     do k = 1, n_fits
       call tangents(dimension, normal, axis)
-      call fit_slope(dimension, point, normal, axis, slope, determined)
+      call fit_slope(dimension, point, normal, axis, slope, n_left_out)
       normal = normal - slope(1)*axis(:, 1) - slope(2)*axis(:, 2)
       normal = normal/norm2(normal)
     end do
@@ -71,7 +68,7 @@ contains
   end subroutine tangents
 
   !> Slopes of the surface at the vertex along the two tangential axes.
-  subroutine fit_slope(dimension, point, normal, axis, slope, determined)
+  pure subroutine fit_slope(dimension, point, normal, axis, slope, n_left_out)
     !> Dimension of space, 2 or 3.
     integer, intent(in) :: dimension
     !> Vertices relative to the vertex (3, n) [length].
@@ -82,8 +79,8 @@ contains
     real(dp), intent(in) :: axis(3, 2)
     !> Slopes along the axes (2) [].
     real(dp), intent(out) :: slope(2)
-    !> The vertices determine the function.
-    logical, intent(out) :: determined
+    !> As in `fit_normal`.
+    integer, intent(out) :: n_left_out
     real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2)
     real(dp) :: square, curvature_factor
     integer :: i, n
@@ -114,26 +111,25 @@ contains
     end do
     gram = gram*spread(scale, 2, 5)*spread(scale, 1, 5)
     right = right*scale
-    determined = size(h) >= n
-    if (determined) call solve_cholesky(gram(1:n, 1:n), right(1:n), determined)
-    if (.not. determined) call solve_min_norm(gram(1:n, 1:n), right(1:n))
+    call solve_determined(gram(1:n, 1:n), right(1:n), n_left_out)
     right = right*scale
     if (dimension == 2) right(2) = 0
     slope = matmul(principal, right(1:2))
   end subroutine fit_slope
 
-  !> Principal axes of points, divided by their root-mean-square extents: coordinates along them are of order one. An
-  !> axis along which the points have no extent is zero.
+  !> Principal axes of points and the origin about their mean, which follow the layers of a mesh, divided by the
+  !> root-mean-square coordinates along them. An axis along which the points have no extent is zero.
   pure subroutine principal_axes(p, axes)
     !> Points (2, n) [length].
     real(dp), intent(in) :: p(:, :)
     !> Axes as columns (2, 2) [1/length].
     real(dp), intent(out) :: axes(2, 2)
-    real(dp) :: xx, xy, yy, angle, extent(2)
+    real(dp) :: xx, xy, yy, angle, extent(2), mean(2)
     integer :: i
-    xx = sum(p(1, :)**2)/size(p, 2)
-    xy = sum(p(1, :)*p(2, :))/size(p, 2)
-    yy = sum(p(2, :)**2)/size(p, 2)
+    mean = sum(p, dim=2)/(size(p, 2) + 1)
+    xx = sum(p(1, :)**2)/(size(p, 2) + 1) - mean(1)**2
+    xy = sum(p(1, :)*p(2, :))/(size(p, 2) + 1) - mean(1)*mean(2)
+    yy = sum(p(2, :)**2)/(size(p, 2) + 1) - mean(2)**2
     angle = 0
     if (abs(xy) > isotropy_round_off*(xx + yy)) angle = atan2(2*xy, xx - yy)/2
     axes(:, 1) = [cos(angle), sin(angle)]
@@ -150,54 +146,32 @@ contains
     end do
   end subroutine principal_axes
 
-  !> Solve by Cholesky factorization; b is unchanged where a pivot is too small.
-  pure subroutine solve_cholesky(a, b, regular)
-    !> Symmetric matrix with diagonal 1 (n, n) [].
+  !> Solve by Cholesky factorization, without the unknowns that those before them determine already: they are zero.
+  pure subroutine solve_determined(a, b, n_left_out)
+    !> Symmetric matrix with diagonal 1, or 0 of unknowns that are zero (n, n) [].
     real(dp), intent(in) :: a(:, :)
     !> Right-hand side; solution on return (n) [any].
     real(dp), intent(inout) :: b(:)
-    !> All pivots are large enough.
-    logical, intent(out) :: regular
+    !> Number of unknowns that are left out.
+    integer, intent(out) :: n_left_out
     real(dp) :: l(size(b), size(b)), y(size(b)), pivot
     integer :: i, j
-    regular = .false.
+    n_left_out = 0
     l = 0
     do j = 1, size(b)
       pivot = a(j, j) - sum(l(j, :j - 1)**2)
-      if (.not. pivot > min_pivot) return
-      l(j, j) = sqrt(pivot)
-      do i = j + 1, size(b)
-        l(i, j) = (a(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j)
-      end do
+      if (pivot > min_pivot) then
+        l(j, j) = sqrt(pivot)
+        l(j + 1:, j) = [((a(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j), i=j + 1, size(b))]
+        y(j) = (b(j) - sum(l(j, :j - 1)*y(:j - 1)))/l(j, j)
+      else
+        n_left_out = n_left_out + 1
+        l(j, j) = 1
+        y(j) = 0
+      end if
     end do
-    do i = 1, size(b)
-      y(i) = (b(i) - sum(l(i, :i - 1)*y(:i - 1)))/l(i, i)
+    do j = size(b), 1, -1
+      b(j) = (y(j) - sum(l(j + 1:, j)*b(j + 1:)))/l(j, j)
     end do
-    do i = size(b), 1, -1
-      b(i) = (y(i) - sum(l(i + 1:, i)*b(i + 1:)))/l(i, i)
-    end do
-    regular = .true.
-  end subroutine solve_cholesky
-
-  !> Minimum-norm least-squares solution of a singular system.
-  subroutine solve_min_norm(a, b)
-    !> Symmetric matrix (n, n) [].
-    real(dp), intent(in) :: a(:, :)
-    !> Right-hand side; solution on return (n) [any].
-    real(dp), intent(inout) :: b(:)
-    real(dp) :: values(size(b)), vectors(size(b), size(b)), c(size(b))
-    type(error_t), allocatable :: error
-    call symmetric_eigen(a, values, vectors, error)
-    if (allocated(error)) then
-      b = 0
-      return
-    end if
-    c = matmul(transpose(vectors), b)
-    where (values > min_eigenvalue*maxval(values))
-      c = c/values
-    else where
-      c = 0
-    end where
-    b = matmul(vectors, c)
-  end subroutine solve_min_norm
+  end subroutine solve_determined
 end module dotyk_contact_normal_fit

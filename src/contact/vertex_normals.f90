@@ -319,8 +319,8 @@ contains
     end associate
   end subroutine normals_at_vertex
 
-  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it, with as many rings of facets as
-  !> the fit needs. A fit is rejected if it differs from the mean by more than twice the greatest angle between the mean
+  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it, with as few rings of facets as
+  !> determine as many coefficients as any. A fit is rejected if it differs from the mean by more than twice the greatest angle between the mean
   !> and the facets around.
   subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal)
     !> Facets of the surface.
@@ -340,8 +340,9 @@ contains
     !> Weighted mean of the facet normals on entry, fitted normal on return (3) [].
     real(dp), intent(inout) :: normal(3)
     integer :: facet(max_facets), vertex(4*max_facets), n, n_vertices, ring, i, e, k, last, other
-    real(dp) :: mean(3), facet_normal(3), least_cosine
-    logical :: determined, planar
+    real(dp) :: mean(3), facet_normal(3), least_cosine, fitted(3)
+    integer :: n_left_out, fewest
+    logical :: planar
     mean = normal
     n = min(size(start), max_facets)
     facet(:n) = start(:n)
@@ -352,6 +353,7 @@ contains
       end do
       least_cosine = min(least_cosine, facing(facet(i)))
     end do
+    fewest = huge(fewest)
     do ring = 1, max_rings
       n_vertices = 0
       do i = 1, n
@@ -362,9 +364,13 @@ contains
           vertex(n_vertices) = other
         end do
       end do
-      normal = mean
-      call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), normal, determined)
-      if (determined) exit
+      fitted = mean
+      call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), fitted, n_left_out)
+      if (n_left_out < fewest) then
+        fewest = n_left_out
+        normal = fitted
+      end if
+      if (fewest == 0) exit
       last = n
       do i = 1, last
         do e = 1, set%corners(facet(i))

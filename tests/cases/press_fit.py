@@ -113,6 +113,30 @@ class PressFit(dotyk_case.Case):
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10), order=1)
         self.check(file, pressure, 8e-3, 2e-2)
 
+    def test_one_layer_along_the_axis(self):
+        """Bricks, one of them along the axis: two layers of vertices tell no curvature from a slope."""
+        for name, inner, outer, around in (("inner", A, B + INTERFERENCE, 13), ("outer", B, C, 16)):
+            self.write(name + ".geo", tube_geo(inner, outer, 4, around, 1) + """
+solid[] = Extrude {0, 0, 1.2} { Surface{ring(1)}; Layers{1}; Recombine; };
+Physical Volume("tube 3d") = {solid(1)};
+Physical Surface("ends") = {ring(1), solid(0)};
+Physical Surface("x 3d") = Surface In BoundingBox{-1e-3, -1e-3, -1e-3, 1e-3, 9, 9};
+Physical Surface("y 3d") = Surface In BoundingBox{-1e-3, -1e-3, -1e-3, 9, 1e-3, 9};
+Physical Surface("in 3d") = Surface In BoundingBox{-1e-3, -1e-3, -1e-3, %r, %r, 9};
+""" % (inner + 1e-3, inner + 1e-3))
+        lines = ["&scene /", "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)]
+        for body in ("inner", "outer"):
+            lines += ["&body name='%s', mesh='%s.geo', volume='tube 3d', material='steel' /" % (body, body)]
+            lines += ["&support body='%s', surface='%s', fix='n' /" % (body, plane) for plane in ("ends", "x 3d", "y 3d")]
+        lines += ["&contact auto=.true. /", "&solver theta=0, tolerance=1e-6 /"]
+        self.write("fit.nml", "\n".join(lines) + "\n")
+        self.dotyk("fit.nml")
+        stiffness = YOUNG / (1 - POISSON**2)
+        pressure = INTERFERENCE * stiffness * (B**2 - A**2) * (C**2 - B**2) / (2 * B**3 * (C**2 - A**2))
+        (fit,) = self.results("fit.vtkhdf")["dotyk/contact"].values()
+        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * B * 1.2, pressure * B * 1.2, 0],
+                                   atol=0.02 * pressure * B)
+
     def rings(self, support, more):
         """A whole ring shrunk on a hollow shaft: mean pressure by Lame's, and the pressures. The meshes are unstructured,
         so that the axis of the contact is beside the centres of the bodies."""
