@@ -47,7 +47,7 @@ contains
     do
       call walk%next(b%tree, region, f)
       if (f == 0) exit
-      call facet_parts(b, f, n_parts, part)
+      call facet_parts(b%surface%node(:, f), b%set%corners(f), n_parts, part)
       do k = 1, n_parts
         if (part(3, k) == 0) then
           call cross_line(part(1:2, k))

@@ -1,6 +1,5 @@
 !> Facets as straight parts: lines and triangles between their nodes.
 module dotyk_contact_facet_parts
-  use dotyk_contact_solid_boundary, only: solid_t
   implicit none
   private
 
@@ -19,31 +18,29 @@ module dotyk_contact_facet_parts
 contains
 
   !> Nodes of the parts of a facet, oriented as the facet.
-  pure subroutine facet_parts(b, f, n, part)
-    !> Boundary.
-    type(solid_t), intent(in) :: b
-    !> Facet.
-    integer, intent(in) :: f
+  pure subroutine facet_parts(node, corners, n, part)
+    !> Nodes of the facet; those after its own are 0 (max_facet_nodes).
+    integer, intent(in) :: node(:)
+    !> Number of its corners.
+    integer, intent(in) :: corners
     !> Number of parts.
     integer, intent(out) :: n
     !> Nodes of each part; the third is 0 for lines (3, max_parts).
     integer, intent(out) :: part(3, max_parts)
     part = 0
-    associate (node => b%surface%node(:, f))
-      select case (b%set%corners(f))
-      case (2)
-        n = merge(1, 2, node(3) == 0)
-        if (n == 1) part(1:2, 1) = node(1:2)
-        if (n == 2) part(1:2, 1:2) = reshape(node([lines]), [2, 2])
-      case (3)
-        n = merge(1, 4, node(4) == 0)
-        if (n == 1) part(:, 1) = node(1:3)
-        if (n == 4) part(:, 1:4) = reshape(node([triangles]), [3, 4])
-      case default
-        n = merge(2, 6, node(5) == 0)
-        if (n == 2) part(:, 1:2) = reshape(node([halves]), [3, 2])
-        if (n == 6) part(:, 1:6) = reshape(node([sixths]), [3, 6])
-      end select
-    end associate
+    select case (corners)
+    case (2)
+      n = merge(1, 2, node(3) == 0)
+      if (n == 1) part(1:2, 1) = node(1:2)
+      if (n == 2) part(1:2, 1:2) = reshape(node([lines]), [2, 2])
+    case (3)
+      n = merge(1, 4, node(4) == 0)
+      if (n == 1) part(:, 1) = node(1:3)
+      if (n == 4) part(:, 1:4) = reshape(node([triangles]), [3, 4])
+    case default
+      n = merge(2, 6, node(5) == 0)
+      if (n == 2) part(:, 1:2) = reshape(node([halves]), [3, 2])
+      if (n == 6) part(:, 1:6) = reshape(node([sixths]), [3, 6])
+    end select
   end subroutine facet_parts
 end module dotyk_contact_facet_parts

@@ -75,23 +75,25 @@ contains
   end subroutine swept_init
 
   !> Way of a node through a part.
-  subroutine find_passage(b, swept, x0, x, least, passage)
-    !> The part.
+  subroutine find_passage(a, i, b, swept, least, passage)
+    !> The part of the node.
+    type(solid_t), intent(in) :: a
+    !> Its node.
+    integer, intent(in) :: i
+    !> The other part.
     type(solid_t), intent(in) :: b
     !> Its facets in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Position of the node before deformation (3) [length].
-    real(dp), intent(in) :: x0(3)
-    !> Position of the node after deformation (3) [length].
-    real(dp), intent(in) :: x(3)
     !> Depth that counts as none, beside the roughness of facets [length].
     real(dp), intent(in) :: least
     !> The way; facet 0 where it leads through nothing.
     type(passage_t), intent(out) :: passage
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
-    real(dp) :: entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
+    real(dp) :: x0(3), x(3), entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
     integer :: part(3, max_parts), entry(3), way_out(3), f, k, n
+    x0 = a%x0(:, i)
+    x = a%x(:, i)
     region%low = min(x0, x - swept%shift)
     region%high = max(x0, x - swept%shift)
     region%distance = least
@@ -103,7 +105,9 @@ contains
     do
       call walk%next(swept%tree, region, f)
       if (f == 0) exit
-      call facet_parts(b, f, n, part)
+      ! A node that starts on a face which is flush with it comes through others only.
+      if (a%is_flush(i, b, f)) cycle
+      call facet_parts(b%surface%node(:, f), b%set%corners(f), n, part)
       do k = 1, n
         call corners_of(part(:, k), v, w)
         call cross_moving(v, w, 1, at)
@@ -141,10 +145,10 @@ contains
       real(dp), intent(out) :: before(3, 3)
       !> The same after deformation, without the common displacement (3, 3) [length].
       real(dp), intent(out) :: after(3, 3)
-      integer :: i
-      do i = 1, merge(2, 3, node(3) == 0)
-        before(:, i) = b%x0(:, node(i))
-        after(:, i) = b%x(:, node(i)) - swept%shift
+      integer :: c
+      do c = 1, merge(2, 3, node(3) == 0)
+        before(:, c) = b%x0(:, node(c))
+        after(:, c) = b%x(:, node(c)) - swept%shift
       end do
       if (node(3) > 0) return
       ! The normal of a line (dx, dy) is (dy, -dx).

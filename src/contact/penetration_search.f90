@@ -18,9 +18,6 @@ module dotyk_contact_penetration_search
   private
   public :: find_penetration, find_passages
 
-  !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
-  !> is below this fraction of the size of the facet.
-  real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> Nodes that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
   !> A facet at this fraction of the distance up to which facets are known is the closest one for certain [].
@@ -117,19 +114,21 @@ contains
     !> The deepest point; nodes are added.
     type(penetration_t), intent(inout) :: worst
     type(passage_t) :: passage
-    real(dp) :: allowed, centre(2), passed(a%n_nodes)
+    real(dp) :: allowed, left, arcs, centre(2), passed(a%n_nodes)
     integer :: i, first, last
     passed = 0
     call division%portion(a%n_nodes, first, last)
-    !$omp parallel do default(none) private(passage, allowed, centre) schedule(dynamic, chunk) &
+    !$omp parallel do default(none) private(passage, allowed, left, arcs, centre) schedule(dynamic, chunk) &
     !$omp& shared(a, b, swept, tolerance, depth, passed, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
-      call find_passage(b, swept, a%x0(:, i), a%x(:, i), tolerance%slack, passage)
+      call find_passage(a, i, b, swept, tolerance%slack, passage)
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
-      allowed = tolerance%depth_allowed(a, [i], b, passage%facet, centre, a%x(:, i) - a%x0(:, i))
-      if (passage%through > allowed) passed(i) = -passage%depth
+      call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
+                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
+      ! Penalty moves nothing to the other side.
+      if (passage%through > allowed - left) passed(i) = -passage%depth
     end do
     !$omp end parallel do
     call division%fill(passed, first, last)
@@ -164,6 +163,7 @@ contains
     real(dp), intent(out) :: unresolved
     real(dp) :: xi(2)
     integer :: facet
+    logical :: is_flush
     is_below = .false.
     depth = 0
     unresolved = 0
@@ -174,9 +174,14 @@ contains
       depth = 0
       return
     end if
-    if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
+    is_flush = a%is_flush(i, b, facet)
+    if (is_flush) call depth_beside_flush(a, i, b, depth, facet, xi)
     is_below = depth > tolerance%slack
-    call tolerance%keep_unexplained(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth, unresolved)
+    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), &
+                         a%x(:, i) - a%x0(:, i), depth, unresolved)
+    if (depth > 0 .and. .not. is_flush) then
+      if (.not. b%encloses(a%x(:, i))) depth = 0
+    end if
   end subroutine find_node_depth
 
   !> Whether a point lies outside the box of a part.
@@ -189,27 +194,6 @@ contains
     real(dp), intent(in) :: margin
     outside = any(x < b%tree%volume(1)%lo - margin .or. x > b%tree%volume(1)%hi + margin)
   end function is_outside_box
-
-  !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
-  !> blocks are: the node has not come through this facet, however near it is.
-  pure logical function is_flush(a, i, b, facet) result(flush)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> Its node.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: facet
-    integer :: k
-    flush = .false.
-    if (abs(dot_product(b%normal0(:, facet), a%x0(:, i) - b%x0(:, b%surface%node(1, facet)))) > &
-        flush_distance*b%set%size(facet)) return
-    do k = a%first(i), a%first(i + 1) - 1
-      flush = dot_product(a%normal0(:, a%around(k)), b%normal0(:, facet)) > flush_cosine
-      if (flush) return
-    end do
-  end function is_flush
 
   !> Depth of a node below the facets that were not flush with it.
   pure subroutine depth_beside_flush(a, i, b, depth, facet, xi)
@@ -240,7 +224,7 @@ contains
       do k = 1, size(near)
         f = near(k)
         if (sum(max(b%set%lo(:, f) - a%x(:, i), a%x(:, i) - b%set%hi(:, f), 0.0_dp)**2) >= square) cycle
-        if (is_flush(a, i, b, f)) cycle
+        if (a%is_flush(i, b, f)) cycle
         call closest_point_on_facet(b%set, f, a%x(:, i), trial_xi, trial)
         if (trial >= square) cycle
         square = trial

@@ -205,7 +205,9 @@ contains
     call make_solid(upper, solid(1))
     call make_solid(lower, solid(2))
     tolerance%slack = 1.0e-9_dp
-    allocate (tolerance%explained_a(solid(1)%n_nodes), tolerance%explained_b(solid(2)%n_nodes), source=0.0_dp)
+    allocate (tolerance%left_a%depth(solid(1)%n_nodes), tolerance%left_b%depth(solid(2)%n_nodes), source=0.0_dp)
+    tolerance%left_a%width = tolerance%left_a%depth
+    tolerance%left_b%width = tolerance%left_b%depth
     call find_penetration(division_t(), solid(1), solid(2), tolerance, depth, worst(1))
     call find_penetration(division_t(.true.), solid(1), solid(2), tolerance, other, worst(2))
     call compare(name//': depth', depth, other)
