@@ -26,7 +26,7 @@ module dotyk_contact_edge_penetration
 contains
 
   !> Edges that pass through another part, or run inside it between two nodes that are explained.
-  subroutine find_edges(division, a, b, tolerance, is_below, depth, worst)
+  subroutine find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
     !> How ranks divide the facets.
     type(division_t), intent(in) :: division
     !> The part.
@@ -37,6 +37,8 @@ contains
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Nodes below the boundary (a%n_nodes).
     logical, intent(in) :: is_below(:)
+    !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
+    real(dp), intent(in) :: clear(:)
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     !> The deepest point.
@@ -48,7 +50,7 @@ contains
     allocate (found(segment_length, first_room))
     call division%portion([(merge(distant_cost, 1.0_dp, is_far(f)), f=1, n)], first, last)
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, tolerance, is_below, n, n_found, found, first, last) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, is_below, clear, n, n_found, found, first, last) if (n > least_shared)
     do f = first, last
       if (is_far(f)) cycle
       corners = a%set%corners(f)
@@ -92,6 +94,8 @@ contains
       real(dp), allocatable :: more(:, :)
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
+      ! No point of the edge is nearer to b than an end but for its way there.
+      if (sum(clear(nodes(:2))) > longest_way(a%x(:, nodes))) return
       call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
       if (n_crossings == 0 .and. .not. all(is_below(nodes(:2)))) return
       length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
@@ -193,6 +197,15 @@ contains
       call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own, unresolved)
     end subroutine segment_depth
   end subroutine find_edges
+
+  !> Bound of the length of an edge between its first two nodes [length].
+  pure real(dp) function longest_way(x) result(length)
+    !> Nodes of the edge (3, 2 or 3) [length].
+    real(dp), intent(in) :: x(:, :)
+    length = norm2(x(:, 2) - x(:, 1))
+    ! The derivative is linear along the edge.
+    if (size(x, 2) == 3) length = max(norm2(x(:, 3) - x(:, 1)), norm2(4*x(:, 2) - 3*x(:, 1) - x(:, 3)))/2
+  end function longest_way
 
   !> Shape functions of the nodes of an edge at a place between the first two; the third one is at its middle or beyond
   !> its second end.

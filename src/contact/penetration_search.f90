@@ -42,22 +42,29 @@ contains
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
     logical :: is_below(a%n_nodes)
-    real(dp) :: unresolved(a%n_nodes)
-    integer :: i, hint, first, last
+    real(dp) :: unresolved(a%n_nodes), clear(a%n_nodes)
+    integer :: i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     is_below = .false.
     unresolved = 0
+    clear = 0
     call division%portion([(merge(distant_cost, 1.0_dp, is_outside_box(b, a%x(:, i), tolerance%slack)), &
                             i=1, a%n_nodes)], first, last)
-    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, first, last) private(hint) &
-    !$omp& if (a%n_nodes > least_shared)
+    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, clear, first, last) &
+    !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
+    known = 0
     !$omp do schedule(dynamic, chunk)
     do i = first, last
-      call find_node_depth(a, b, i, tolerance, hint, is_below(i), depth(i), unresolved(i))
+      ! A node that is nearer to another one than that to b is outside as well.
+      if (known > 0) clear(i) = clear(known) - norm2(a%x(:, i) - a%x(:, known))
+      if (clear(i) > tolerance%slack) cycle
+      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i), unresolved(i))
+      known = i
     end do
     !$omp end do
     !$omp end parallel
+    call division%fill(clear, first, last)
     if (division%is_divided) call share_depths(division, is_below, depth, unresolved)
     do i = 1, a%n_nodes
       if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
@@ -67,7 +74,7 @@ contains
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(division, a, b, tolerance, is_below, depth, worst)
+    call find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.
@@ -144,7 +151,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, is_below, depth, unresolved)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, unresolved)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
@@ -155,7 +162,9 @@ contains
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Facet that is probably near, that of the last node; 0 for none.
     integer, intent(inout) :: hint
-    !> Whether the node is below the boundary, explained or not.
+    !> Least distance from the other part, 0 where it is not outside [length].
+    real(dp), intent(out) :: clear
+    !> Whether the node is below the boundary, allowed or not.
     logical, intent(out) :: is_below
     !> Depth [length].
     real(dp), intent(out) :: depth
@@ -167,10 +176,14 @@ contains
     is_below = .false.
     depth = 0
     unresolved = 0
-    if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
+    associate (box => b%tree%volume(1))
+      clear = norm2(max(0.0_dp, box%lo - a%x(:, i), a%x(:, i) - box%hi))
+    end associate
+    if (clear > tolerance%slack) return
     call b%depth_of(a%x(:, i), hint, depth, facet, xi)
     hint = facet
-    if (depth < -tolerance%slack) then
+    clear = max(0.0_dp, -depth)
+    if (clear > tolerance%slack) then
       depth = 0
       return
     end if

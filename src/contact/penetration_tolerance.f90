@@ -6,10 +6,10 @@
 !> - the bound of the iteration times what the two move beside their common rigid motion, and rounding (`slack`);
 !> - penalty and given gaps: the penetration of the rows around both points (`left`);
 !> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides;
-!> - mean conditions, where there are rows: over a facet of width h that makes the angle b with the other surface, a gap
+!> - mean conditions, where there are rows: over a facet of width h that turns by b against the other surface, a gap
 !>   whose mean is 0 goes from -h b/2 to h b/2;
-!> - corners within reach of corners, which have no rows: the change of length of the facets at both, by which the
-!>   displacement varies over them;
+!> - corners that meet corners by their motion, which have no rows: the change of length of the facets at both, by which
+!>   displacements vary over them;
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
@@ -44,8 +44,6 @@ module dotyk_contact_penetration_tolerance
 
   !> Depths that are allowed are notable from this fraction of the displacements on [].
   real(dp), parameter :: notable_fraction = 0.25_dp
-  !> Surfaces at a greater angle have no rows [rad].
-  real(dp), parameter :: most_tilt = 1
 
 contains
 
@@ -114,9 +112,9 @@ contains
     real(dp), intent(out) :: allowed
     !> The part of it by penalty and given gaps [length].
     real(dp), intent(out) :: left
-    !> The part of it by arcs over the facets before deformation [length].
+    !> The part of it that the shape at rest explains: arcs over the facets [length].
     real(dp), intent(out) :: arcs
-    real(dp) :: position(3), d(3), xu(3), xv(3), slip, tilt, width, turn, curvature, stretch
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
     around = a%facets_around(nodes)
@@ -129,22 +127,29 @@ contains
     curvature = maxval(a%curvature(around)) + maxval(b%curvature(shared))
     arcs = along(a, around, a%curvature(around)*a%set%size(around)**2/4, d) + &
            along(b, shared, b%curvature(shared)*b%set%size(shared)**2/4, d)
-    ! Facets of the two that face each other best.
-    tilt = 2
+    ! Facets of the two that face each other best, and how they turn against each other.
+    facing = 0
+    tilt = 0
     do k = 1, size(shared)
       do i = 1, size(around)
-        tilt = min(tilt, norm2(a%normal(:, around(i)) + b%normal(:, shared(k))))
+        associate (p => around(i), q => shared(k))
+          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
+          facing = dot_product(a%normal(:, p), b%normal(:, q))
+          tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
+        end associate
       end do
     end do
     associate (of_b => b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))
       left = maxval(self%left_a%depth(nodes)) + maxval(self%left_b%depth(of_b))
       width = max(maxval(self%left_a%width(nodes)), maxval(self%left_b%width(of_b)))
     end associate
-    if (tilt > most_tilt) width = 0
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + width*tilt/2 + &
               along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
-    stretch = maxval(a%stretch(around)) + maxval(b%stretch(shared))
-    if (are_corners(a, around, b, facet, x, stretch)) allowed = allowed + stretch
+    ! Without rows, arcs explain no more than the facets overlapped at rest.
+    if (.not. width > 0) arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
+                                position - b%displacement_at(facet, xi) - x + displacement)))
+    if (are_corners(a, around, b, facet, x, slip)) &
+      allowed = allowed + maxval(a%stretch(around)) + maxval(b%stretch(shared))
   end subroutine tolerance_find_allowed
 
   !> Largest height over some facets, measured in a direction [length].

@@ -38,8 +38,6 @@ module dotyk_control_couple_penetration
   type, public :: parts_t
     !> The parts (n_parts).
     type(solid_t), allocatable :: part(:)
-    !> Their facets in motion (n_parts).
-    type(swept_facets_t), allocatable :: swept(:)
   end type parts_t
 
   public :: check_bodies, split_parts
@@ -72,11 +70,10 @@ contains
     call extract_boundary(mesh, boundary)
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n)
-    allocate (parts%part(n), parts%swept(n))
+    allocate (parts%part(n))
     of_facet = component(boundary%node(1, :))
     do k = 1, n
       call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
-      call parts%swept(k)%init(parts%part(k))
     end do
   end subroutine split_parts
 
@@ -127,9 +124,9 @@ contains
           tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node))
           tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node))
           if (.not. problem%body(b)%mesh%is_open) &
-            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth(a)%value, a_in_b%worst)
+            call check_parts(division, p, q, tolerance, depth(a)%value, a_in_b%worst)
           if (.not. problem%body(a)%mesh%is_open) &
-            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth(b)%value, b_in_a%worst)
+            call check_parts(division, q, p, tolerance%swapped(), depth(b)%value, b_in_a%worst)
         end associate
       end do
     end do
@@ -207,15 +204,13 @@ contains
   end subroutine measure_motion
 
   !> Check one part against another one.
-  subroutine check_parts(division, p, q, swept, tolerance, depth, worst)
+  subroutine check_parts(division, p, q, tolerance, depth, worst)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> The part.
     type(solid_t), intent(in) :: p
     !> The other part.
     type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
     !> Depths that are explained.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth at the nodes of the body (n_nodes) [length].
@@ -223,6 +218,7 @@ contains
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
     type(penetration_t) :: here
+    type(swept_facets_t) :: swept
     real(dp), allocatable :: own(:)
     associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
       if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
@@ -231,7 +227,10 @@ contains
         call find_penetration(division, p, q, tolerance, own, here)
       end if
     end associate
-    if (may_pass(p, q, swept)) call find_passages(division, p, q, swept, tolerance, own, here)
+    if (may_pass(p, q)) then
+      call swept%init(q)
+      call find_passages(division, p, q, swept, tolerance, own, here)
+    end if
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)
@@ -253,16 +252,14 @@ contains
 
   !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
   !> thickness, but no part is thinner than a small fraction of them.
-  pure logical function may_pass(p, q, swept)
+  pure logical function may_pass(p, q)
     !> The part.
     type(solid_t), intent(in) :: p
     !> The other part.
     type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    real(dp) :: far
-    far = farthest(p, swept%shift) + farthest(q, swept%shift)
-    may_pass = far > least_thickness*minval(q%set%size)
+    real(dp) :: shift(3)
+    shift = sum(q%x - q%x0, dim=2)/q%n_nodes
+    may_pass = farthest(p, shift) + farthest(q, shift) > least_thickness*minval(q%set%size)
   end function may_pass
 
   !> Largest displacement of the nodes of a part beside a common one [length].
