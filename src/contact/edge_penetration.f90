@@ -12,8 +12,9 @@ module dotyk_contact_edge_penetration
   private
   public :: find_edges
 
-  !> Points along the part of an edge that is inside, and steps of the search for the deepest one.
-  integer, parameter :: n_samples = 3, n_steps = 30
+  !> Points along the part of an edge that is inside, the middle first [], and steps of the search for the deepest one.
+  real(dp), parameter :: sample(3) = [0.5_dp, 0.25_dp, 0.75_dp]
+  integer, parameter :: n_steps = 30
   !> Facets that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
   !> Numbers of a segment that is found, and segments that there is room for at first.
@@ -90,7 +91,7 @@ contains
       integer, intent(in) :: f
       !> Its ends, and of a curved edge the third node (2 or 3).
       integer, intent(in) :: nodes(:)
-      real(dp) :: s(max_crossings), deepest, place, own, at, length, unresolved, coarse, coarse_at(3)
+      real(dp) :: s(max_crossings), deepest, place, raw, own, at, length, unresolved, coarse, coarse_at(3)
       real(dp), allocatable :: more(:, :)
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
@@ -112,9 +113,11 @@ contains
           if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
           ! No point is deeper than it is far from a crossing.
           if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
-          do j = 1, n_samples
-            place = low + (high - low)*j/(n_samples + 1)
-            call segment_depth(nodes, place, own, unresolved, facet)
+          do j = 1, size(sample)
+            place = low + (high - low)*sample(j)
+            call segment_depth(nodes, place, raw, own, unresolved, facet)
+            ! The middle between two crossings is at least half as deep as any point, in a convex part.
+            if (j == 1 .and. raw <= tolerance%slack/2) exit
             if (unresolved > coarse) then
               coarse = unresolved
               coarse_at = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
@@ -126,9 +129,6 @@ contains
           end do
         end associate
       end do
-      if (deepest > 0) then
-        if (.not. b%encloses(matmul(a%x(:, nodes), edge_shape(size(nodes), at)))) return
-      end if
       if (.not. max(deepest, coarse) > 0) return
       !$omp critical (penetration)
       if (n_found == size(found, 2)) then
@@ -154,14 +154,14 @@ contains
       real(dp), intent(inout) :: own
       !> Facet of the closest point.
       integer, intent(inout) :: facet
-      real(dp) :: left, right, trial, value, unresolved
+      real(dp) :: left, right, trial, raw, value, unresolved
       integer :: step, hit
       hit = facet
       left = low
       right = high
       do step = 1, n_steps
         trial = merge(place + golden*(right - place), place - golden*(place - left), right - place > place - left)
-        call segment_depth(nodes, trial, value, unresolved, hit)
+        call segment_depth(nodes, trial, raw, value, unresolved, hit)
         if (value > own) then
           if (trial > place) left = place
           if (trial < place) right = place
@@ -177,12 +177,14 @@ contains
     end subroutine deepen
 
     !> Depth of a point of a segment that nothing explains; 0 where it is explained.
-    subroutine segment_depth(nodes, place, own, unresolved, facet)
+    subroutine segment_depth(nodes, place, raw, own, unresolved, facet)
       !> Its nodes (2 or 3).
       integer, intent(in) :: nodes(:)
       !> Place, from 0 to 1 [].
       real(dp), intent(in) :: place
-      !> Depth [length].
+      !> Depth, negative outside [length].
+      real(dp), intent(out) :: raw
+      !> Depth that is not allowed [length].
       real(dp), intent(out) :: own
       !> Depth if it is explained, though notable; else 0 [length].
       real(dp), intent(out) :: unresolved
@@ -193,7 +195,8 @@ contains
       x = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
       u = x - matmul(a%x0(:, nodes), edge_shape(size(nodes), place))
       hint = facet
-      call b%depth_of(x, hint, own, facet, xi)
+      call b%depth_of(x, hint, raw, facet, xi)
+      own = raw
       call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own, unresolved)
     end subroutine segment_depth
   end subroutine find_edges

@@ -1,18 +1,15 @@
 !> Penetration of one part into another after deformation: nodes of the one below the boundary of the other, and edges
 !> that pass through it without a node inside.
 !>
-!> A depth counts where it exceeds what is explained (penetration_tolerance.f90). Of the depths that are explained, the
+!> A depth counts where it exceeds what is allowed (penetration_tolerance.f90). Of the depths that are allowed, the
 !> deepest that is a notable part of the displacements is kept.
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_edge_penetration, only: find_edges
-  use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
-  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_ranks_division, only: division_t
   implicit none
   private
@@ -20,8 +17,6 @@ module dotyk_contact_penetration_search
 
   !> Nodes that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
-  !> A facet at this fraction of the distance up to which facets are known is the closest one for certain [].
-  real(dp), parameter :: certain = 0.99_dp
   !> Work for a node far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
 
@@ -48,8 +43,10 @@ contains
     is_below = .false.
     unresolved = 0
     clear = 0
-    call division%portion([(merge(distant_cost, 1.0_dp, is_outside_box(b, a%x(:, i), tolerance%slack)), &
-                            i=1, a%n_nodes)], first, last)
+    associate (box => b%tree%volume(1))
+      call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
+                              i=1, a%n_nodes)], first, last)
+    end associate
     !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, clear, first, last) &
     !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
@@ -170,9 +167,8 @@ contains
     real(dp), intent(out) :: depth
     !> Depth if it is explained, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
-    real(dp) :: xi(2)
-    integer :: facet
-    logical :: is_flush
+    real(dp) :: xi(2), reach
+    integer :: facet, other
     is_below = .false.
     depth = 0
     unresolved = 0
@@ -187,69 +183,19 @@ contains
       depth = 0
       return
     end if
-    is_flush = a%is_flush(i, b, facet)
-    if (is_flush) call depth_beside_flush(a, i, b, depth, facet, xi)
+    if (a%is_flush(i, b, facet)) then
+      ! Farther and farther, until another facet is known to be the closest one.
+      reach = max(tiny(reach), b%set%size(facet))
+      do
+        call b%depth_beside_flush(a%x(:, i), a, [i], .false., reach, depth, other, xi)
+        if (other > 0 .or. reach > norm2(b%tree%volume(1)%hi - b%tree%volume(1)%lo)) exit
+        reach = 2*reach
+      end do
+      if (other == 0) depth = 0
+      if (other > 0) facet = other
+    end if
     is_below = depth > tolerance%slack
     call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), &
                          a%x(:, i) - a%x0(:, i), depth, unresolved)
-    if (depth > 0 .and. .not. is_flush) then
-      if (.not. b%encloses(a%x(:, i))) depth = 0
-    end if
   end subroutine find_node_depth
-
-  !> Whether a point lies outside the box of a part.
-  pure logical function is_outside_box(b, x, margin) result(outside)
-    !> The part.
-    type(solid_t), intent(in) :: b
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Distance by which the box is widened [length].
-    real(dp), intent(in) :: margin
-    outside = any(x < b%tree%volume(1)%lo - margin .or. x > b%tree%volume(1)%hi + margin)
-  end function is_outside_box
-
-  !> Depth of a node below the facets that were not flush with it.
-  pure subroutine depth_beside_flush(a, i, b, depth, facet, xi)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> Its node.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Depth; 0 outside [length].
-    real(dp), intent(out) :: depth
-    !> Facet of the closest point; left as it is where there is none.
-    integer, intent(inout) :: facet
-    !> Its reference coordinates (2) [].
-    real(dp), intent(inout) :: xi(2)
-    type(box_neighbourhood_t) :: region
-    real(dp) :: square, trial, trial_xi(2), position(3), normal(3), xu(3), xv(3)
-    integer, allocatable :: near(:)
-    integer :: f, k
-    depth = 0
-    region%low = a%x(:, i)
-    region%high = a%x(:, i)
-    ! Farther and farther, until no other facet can be the closest one, also from a facet without extent.
-    region%distance = max(tiny(square), b%set%size(facet))
-    do
-      call facets_in_region(b%tree, region, near)
-      square = huge(square)
-      do k = 1, size(near)
-        f = near(k)
-        if (sum(max(b%set%lo(:, f) - a%x(:, i), a%x(:, i) - b%set%hi(:, f), 0.0_dp)**2) >= square) cycle
-        if (a%is_flush(i, b, f)) cycle
-        call closest_point_on_facet(b%set, f, a%x(:, i), trial_xi, trial)
-        if (trial >= square) cycle
-        square = trial
-        facet = f
-        xi = trial_xi
-      end do
-      if (sqrt(square) < certain*region%distance .or. size(near) == b%set%n) exit
-      if (region%distance > huge(square)/4) exit
-      region%distance = 2*region%distance
-    end do
-    if (.not. square < huge(square)) return
-    call facet_position_and_normal(b%set, facet, xi, position, normal, xu, xv)
-    if (dot_product(a%x(:, i) - position, normal) < 0) depth = sqrt(square)
-  end subroutine depth_beside_flush
 end module dotyk_contact_penetration_search

@@ -81,8 +81,8 @@ contains
       call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
       if (depth > allowed) then
         ! Near the side of b, that is not what the point came through.
-        call b%depth_facing(x, a, nodes, 2*max(allowed, b%set%size(facet)), below, facing, there)
-        if (facing == 0) return
+        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
+        if (facing == 0 .or. below < 0) return
         call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, arcs)
         if (below > allowed) return
       end if

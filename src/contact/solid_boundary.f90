@@ -9,12 +9,10 @@ module dotyk_contact_solid_boundary
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
-  use dotyk_contact_facet_parts, only: facet_parts, max_parts
   use dotyk_contact_facet_roughness, only: measure_roughness
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region, nearest_facet
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
-  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -58,9 +56,8 @@ module dotyk_contact_solid_boundary
   contains
     procedure :: init => solid_init
     procedure :: depth_of => solid_depth_of
-    procedure :: depth_facing => solid_depth_facing
+    procedure :: depth_beside_flush => solid_depth_beside_flush
     procedure :: displacement_at => solid_displacement_at
-    procedure :: encloses => solid_encloses
     procedure :: facets_around => solid_facets_around
     procedure :: facets_at => solid_facets_at
     procedure :: is_flush => solid_is_flush
@@ -183,9 +180,8 @@ contains
     depth = sign(sqrt(square), -dot_product(x - position, normal))
   end subroutine solid_depth_of
 
-  !> Depth of a point of another part below the nearest of the facets that face it, without those that were flush with
-  !> it.
-  pure subroutine solid_depth_facing(self, x, other, nodes, most, depth, facet, xi)
+  !> Depth of a point of another part below the nearest of the facets that were not flush with it.
+  pure subroutine solid_depth_beside_flush(self, x, other, nodes, faces_only, most, depth, facet, xi)
     class(solid_t), intent(in) :: self
     !> Point (3) [length].
     real(dp), intent(in) :: x(3)
@@ -193,11 +189,13 @@ contains
     class(solid_t), intent(in) :: other
     !> Its node, or the nodes that the point lies between (n).
     integer, intent(in) :: nodes(:)
-    !> Greatest depth that is looked for [length].
+    !> Whether only facets count that face one at these nodes.
+    logical, intent(in) :: faces_only
+    !> Distance up to which facets are looked for [length].
     real(dp), intent(in) :: most
-    !> Depth, not negative [length].
+    !> Depth, negative outside; `most` where there is no facet [length].
     real(dp), intent(out) :: depth
-    !> Facet of the closest point; 0 where there is none, or the point is not below it.
+    !> Facet of the closest point; 0 where there is none.
     integer, intent(out) :: facet
     !> Its reference coordinates (2) [].
     real(dp), intent(out) :: xi(2)
@@ -209,8 +207,9 @@ contains
     call facets_in_region(self%tree, box_neighbourhood_t(x, x, most), near)
     square = most**2
     facet = 0
+    xi = 0
     do k = 1, size(near)
-      if (minval(matmul(self%normal(:, near(k)), normals)) > facing_cosine) cycle
+      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > facing_cosine) cycle
       if (any([(other%is_flush(nodes(i), self, near(k)), i=1, size(nodes))])) cycle
       call closest_point_on_facet(self%set, near(k), x, trial_xi, trial)
       if (trial > square) cycle
@@ -221,8 +220,8 @@ contains
     depth = sqrt(square)
     if (facet == 0) return
     call facet_position_and_normal(self%set, facet, xi, position, normal, xu, xv)
-    if (dot_product(x - position, normal) > 0) facet = 0
-  end subroutine solid_depth_facing
+    depth = sign(depth, dot_product(position - x, normal))
+  end subroutine solid_depth_beside_flush
 
   !> Outward direction at a point of a facet; the mean of the facets around at edges and vertices.
   pure subroutine solid_outward_normal(self, facet, xi, position, normal)
@@ -303,35 +302,6 @@ contains
     integer :: i
     list = [(self%around(self%first(nodes(i)):self%first(nodes(i) + 1) - 1), i=1, size(nodes))]
   end function solid_facets_around
-
-  !> Whether the deformed boundary, of flat parts between its nodes, goes around a point: its solid angle there is more
-  !> than half of the whole one. No angles at edges enter, which may be too sharp for the sign of a distance.
-  pure logical function solid_encloses(self, x) result(encloses)
-    class(solid_t), intent(in) :: self
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    real(dp) :: angle, v(3, 3), r(3)
-    integer :: f, i, k, n, part(3, max_parts)
-    angle = 0
-    do f = 1, self%surface%n_facets
-      call facet_parts(self%surface%node(:, f), self%set%corners(f), n, part)
-      do k = 1, n
-        do i = 1, self%dimension
-          v(:, i) = self%x(:, part(i, k)) - x
-          r(i) = norm2(v(:, i))
-        end do
-        if (self%dimension == 2) then
-          angle = angle + 2*atan2(v(1, 1)*v(2, 2) - v(2, 1)*v(1, 2), dot_product(v(:, 1), v(:, 2)))
-        else
-          ! Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30, 1983.
-          angle = angle + 2*atan2(dot_product(v(:, 1), cross(v(:, 2), v(:, 3))), &
-                                  product(r) + dot_product(v(:, 1), v(:, 2))*r(3) + &
-                                  dot_product(v(:, 2), v(:, 3))*r(1) + dot_product(v(:, 3), v(:, 1))*r(2))
-        end if
-      end do
-    end do
-    encloses = angle > 2*acos(-1.0_dp)
-  end function solid_encloses
 
   !> Unit normal of a facet at one of its corners, times the angle of the facet there [rad].
   pure function normal_by_angle(set, x, facet, corner) result(normal)
