@@ -18,6 +18,8 @@ module dotyk_contact_passage_search
   type, public :: swept_facets_t
     !> Displacement that is common to the part: motions are relative to it (3) [length].
     real(dp) :: shift(3) = 0
+    !> Largest displacement of its nodes relative to it [length].
+    real(dp) :: farthest = 0
     !> Bounding-volume tree of the facets on their way.
     type(bounding_volume_tree_t) :: tree
   contains
@@ -52,6 +54,7 @@ contains
     type(facet_set_t) :: bounds
     integer :: f, k, n
     self%shift = sum(b%x - b%x0, dim=2)/b%n_nodes
+    self%farthest = maxval(norm2(b%x - b%x0 - spread(self%shift, 2, b%n_nodes), 1))
     n = b%set%n
     bounds%n = n
     bounds%dimension = b%dimension

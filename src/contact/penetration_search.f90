@@ -23,7 +23,7 @@ module dotyk_contact_penetration_search
 contains
 
   !> Depth of a part below the boundary of another one.
-  subroutine find_penetration(division, a, b, tolerance, depth, worst)
+  subroutine find_penetration(division, a, b, tolerance, depth, worst, clear)
     !> How ranks divide nodes and facets.
     type(division_t), intent(in) :: division
     !> The part.
@@ -36,13 +36,15 @@ contains
     real(dp), allocatable, intent(out) :: depth(:)
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
+    !> Least distance of each node from b, 0 where it is not outside (a%n_nodes) [length].
+    real(dp), allocatable, intent(out) :: clear(:)
     logical :: is_below(a%n_nodes)
-    real(dp) :: unresolved(a%n_nodes), clear(a%n_nodes)
+    real(dp) :: unresolved(a%n_nodes)
     integer :: i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     is_below = .false.
     unresolved = 0
-    clear = 0
+    allocate (clear(a%n_nodes), source=0.0_dp)
     associate (box => b%tree%volume(1))
       call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
                               i=1, a%n_nodes)], first, last)
@@ -101,7 +103,7 @@ contains
   end subroutine share_depths
 
   !> Nodes of a part that have passed wholly through another one.
-  subroutine find_passages(division, a, b, swept, tolerance, depth, worst)
+  subroutine find_passages(division, a, b, swept, tolerance, clear, depth, worst)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> The part.
@@ -112,6 +114,8 @@ contains
     type(swept_facets_t), intent(in) :: swept
     !> Depths that are explained.
     type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Least distance of each node from b after deformation (a%n_nodes) [length].
+    real(dp), intent(in) :: clear(:)
     !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
     !> that they entered through (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
@@ -123,9 +127,11 @@ contains
     passed = 0
     call division%portion(a%n_nodes, first, last)
     !$omp parallel do default(none) private(passage, allowed, left, arcs, centre) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, swept, tolerance, depth, passed, first, last) if (a%n_nodes > least_shared)
+    !$omp& shared(a, b, swept, tolerance, clear, depth, passed, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
+      ! Farther from b than the two have moved.
+      if (clear(i) > norm2(a%x(:, i) - a%x0(:, i) - swept%shift) + swept%farthest) cycle
       call find_passage(a, i, b, swept, tolerance%slack, passage)
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)

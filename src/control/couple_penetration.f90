@@ -38,6 +38,8 @@ module dotyk_control_couple_penetration
   type, public :: parts_t
     !> The parts (n_parts).
     type(solid_t), allocatable :: part(:)
+    !> Their facets in motion (n_parts).
+    type(swept_facets_t), allocatable :: swept(:)
   end type parts_t
 
   public :: check_bodies, split_parts
@@ -70,10 +72,11 @@ contains
     call extract_boundary(mesh, boundary)
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n)
-    allocate (parts%part(n))
+    allocate (parts%part(n), parts%swept(n))
     of_facet = component(boundary%node(1, :))
     do k = 1, n
       call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+      call parts%swept(k)%init(parts%part(k))
     end do
   end subroutine split_parts
 
@@ -124,9 +127,9 @@ contains
           tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node))
           tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node))
           if (.not. problem%body(b)%mesh%is_open) &
-            call check_parts(division, p, q, tolerance, depth(a)%value, a_in_b%worst)
+            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth(a)%value, a_in_b%worst)
           if (.not. problem%body(a)%mesh%is_open) &
-            call check_parts(division, q, p, tolerance%swapped(), depth(b)%value, b_in_a%worst)
+            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth(b)%value, b_in_a%worst)
         end associate
       end do
     end do
@@ -204,13 +207,15 @@ contains
   end subroutine measure_motion
 
   !> Check one part against another one.
-  subroutine check_parts(division, p, q, tolerance, depth, worst)
+  subroutine check_parts(division, p, q, swept, tolerance, depth, worst)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> The part.
     type(solid_t), intent(in) :: p
     !> The other part.
     type(solid_t), intent(in) :: q
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
     !> Depths that are explained.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth at the nodes of the body (n_nodes) [length].
@@ -218,19 +223,17 @@ contains
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
     type(penetration_t) :: here
-    type(swept_facets_t) :: swept
-    real(dp), allocatable :: own(:)
+    real(dp), allocatable :: own(:), clear(:)
     associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
       if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
-        allocate (own(p%n_nodes), source=0.0_dp)
+        allocate (own(p%n_nodes), clear(p%n_nodes), source=0.0_dp)
       else
-        call find_penetration(division, p, q, tolerance, own, here)
+        call find_penetration(division, p, q, tolerance, own, here, clear)
       end if
     end associate
-    if (may_pass(p, q)) then
-      call swept%init(q)
-      call find_passages(division, p, q, swept, tolerance, own, here)
-    end if
+    ! Facets are no guide to the thickness of a part, but none is thinner than a small fraction of them.
+    if (maxval(norm2(p%x - p%x0 - spread(swept%shift, 2, p%n_nodes), 1)) + swept%farthest > &
+        least_thickness*minval(q%set%size)) call find_passages(division, p, q, swept, tolerance, clear, own, here)
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)
@@ -249,26 +252,4 @@ contains
       call worst%keep_unresolved(here%unresolved, here%unresolved_position)
     end if
   end subroutine check_parts
-
-  !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
-  !> thickness, but no part is thinner than a small fraction of them.
-  pure logical function may_pass(p, q)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> The other part.
-    type(solid_t), intent(in) :: q
-    real(dp) :: shift(3)
-    shift = sum(q%x - q%x0, dim=2)/q%n_nodes
-    may_pass = farthest(p, shift) + farthest(q, shift) > least_thickness*minval(q%set%size)
-  end function may_pass
-
-  !> Largest displacement of the nodes of a part beside a common one [length].
-  pure real(dp) function farthest(p, shift)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> Common displacement (3) [length].
-    real(dp), intent(in) :: shift(3)
-    integer :: i
-    farthest = maxval([0.0_dp, (norm2(p%x(:, i) - p%x0(:, i) - shift), i=1, p%n_nodes)])
-  end function farthest
 end module dotyk_control_couple_penetration

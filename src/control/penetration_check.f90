@@ -165,7 +165,7 @@ contains
       do k = first, last
         do b = 1, 2
           associate (of_body => parts(couple(b, k)))
-            if (last_use(couple(b, k)) <= last .and. allocated(of_body%part)) deallocate (of_body%part)
+            if (last_use(couple(b, k)) <= last .and. allocated(of_body%part)) deallocate (of_body%part, of_body%swept)
           end associate
         end do
       end do
