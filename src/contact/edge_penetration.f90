@@ -26,7 +26,7 @@ module dotyk_contact_edge_penetration
 
 contains
 
-  !> Edges that pass through another part, or run inside it between two nodes that are explained.
+  !> Edges that pass through another part, or run inside it between two nodes that are allowed.
   subroutine find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
     !> How ranks divide the facets.
     type(division_t), intent(in) :: division
@@ -34,7 +34,7 @@ contains
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Nodes below the boundary (a%n_nodes).
     logical, intent(in) :: is_below(:)
@@ -150,7 +150,7 @@ contains
       real(dp), intent(in) :: low, high
       !> Place on the segment, from 0 to 1 [].
       real(dp), intent(inout) :: place
-      !> Depth there that nothing explains [length].
+      !> Depth there that is not allowed [length].
       real(dp), intent(inout) :: own
       !> Facet of the closest point.
       integer, intent(inout) :: facet
@@ -176,7 +176,7 @@ contains
       end do
     end subroutine deepen
 
-    !> Depth of a point of a segment that nothing explains; 0 where it is explained.
+    !> Depth of a point of a segment that is not allowed; 0 where it is.
     subroutine segment_depth(nodes, place, raw, own, unresolved, facet)
       !> Its nodes (2 or 3).
       integer, intent(in) :: nodes(:)
@@ -186,7 +186,7 @@ contains
       real(dp), intent(out) :: raw
       !> Depth that is not allowed [length].
       real(dp), intent(out) :: own
-      !> Depth if it is explained, though notable; else 0 [length].
+      !> Depth if it is allowed, though notable; else 0 [length].
       real(dp), intent(out) :: unresolved
       !> Facet of the closest point; on entry one that is probably near, or 0.
       integer, intent(inout) :: facet
@@ -224,7 +224,7 @@ contains
     if (n == 3) shape = [(1 - place)*(2 - place)/2, place*(2 - place), place*(place - 1)/2]
   end function edge_shape
 
-  !> Add the segments that are too deep, or explained though notable, to the deepest point, in the order of the facets.
+  !> Add the segments that are too deep, or allowed though notable, to the deepest point, in the order of the facets.
   subroutine keep_segments(found, depth, worst)
     !> The segments: facet, ends, depth that is allowed, though notable, and its position, depth that is not, and its
     !> position (segment_length, n).

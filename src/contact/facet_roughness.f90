@@ -12,16 +12,10 @@ module dotyk_contact_facet_roughness
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: measure_roughness
+  public :: corner_place, measure_roughness
 
   !> Roughness over width times angle: twice the height of the arc.
   real(dp), parameter :: roughness_factor = 0.25_dp
-  !> Reference coordinates of the corners.
-  real(dp), parameter :: triangle_corner(2, 3) = &
-    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
-  real(dp), parameter :: quadrilateral_corner(2, 4) = &
-    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
-  real(dp), parameter :: line_corner(2, 2) = reshape([-1.0_dp, 0.0_dp, 1.0_dp, 0.0_dp], [2, 2])
 
 contains
 
@@ -111,14 +105,7 @@ contains
     curvature = 0
     if (is_flat) return
     do i = 1, set%corners(f)
-      select case (set%corners(f))
-      case (2)
-        xi = line_corner(:, i)
-      case (3)
-        xi = triangle_corner(:, i)
-      case default
-        xi = quadrilateral_corner(:, i)
-      end select
+      xi = corner_place(set%corners(f), i)
       call facet_position_and_normal(set, f, xi, position, other, xu, xv)
       turn = norm2(other - normal)
       distance = norm2(position - centre)
@@ -128,6 +115,18 @@ contains
       curvature = max(curvature, turn/distance)
     end do
   end subroutine bulge
+
+  !> Reference coordinates of a corner of a line, triangle or quadrilateral (2) [].
+  pure function corner_place(corners, i) result(xi)
+    !> Number of corners.
+    integer, intent(in) :: corners
+    !> Corner.
+    integer, intent(in) :: i
+    real(dp) :: xi(2)
+    xi = [merge(1, 0, i == 2), merge(1, 0, i == 3)]
+    if (corners == 2) xi = [2*i - 3, 0]
+    if (corners == 4) xi = [merge(1, -1, i == 2 .or. i == 3), merge(1, -1, i > 2)]
+  end function corner_place
 
   !> Unit normal of the plane, or chord, of the corners (3) []; zero where they are collinear.
   pure function corner_normal(x) result(normal)

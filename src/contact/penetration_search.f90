@@ -30,7 +30,7 @@ contains
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
@@ -82,9 +82,9 @@ contains
     type(division_t), intent(in) :: division
     !> Nodes below the boundary; of this rank in, of all out (n_nodes).
     logical, intent(inout) :: is_below(:)
-    !> Depths that nothing explains, likewise (n_nodes) [length].
+    !> Depths that is not allowed, likewise (n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
-    !> Depths that are explained, though notable, likewise (n_nodes) [length].
+    !> Depths that are allowed, though notable, likewise (n_nodes) [length].
     real(dp), intent(inout) :: unresolved(:)
     real(dp), allocatable :: list(:, :)
     integer, allocatable :: node(:)
@@ -112,7 +112,7 @@ contains
     type(solid_t), intent(in) :: b
     !> Facets of the other part in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Least distance of each node from b after deformation (a%n_nodes) [length].
     real(dp), intent(in) :: clear(:)
@@ -153,7 +153,7 @@ contains
     end do
   end subroutine find_passages
 
-  !> Depth of a node that nothing explains; 0 where it is explained [length].
+  !> Depth of a node that is not allowed; 0 where it is [length].
   pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, unresolved)
     !> The part.
     type(solid_t), intent(in) :: a
@@ -161,7 +161,7 @@ contains
     type(solid_t), intent(in) :: b
     !> Node of the part.
     integer, intent(in) :: i
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Facet that is probably near, that of the last node; 0 for none.
     integer, intent(inout) :: hint
@@ -171,7 +171,7 @@ contains
     logical, intent(out) :: is_below
     !> Depth [length].
     real(dp), intent(out) :: depth
-    !> Depth if it is explained, though notable; else 0 [length].
+    !> Depth if it is allowed, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
     real(dp) :: xi(2), reach
     integer :: facet, other

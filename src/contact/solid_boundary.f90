@@ -9,7 +9,7 @@ module dotyk_contact_solid_boundary
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
-  use dotyk_contact_facet_roughness, only: measure_roughness
+  use dotyk_contact_facet_roughness, only: corner_place, measure_roughness
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region, nearest_facet
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
@@ -71,11 +71,6 @@ module dotyk_contact_solid_boundary
   real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> A point lies on an edge where its distance is below this fraction of the size of the facet.
   real(dp), parameter :: edge_tolerance = 1.0e-8_dp
-  !> Reference coordinates of the corners of triangles and quadrilaterals, and of the ends of lines.
-  real(dp), parameter :: triangle_corner(2, 3) = &
-    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
-  real(dp), parameter :: quadrilateral_corner(2, 4) = &
-    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
 
 contains
 
@@ -318,15 +313,8 @@ contains
     real(dp) :: position(3), xu(3), xv(3), a(3), b(3)
     integer :: n
     n = set%corners(facet)
-    if (n == 2) then
-      call facet_position_and_normal(set, facet, [2.0_dp*corner - 3, 0.0_dp], position, normal, xu, xv)
-      return
-    end if
-    if (n == 3) then
-      call facet_position_and_normal(set, facet, triangle_corner(:, corner), position, normal, xu, xv)
-    else
-      call facet_position_and_normal(set, facet, quadrilateral_corner(:, corner), position, normal, xu, xv)
-    end if
+    call facet_position_and_normal(set, facet, corner_place(n, corner), position, normal, xu, xv)
+    if (n == 2) return
     a = x(:, set%corner_node(modulo(corner, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
     b = x(:, set%corner_node(modulo(corner - 2, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
     normal = normal*acos(max(-1.0_dp, min(1.0_dp, dot_product(a, b)/max(norm2(a)*norm2(b), tiny(1.0_dp)))))

@@ -143,12 +143,8 @@ contains
     if (found%worst%depth > 0 .or. size(pairs%between(problem%pair, a, b)) > 0) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
-        associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node))
-          tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node))
-          call find_touch(p, q, tolerance, found%touch)
-          call find_touch(q, p, tolerance%swapped(), found%touch)
-        end associate
+        call find_touch(parts_a%part(i), parts_b%part(j), tolerance%slack, found%touch)
+        call find_touch(parts_b%part(j), parts_a%part(i), tolerance%slack, found%touch)
       end do
     end do
   end subroutine check_bodies
@@ -216,7 +212,7 @@ contains
     type(solid_t), intent(in) :: q
     !> Facets of the other part in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth at the nodes of the body (n_nodes) [length].
     real(dp), intent(inout) :: depth(:)

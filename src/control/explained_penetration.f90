@@ -1,5 +1,5 @@
-!> Penetration of two bodies that their contact pairs leave by intention: by penalty, and where a given gap is larger
-!> than the distance of the surfaces.
+!> What contact pairs leave between two bodies by intention: penetration by penalty and where a given gap is larger than
+!> the distance of the surfaces, and facets over which the gap is 0 in the mean.
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
@@ -56,8 +56,10 @@ contains
         call penetration_at_points(pair, y(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_a), &
                                    problem%surface_a(k), problem%body(pair%body_b), problem%surface_b(k), &
                                    at_points, width, is_between)
-        if (pair%body_a == body) call spread_points(at_points, width, problem%surface_a(k), pair%facet_a, left, is_known)
-        if (pair%body_b == body) call spread_points(at_points, width, problem%surface_b(k), pair%facet_b, left, is_known)
+        if (pair%body_a == body) &
+          call spread_points(at_points, width, problem%surface_a(k), pair%facet_a, left, is_known)
+        if (pair%body_b == body) &
+          call spread_points(at_points, width, problem%surface_b(k), pair%facet_b, left, is_known)
         if (.not. is_between) cycle
         if (pair%gap_kind == gap_formula) beside = any_depth
         if (pair%gap_kind == gap_constant) beside = max(beside, maxval(at_points))

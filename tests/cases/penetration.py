@@ -197,8 +197,8 @@ class Penetration(unittest.TestCase):
         self.assertNotIn("moves by", answer.log)
 
     def test_corners_on_corners(self):
-        """Grids of four boxes that close their gaps: where four corners meet there are no rows, and compression moves them
-        into each other by less than the facets there change in length."""
+        """Grids of four boxes that close their gaps: where four corners meet there are no rows, and compression moves
+        them into each other by less than the facets there change in length."""
         for seed in range(1, 9):
             random = np.random.default_rng(seed)
             scene = Scene("3d", "theta=0, tolerance=1e-9")
@@ -210,7 +210,8 @@ class Penetration(unittest.TestCase):
                     mesh = box(random.choice(["hex8", "tet4"]), random.integers(1, 4, 3),
                                (x[i], 0, z[j]) + shift, (x[i + 1], depth, z[j + 1]) + shift)
                     scene.body(name, mesh, float(random.uniform(700, 1500)))
-                    scene.fix(name, "front", "n").raw("&spring body='%s', surface='*', fix='xyz', modulus=0.05" % name)
+                    scene.fix(name, "front", "n")
+                    scene.raw("&spring body='%s', surface='*', fix='xyz', modulus=0.05" % name)
                     for at_wall, held_side, pressed in ((i == 0, "left", "right"), (j == 0, "bottom", "top")):
                         if at_wall:
                             scene.fix(name, held_side, "n")
@@ -229,7 +230,8 @@ class Penetration(unittest.TestCase):
             for penetration in (1.5, 3, 100):
                 scene = Scene("3d" if d == 3 else "plane_strain", "theta=%r, tolerance=1e-10" % (100 * penetration))
                 for k, name in enumerate(("low", "middle", "high")):
-                    scene.body(name, box(kind, k + 1, [0] * (d - 1) + [k], [1] * (d - 1) + [k + 1])).fix(name, "left", "n")
+                    scene.body(name, box(kind, k + 1, [0] * (d - 1) + [k], [1] * (d - 1) + [k + 1]))
+                    scene.fix(name, "left", "n")
                     if d == 3:
                         scene.fix(name, "front", "n")
                 scene.fix("low", "bottom", "n").load("high", "top", pressure=0.01)
@@ -282,7 +284,7 @@ class Penetration(unittest.TestCase):
             self.check_unturned(scene)
 
     def test_rigid_punch(self):
-        """A tilted punch that turns by 0.05 rad until it lies on a block: as a rigid body, as its surface alone, and stiff."""
+        """A tilted punch that turns by 0.05 rad until it lies on a block: as a rigid body, its surface alone, and stiff."""
         for form in ("rigid", "surface", "stiff"):
             scene = Scene("3d", "theta=0, tolerance=1e-9")
             scene.body("block", box("hex8", (8, 8, 4), (0, 0, 0), (2, 2, 1)), 1000.0)
