@@ -284,7 +284,7 @@ class Penetration(unittest.TestCase):
             self.check_unturned(scene)
 
     def test_rigid_punch(self):
-        """A tilted punch that turns by 0.05 rad until it lies on a block: as a rigid body, its surface alone, and stiff."""
+        """A tilted punch turns by 0.05 rad until it lies on a block: as a rigid body, its surface alone, and stiff."""
         for form in ("rigid", "surface", "stiff"):
             scene = Scene("3d", "theta=0, tolerance=1e-9")
             scene.body("block", box("hex8", (8, 8, 4), (0, 0, 0), (2, 2, 1)), 1000.0)
