@@ -4,7 +4,7 @@ module dotyk_contact_edge_penetration
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_facet_crossing, only: crossings, max_crossings
   use dotyk_contact_penetration, only: penetration_t, same_depth
-  use dotyk_contact_penetration_tolerance, only: notable_fraction, penetration_tolerance_t
+  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   use dotyk_ranks_division, only: division_t
@@ -12,12 +12,13 @@ module dotyk_contact_edge_penetration
   private
   public :: find_edges
 
-  !> Points along the part of an edge that is inside, and steps of the search for the deepest one.
-  integer, parameter :: n_samples = 3, n_steps = 30
+  !> Points along the part of an edge that is inside, the middle first [], and steps of the search for the deepest one.
+  real(dp), parameter :: sample(3) = [0.5_dp, 0.25_dp, 0.75_dp]
+  integer, parameter :: n_steps = 30
   !> Facets that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
   !> Numbers of a segment that is found, and segments that there is room for at first.
-  integer, parameter :: segment_length = 9, first_room = 64
+  integer, parameter :: segment_length = 11, first_room = 64
   !> Work for a facet far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
   !> Golden section.
@@ -25,18 +26,20 @@ module dotyk_contact_edge_penetration
 
 contains
 
-  !> Edges that pass through another part, or run inside it between two nodes that are explained.
-  subroutine find_edges(division, a, b, tolerance, is_below, depth, worst)
+  !> Edges that pass through another part, or run inside it between two nodes that are allowed.
+  subroutine find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
     !> How ranks divide the facets.
     type(division_t), intent(in) :: division
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Nodes below the boundary (a%n_nodes).
     logical, intent(in) :: is_below(:)
+    !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
+    real(dp), intent(in) :: clear(:)
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     !> The deepest point.
@@ -48,7 +51,7 @@ contains
     allocate (found(segment_length, first_room))
     call division%portion([(merge(distant_cost, 1.0_dp, is_far(f)), f=1, n)], first, last)
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, tolerance, is_below, n, n_found, found, first, last) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, is_below, clear, n, n_found, found, first, last) if (n > least_shared)
     do f = first, last
       if (is_far(f)) cycle
       corners = a%set%corners(f)
@@ -60,8 +63,8 @@ contains
         ends(2) = a%surface%node(modulo(e, corners) + 1, f)
         if (kind_nodes(a%surface%kind(f)) > corners) then
           ends(3) = a%surface%node(corners + e, f)
-          call search_segment(f, ends([1, 3]))
-          call search_segment(f, ends([3, 2]))
+          call search_segment(f, ends([1, 3, 2]))
+          call search_segment(f, ends([3, 2, 1]))
         else
           call search_segment(f, ends(1:2))
         end if
@@ -70,7 +73,7 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
-    call keep_segments(a, found, depth, worst)
+    call keep_segments(found, depth, worst)
 
   contains
 
@@ -81,18 +84,21 @@ contains
       is_far = any(a%set%lo(:, f) > b%tree%volume(1)%hi .or. a%set%hi(:, f) < b%tree%volume(1)%lo)
     end function is_far
 
-    !> Find the deepest point of a straight segment between two nodes.
+    !> Find the deepest point between two nodes of an edge. Its chord shows where it crosses the other part, depths are
+    !> those of the edge itself.
     subroutine search_segment(f, nodes)
       !> A facet at it.
       integer, intent(in) :: f
-      !> Its ends.
-      integer, intent(in) :: nodes(2)
-      real(dp) :: s(max_crossings), deepest, place, own, at, length, unresolved, coarse, coarse_at(3)
+      !> Its ends, and of a curved edge the third node (2 or 3).
+      integer, intent(in) :: nodes(:)
+      real(dp) :: s(max_crossings), deepest, place, raw, own, at, length, unresolved, coarse, coarse_at(3)
       real(dp), allocatable :: more(:, :)
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
+      ! No point of the edge is nearer to b than an end but for its way there.
+      if (sum(clear(nodes(:2))) > longest_way(a%x(:, nodes))) return
       call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
-      if (n_crossings == 0 .and. .not. all(is_below(nodes))) return
+      if (n_crossings == 0 .and. .not. all(is_below(nodes(:2)))) return
       length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
       deepest = 0
       at = 0
@@ -107,12 +113,14 @@ contains
           if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
           ! No point is deeper than it is far from a crossing.
           if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
-          do j = 1, n_samples
-            place = low + (high - low)*j/(n_samples + 1)
-            call segment_depth(nodes, place, own, unresolved, facet)
+          do j = 1, size(sample)
+            place = low + (high - low)*sample(j)
+            call segment_depth(nodes, place, raw, own, unresolved, facet)
+            ! The middle between two crossings is at least half as deep as any point, in a convex part.
+            if (j == 1 .and. raw <= tolerance%slack/2) exit
             if (unresolved > coarse) then
               coarse = unresolved
-              coarse_at = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
+              coarse_at = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
             end if
             if (.not. own > deepest) cycle
             call deepen(nodes, low, high, place, own, facet)
@@ -121,8 +129,6 @@ contains
           end do
         end associate
       end do
-      ! Where both ends are explained, a small part of the displacements is left by the mesh.
-      if (n_crossings == 0 .and. deepest <= notable_fraction*tolerance%moved) deepest = 0
       if (.not. max(deepest, coarse) > 0) return
       !$omp critical (penetration)
       if (n_found == size(found, 2)) then
@@ -131,30 +137,31 @@ contains
         call move_alloc(more, found)
       end if
       n_found = n_found + 1
-      found(:, n_found) = [real([f, nodes], dp), coarse, coarse_at, deepest, at]
+      found(:, n_found) = [real([f, nodes(:2)], dp), coarse, coarse_at, deepest, &
+                           matmul(a%x(:, nodes), edge_shape(size(nodes), at))]
       !$omp end critical (penetration)
     end subroutine search_segment
 
     !> Search for the deepest point near a point by golden section.
     subroutine deepen(nodes, low, high, place, own, facet)
-      !> Ends of the segment.
-      integer, intent(in) :: nodes(2)
+      !> Its nodes (2 or 3).
+      integer, intent(in) :: nodes(:)
       !> Bounds of the place [].
       real(dp), intent(in) :: low, high
       !> Place on the segment, from 0 to 1 [].
       real(dp), intent(inout) :: place
-      !> Depth there that nothing explains [length].
+      !> Depth there that is not allowed [length].
       real(dp), intent(inout) :: own
       !> Facet of the closest point.
       integer, intent(inout) :: facet
-      real(dp) :: left, right, trial, value, unresolved
+      real(dp) :: left, right, trial, raw, value, unresolved
       integer :: step, hit
       hit = facet
       left = low
       right = high
       do step = 1, n_steps
         trial = merge(place + golden*(right - place), place - golden*(place - left), right - place > place - left)
-        call segment_depth(nodes, trial, value, unresolved, hit)
+        call segment_depth(nodes, trial, raw, value, unresolved, hit)
         if (value > own) then
           if (trial > place) left = place
           if (trial < place) right = place
@@ -169,34 +176,58 @@ contains
       end do
     end subroutine deepen
 
-    !> Depth of a point of a segment that nothing explains; 0 where it is explained.
-    subroutine segment_depth(nodes, place, own, unresolved, facet)
-      !> Ends of the segment.
-      integer, intent(in) :: nodes(2)
+    !> Depth of a point of a segment that is not allowed; 0 where it is.
+    subroutine segment_depth(nodes, place, raw, own, unresolved, facet)
+      !> Its nodes (2 or 3).
+      integer, intent(in) :: nodes(:)
       !> Place, from 0 to 1 [].
       real(dp), intent(in) :: place
-      !> Depth [length].
+      !> Depth, negative outside [length].
+      real(dp), intent(out) :: raw
+      !> Depth that is not allowed [length].
       real(dp), intent(out) :: own
-      !> Depth if it is explained, though notable; else 0 [length].
+      !> Depth if it is allowed, though notable; else 0 [length].
       real(dp), intent(out) :: unresolved
       !> Facet of the closest point; on entry one that is probably near, or 0.
       integer, intent(inout) :: facet
       real(dp) :: x(3), u(3), xi(2)
       integer :: hint
-      x = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
-      u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
+      x = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
+      u = x - matmul(a%x0(:, nodes), edge_shape(size(nodes), place))
       hint = facet
-      call b%depth_of(x, hint, own, facet, xi)
-      call tolerance%keep_unexplained(a, nodes, b, facet, xi, x, u, own, unresolved)
+      call b%depth_of(x, hint, raw, facet, xi)
+      own = raw
+      call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own, unresolved)
     end subroutine segment_depth
   end subroutine find_edges
 
-  !> Add the segments that are too deep, or explained though notable, to the deepest point, in the order of the facets.
-  subroutine keep_segments(a, found, depth, worst)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The segments: facet, ends, depth that is explained and its position, depth that nothing explains, and its place
-    !> from 0 to 1 (segment_length, n).
+  !> Bound of the length of an edge between its first two nodes [length].
+  pure real(dp) function longest_way(x) result(length)
+    !> Nodes of the edge (3, 2 or 3) [length].
+    real(dp), intent(in) :: x(:, :)
+    length = norm2(x(:, 2) - x(:, 1))
+    ! The derivative is linear along the edge.
+    if (size(x, 2) == 3) length = max(norm2(x(:, 3) - x(:, 1)), norm2(4*x(:, 2) - 3*x(:, 1) - x(:, 3)))/2
+  end function longest_way
+
+  !> Shape functions of the nodes of an edge at a place between the first two; the third one is at its middle or beyond
+  !> its second end.
+  pure function edge_shape(n, place) result(shape)
+    !> Number of nodes, 2 or 3.
+    integer, intent(in) :: n
+    !> Place, from 0 at the first to 1 at the second node [].
+    real(dp), intent(in) :: place
+    !> Values (n) [].
+    real(dp) :: shape(n)
+    shape(1:2) = [1 - place, place]
+    ! Nodes at 0, 1 and 2.
+    if (n == 3) shape = [(1 - place)*(2 - place)/2, place*(2 - place), place*(place - 1)/2]
+  end function edge_shape
+
+  !> Add the segments that are too deep, or allowed though notable, to the deepest point, in the order of the facets.
+  subroutine keep_segments(found, depth, worst)
+    !> The segments: facet, ends, depth that is allowed, though notable, and its position, depth that is not, and its
+    !> position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
@@ -216,7 +247,7 @@ contains
         end if
         if (segment(8) > (1 + same_depth)*worst%depth) then
           worst%depth = segment(8)
-          worst%position = (1 - segment(9))*a%x(:, nodes(1)) + segment(9)*a%x(:, nodes(2))
+          worst%position = segment(9:11)
         end if
       end associate
     end do

@@ -1,10 +1,9 @@
 !> Crossings of a straight segment with the deformed boundary of a part.
 module dotyk_contact_facet_crossing
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_facet_parts, only: facet_parts, max_parts
+  use dotyk_contact_facet_parts, only: facet_parts, max_parts, part_corners, place_at_part
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
-  use dotyk_mesh_facet, only: cross
   implicit none
   private
 
@@ -37,6 +36,7 @@ contains
     logical, intent(out) :: enters(max_crossings)
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
+    real(dp) :: corner(3, 3), first, second, at, inside
     integer :: f, k, n_parts, part(3, max_parts)
     n = 0
     s = 0
@@ -47,13 +47,15 @@ contains
     do
       call walk%next(b%tree, region, f)
       if (f == 0) exit
-      call facet_parts(b, f, n_parts, part)
+      call facet_parts(b%surface%node(:, f), b%set%corners(f), n_parts, part)
       do k = 1, n_parts
-        if (part(3, k) == 0) then
-          call cross_line(part(1:2, k))
-        else
-          call cross_triangle(part(:, k))
-        end if
+        corner = part_corners(b%x, part(:, k))
+        call place_at_part(corner, start, first, inside)
+        call place_at_part(corner, finish, second, inside)
+        if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) cycle
+        at = first/(first - second)
+        call place_at_part(corner, start + at*(finish - start), second, inside)
+        if (inside >= -border) call keep(at, first > 0)
       end do
     end do
 
@@ -76,40 +78,5 @@ contains
       enters(i + 1) = is_entry
       n = n + 1
     end subroutine keep
-
-    !> Crossing with a line, in the plane.
-    subroutine cross_line(node)
-      !> Ends of the line.
-      integer, intent(in) :: node(2)
-      real(dp) :: normal(3), along(3), first, second, t
-      along = b%x(:, node(2)) - b%x(:, node(1))
-      normal = [along(2), -along(1), 0.0_dp]/max(norm2(along), tiny(1.0_dp))
-      first = dot_product(normal, start - b%x(:, node(1)))
-      second = dot_product(normal, finish - b%x(:, node(1)))
-      if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
-      t = dot_product(along, start + first/(first - second)*(finish - start) - b%x(:, node(1)))/ &
-          dot_product(along, along)
-      if (t >= -border .and. t <= 1 + border) call keep(first/(first - second), first > second)
-    end subroutine cross_line
-
-    !> Crossing with a triangle.
-    subroutine cross_triangle(node)
-      !> Corners.
-      integer, intent(in) :: node(3)
-      real(dp) :: normal(3), e1(3), e2(3), r(3), area, first, second, u, v
-      e1 = b%x(:, node(2)) - b%x(:, node(1))
-      e2 = b%x(:, node(3)) - b%x(:, node(1))
-      normal = cross(e1, e2)
-      area = norm2(normal)
-      if (.not. area > 0) return
-      normal = normal/area
-      first = dot_product(normal, start - b%x(:, node(1)))
-      second = dot_product(normal, finish - b%x(:, node(1)))
-      if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
-      r = start + first/(first - second)*(finish - start) - b%x(:, node(1))
-      u = dot_product(cross(r, e2), normal)/area
-      v = dot_product(cross(e1, r), normal)/area
-      if (min(u, v, 1 - u - v) >= -border) call keep(first/(first - second), first > second)
-    end subroutine cross_triangle
   end subroutine crossings
 end module dotyk_contact_facet_crossing

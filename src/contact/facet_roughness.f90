@@ -12,27 +12,23 @@ module dotyk_contact_facet_roughness
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: measure_roughness
+  public :: corner_place, measure_roughness
 
   !> Roughness over width times angle: twice the height of the arc.
   real(dp), parameter :: roughness_factor = 0.25_dp
-  !> Reference coordinates of the corners.
-  real(dp), parameter :: triangle_corner(2, 3) = &
-    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
-  real(dp), parameter :: quadrilateral_corner(2, 4) = &
-    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
-  real(dp), parameter :: line_corner(2, 2) = reshape([-1.0_dp, 0.0_dp, 1.0_dp, 0.0_dp], [2, 2])
 
 contains
 
   !> Normals, roughness and curvature of all facets.
-  subroutine measure_roughness(surface, set, adjacency, x0, normal0, normal, roughness, curvature)
+  subroutine measure_roughness(surface, set, adjacency, x, x0, normal0, normal, roughness, curvature, stretch)
     !> Facets.
     type(surface_t), intent(in) :: surface
     !> Deformed facets.
     type(facet_set_t), intent(in) :: set
     !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
+    !> Nodes after deformation (3, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
     !> Nodes before deformation (3, n_nodes) [length].
     real(dp), intent(in) :: x0(:, :)
     !> Unit normals of the facets before deformation (3, n_facets) [].
@@ -43,12 +39,15 @@ contains
     real(dp), allocatable, intent(out) :: roughness(:)
     !> Curvature before deformation (n_facets) [1/length].
     real(dp), allocatable, intent(out) :: curvature(:)
+    !> Greatest change of length of the edges (n_facets) [length].
+    real(dp), allocatable, intent(out) :: stretch(:)
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
     integer :: entity(set%n), f, e, other, back
     entity = [(facet_entity(surface, f), f=1, set%n)]
-    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
+    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n), &
+              stretch(set%n))
     ! Deformation bends flat facets too.
     call before%init_polynomials(x0(1:set%dimension, :), surface)
     do f = 1, set%n
@@ -56,6 +55,8 @@ contains
         normal0(:, f) = corner_normal(x0(:, corner))
         call bulge(set, f, is_flat, normal(:, f), roughness(f), bent)
         call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
+        stretch(f) = maxval(abs(norm2(x(:, cshift(corner, 1)) - x(:, corner), 1) - &
+                                norm2(x0(:, cshift(corner, 1)) - x0(:, corner), 1)))
       end associate
     end do
     do f = 1, set%n
@@ -104,14 +105,7 @@ contains
     curvature = 0
     if (is_flat) return
     do i = 1, set%corners(f)
-      select case (set%corners(f))
-      case (2)
-        xi = line_corner(:, i)
-      case (3)
-        xi = triangle_corner(:, i)
-      case default
-        xi = quadrilateral_corner(:, i)
-      end select
+      xi = corner_place(set%corners(f), i)
       call facet_position_and_normal(set, f, xi, position, other, xu, xv)
       turn = norm2(other - normal)
       distance = norm2(position - centre)
@@ -121,6 +115,18 @@ contains
       curvature = max(curvature, turn/distance)
     end do
   end subroutine bulge
+
+  !> Reference coordinates of a corner of a line, triangle or quadrilateral (2) [].
+  pure function corner_place(corners, i) result(xi)
+    !> Number of corners.
+    integer, intent(in) :: corners
+    !> Corner.
+    integer, intent(in) :: i
+    real(dp) :: xi(2)
+    xi = [merge(1, 0, i == 2), merge(1, 0, i == 3)]
+    if (corners == 2) xi = [2*i - 3, 0]
+    if (corners == 4) xi = [merge(1, -1, i == 2 .or. i == 3), merge(1, -1, i > 2)]
+  end function corner_place
 
   !> Unit normal of the plane, or chord, of the corners (3) []; zero where they are collinear.
   pure function corner_normal(x) result(normal)

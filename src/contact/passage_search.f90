@@ -7,11 +7,10 @@
 module dotyk_contact_passage_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
-  use dotyk_contact_facet_parts, only: facet_parts, max_parts
+  use dotyk_contact_facet_parts, only: facet_parts, max_parts, part_corners, place_at_part
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
-  use dotyk_mesh_facet, only: cross
   implicit none
   private
 
@@ -19,6 +18,8 @@ module dotyk_contact_passage_search
   type, public :: swept_facets_t
     !> Displacement that is common to the part: motions are relative to it (3) [length].
     real(dp) :: shift(3) = 0
+    !> Largest displacement of its nodes relative to it [length].
+    real(dp) :: farthest = 0
     !> Bounding-volume tree of the facets on their way.
     type(bounding_volume_tree_t) :: tree
   contains
@@ -53,6 +54,7 @@ contains
     type(facet_set_t) :: bounds
     integer :: f, k, n
     self%shift = sum(b%x - b%x0, dim=2)/b%n_nodes
+    self%farthest = maxval(norm2(b%x - b%x0 - spread(self%shift, 2, b%n_nodes), 1))
     n = b%set%n
     bounds%n = n
     bounds%dimension = b%dimension
@@ -75,23 +77,25 @@ contains
   end subroutine swept_init
 
   !> Way of a node through a part.
-  subroutine find_passage(b, swept, x0, x, least, passage)
-    !> The part.
+  subroutine find_passage(a, i, b, swept, least, passage)
+    !> The part of the node.
+    type(solid_t), intent(in) :: a
+    !> Its node.
+    integer, intent(in) :: i
+    !> The other part.
     type(solid_t), intent(in) :: b
     !> Its facets in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Position of the node before deformation (3) [length].
-    real(dp), intent(in) :: x0(3)
-    !> Position of the node after deformation (3) [length].
-    real(dp), intent(in) :: x(3)
     !> Depth that counts as none, beside the roughness of facets [length].
     real(dp), intent(in) :: least
     !> The way; facet 0 where it leads through nothing.
     type(passage_t), intent(out) :: passage
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
-    real(dp) :: entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
+    real(dp) :: x0(3), x(3), entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
     integer :: part(3, max_parts), entry(3), way_out(3), f, k, n
+    x0 = a%x0(:, i)
+    x = a%x(:, i)
     region%low = min(x0, x - swept%shift)
     region%high = max(x0, x - swept%shift)
     region%distance = least
@@ -103,7 +107,9 @@ contains
     do
       call walk%next(swept%tree, region, f)
       if (f == 0) exit
-      call facet_parts(b, f, n, part)
+      ! A node that starts on a face which is flush with it comes through others only.
+      if (a%is_flush(i, b, f)) cycle
+      call facet_parts(b%surface%node(:, f), b%set%corners(f), n, part)
       do k = 1, n
         call corners_of(part(:, k), v, w)
         call cross_moving(v, w, 1, at)
@@ -133,37 +139,31 @@ contains
 
   contains
 
-    !> Corners of a part of a facet before and after deformation.
+    !> Corners of a part of a facet before and after deformation, without the common displacement.
     subroutine corners_of(node, before, after)
       !> Nodes; the third is 0 for lines.
       integer, intent(in) :: node(3)
-      !> Corners before deformation; that of a line are followed by a point above the first (3, 3) [length].
+      !> Corners before deformation (3, 3) [length].
       real(dp), intent(out) :: before(3, 3)
-      !> The same after deformation, without the common displacement (3, 3) [length].
+      !> Corners after deformation (3, 3) [length].
       real(dp), intent(out) :: after(3, 3)
-      integer :: i
-      do i = 1, merge(2, 3, node(3) == 0)
-        before(:, i) = b%x0(:, node(i))
-        after(:, i) = b%x(:, node(i)) - swept%shift
-      end do
-      if (node(3) > 0) return
-      ! The normal of a line (dx, dy) is (dy, -dx).
-      before(:, 3) = before(:, 1) + [0.0_dp, 0.0_dp, norm2(before(:, 2) - before(:, 1))]
-      after(:, 3) = after(:, 1) + [0.0_dp, 0.0_dp, norm2(after(:, 2) - after(:, 1))]
+      before = part_corners(b%x0, node)
+      after = part_corners(b%x, node) - spread(swept%shift, 2, 3)
     end subroutine corners_of
 
     !> Distance of the node from the plane of a triangle at some time, negative behind it [length].
-    real(dp) function distance_at(before, after, time) result(distance)
+    real(dp) function distance_at(before, after, time, inside) result(distance)
       !> Corners before deformation (3, 3) [length].
       real(dp), intent(in) :: before(3, 3)
       !> Corners after deformation (3, 3) [length].
       real(dp), intent(in) :: after(3, 3)
       !> Time, from 0 to 1 [].
       real(dp), intent(in) :: time
-      real(dp) :: c(3, 3), normal(3)
-      c = (1 - time)*before + time*after
-      normal = cross(c(:, 2) - c(:, 1), c(:, 3) - c(:, 1))
-      distance = dot_product(normal, (1 - time)*x0 + time*(x - swept%shift) - c(:, 1))/max(norm2(normal), tiny(1.0_dp))
+      !> Least barycentric coordinate [].
+      real(dp), intent(out), optional :: inside
+      real(dp) :: least
+      call place_at_part((1 - time)*before + time*after, (1 - time)*x0 + time*(x - swept%shift), distance, least)
+      if (present(inside)) inside = least
     end function distance_at
 
     !> Time at which the node crosses a triangle: from the front (direction 1) or from behind (-1); 2 where it does not.
@@ -176,7 +176,7 @@ contains
       integer, intent(in) :: direction
       !> Time, from 0 to 1 [].
       real(dp), intent(out) :: time
-      real(dp) :: low, high, first, second, value, trial, c(3, 3), e1(3), e2(3), normal(3), r(3), u, v_, area
+      real(dp) :: low, high, first, second, value, trial, inside
       integer :: step
       time = 2
       first = direction*distance_at(before, after, 0.0_dp)
@@ -199,17 +199,8 @@ contains
         end if
         if (.not. first > 0) exit
       end do
-      c = (1 - trial)*before + trial*after
-      e1 = c(:, 2) - c(:, 1)
-      e2 = c(:, 3) - c(:, 1)
-      normal = cross(e1, e2)
-      area = norm2(normal)
-      if (.not. area > 0) return
-      r = (1 - trial)*x0 + trial*(x - swept%shift) - c(:, 1)
-      u = dot_product(cross(r, e2), normal)/area**2
-      v_ = dot_product(cross(e1, r), normal)/area**2
-      if (b%dimension == 2) v_ = 0
-      if (min(u, v_, 1 - u - v_) >= -border) time = trial
+      value = distance_at(before, after, trial, inside)
+      if (inside >= -border) time = trial
     end subroutine cross_moving
   end subroutine find_passage
 end module dotyk_contact_passage_search

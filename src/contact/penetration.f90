@@ -4,7 +4,7 @@ module dotyk_contact_penetration
   implicit none
   private
 
-  !> The deepest point of one part below the boundary of another that nothing explains.
+  !> The deepest point of one part below the boundary of another that is not allowed.
   type, public :: penetration_t
     !> Its depth; 0 where there is none [length].
     real(dp) :: depth = 0
@@ -14,7 +14,7 @@ module dotyk_contact_penetration
     integer :: n_nodes = 0, n_edges = 0
     !> Nodes that have passed through the other part and are outside again.
     integer :: n_passed = 0
-    !> Deepest point that is explained, though it is a notable part of the displacements; 0 if there is none [length].
+    !> Deepest point that is allowed, though it is a notable part of the displacements; 0 if there is none [length].
     real(dp) :: unresolved = 0
     !> Its position after deformation (3) [length].
     real(dp) :: unresolved_position(3) = 0
@@ -38,7 +38,7 @@ contains
     outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
   end function penetration_outweighs
 
-  !> Keep the deeper one of the points that are explained.
+  !> Keep the deeper one of the points that are allowed.
   pure subroutine penetration_keep_unresolved(self, depth, position)
     class(penetration_t), intent(inout) :: self
     !> Depth of a point [length].

@@ -1,66 +1,69 @@
 !> Penetration of one part into another after deformation: nodes of the one below the boundary of the other, and edges
 !> that pass through it without a node inside.
 !>
-!> A depth counts where it exceeds what is explained (penetration_tolerance.f90). Of the depths that are explained, the
+!> A depth counts where it exceeds what is allowed (penetration_tolerance.f90). Of the depths that are allowed, the
 !> deepest that is a notable part of the displacements is kept.
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_edge_penetration, only: find_edges
-  use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
-  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: find_penetration, find_passages
 
-  !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
-  !> is below this fraction of the size of the facet.
-  real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> Nodes that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
-  !> A facet at this fraction of the distance up to which facets are known is the closest one for certain [].
-  real(dp), parameter :: certain = 0.99_dp
   !> Work for a node far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
 
 contains
 
   !> Depth of a part below the boundary of another one.
-  subroutine find_penetration(division, a, b, tolerance, depth, worst)
+  subroutine find_penetration(division, a, b, tolerance, depth, worst, clear)
     !> How ranks divide nodes and facets.
     type(division_t), intent(in) :: division
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
+    !> Least distance of each node from b, 0 where it is not outside (a%n_nodes) [length].
+    real(dp), allocatable, intent(out) :: clear(:)
     logical :: is_below(a%n_nodes)
     real(dp) :: unresolved(a%n_nodes)
-    integer :: i, hint, first, last
+    integer :: i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     is_below = .false.
     unresolved = 0
-    call division%portion([(merge(distant_cost, 1.0_dp, is_outside_box(b, a%x(:, i), tolerance%slack)), &
-                            i=1, a%n_nodes)], first, last)
-    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, first, last) private(hint) &
-    !$omp& if (a%n_nodes > least_shared)
+    allocate (clear(a%n_nodes), source=0.0_dp)
+    associate (box => b%tree%volume(1))
+      call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
+                              i=1, a%n_nodes)], first, last)
+    end associate
+    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, clear, first, last) &
+    !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
+    known = 0
     !$omp do schedule(dynamic, chunk)
     do i = first, last
-      call find_node_depth(a, b, i, tolerance, hint, is_below(i), depth(i), unresolved(i))
+      ! A node that is nearer to another one than that to b is outside as well.
+      if (known > 0) clear(i) = clear(known) - norm2(a%x(:, i) - a%x(:, known))
+      if (clear(i) > tolerance%slack) cycle
+      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i), unresolved(i))
+      known = i
     end do
     !$omp end do
     !$omp end parallel
+    call division%fill(clear, first, last)
     if (division%is_divided) call share_depths(division, is_below, depth, unresolved)
     do i = 1, a%n_nodes
       if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
@@ -70,7 +73,7 @@ contains
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(division, a, b, tolerance, is_below, depth, worst)
+    call find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.
@@ -79,9 +82,9 @@ contains
     type(division_t), intent(in) :: division
     !> Nodes below the boundary; of this rank in, of all out (n_nodes).
     logical, intent(inout) :: is_below(:)
-    !> Depths that nothing explains, likewise (n_nodes) [length].
+    !> Depths that is not allowed, likewise (n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
-    !> Depths that are explained, though notable, likewise (n_nodes) [length].
+    !> Depths that are allowed, though notable, likewise (n_nodes) [length].
     real(dp), intent(inout) :: unresolved(:)
     real(dp), allocatable :: list(:, :)
     integer, allocatable :: node(:)
@@ -100,7 +103,7 @@ contains
   end subroutine share_depths
 
   !> Nodes of a part that have passed wholly through another one.
-  subroutine find_passages(division, a, b, swept, tolerance, depth, worst)
+  subroutine find_passages(division, a, b, swept, tolerance, clear, depth, worst)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> The part.
@@ -109,27 +112,33 @@ contains
     type(solid_t), intent(in) :: b
     !> Facets of the other part in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Least distance of each node from b after deformation (a%n_nodes) [length].
+    real(dp), intent(in) :: clear(:)
     !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
     !> that they entered through (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     !> The deepest point; nodes are added.
     type(penetration_t), intent(inout) :: worst
     type(passage_t) :: passage
-    real(dp) :: allowed, centre(2), passed(a%n_nodes)
+    real(dp) :: allowed, left, arcs, centre(2), passed(a%n_nodes)
     integer :: i, first, last
     passed = 0
     call division%portion(a%n_nodes, first, last)
-    !$omp parallel do default(none) private(passage, allowed, centre) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, swept, tolerance, depth, passed, first, last) if (a%n_nodes > least_shared)
+    !$omp parallel do default(none) private(passage, allowed, left, arcs, centre) schedule(dynamic, chunk) &
+    !$omp& shared(a, b, swept, tolerance, clear, depth, passed, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
-      call find_passage(b, swept, a%x0(:, i), a%x(:, i), tolerance%slack, passage)
+      ! Farther from b than the two have moved.
+      if (clear(i) > norm2(a%x(:, i) - a%x0(:, i) - swept%shift) + swept%farthest) cycle
+      call find_passage(a, i, b, swept, tolerance%slack, passage)
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
-      allowed = tolerance%depth_allowed(a, [i], b, passage%facet, centre, a%x(:, i) - a%x0(:, i))
-      if (passage%through > allowed) passed(i) = -passage%depth
+      call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
+                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
+      ! Penalty moves nothing to the other side.
+      if (passage%through > allowed - left) passed(i) = -passage%depth
     end do
     !$omp end parallel do
     call division%fill(passed, first, last)
@@ -144,115 +153,55 @@ contains
     end do
   end subroutine find_passages
 
-  !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, is_below, depth, unresolved)
+  !> Depth of a node that is not allowed; 0 where it is [length].
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, unresolved)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
     !> Node of the part.
     integer, intent(in) :: i
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Facet that is probably near, that of the last node; 0 for none.
     integer, intent(inout) :: hint
-    !> Whether the node is below the boundary, explained or not.
+    !> Least distance from the other part, 0 where it is not outside [length].
+    real(dp), intent(out) :: clear
+    !> Whether the node is below the boundary, allowed or not.
     logical, intent(out) :: is_below
     !> Depth [length].
     real(dp), intent(out) :: depth
-    !> Depth if it is explained, though notable; else 0 [length].
+    !> Depth if it is allowed, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
-    real(dp) :: xi(2)
-    integer :: facet
+    real(dp) :: xi(2), reach
+    integer :: facet, other
     is_below = .false.
     depth = 0
     unresolved = 0
-    if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
+    associate (box => b%tree%volume(1))
+      clear = norm2(max(0.0_dp, box%lo - a%x(:, i), a%x(:, i) - box%hi))
+    end associate
+    if (clear > tolerance%slack) return
     call b%depth_of(a%x(:, i), hint, depth, facet, xi)
     hint = facet
-    if (depth < -tolerance%slack) then
+    clear = max(0.0_dp, -depth)
+    if (clear > tolerance%slack) then
       depth = 0
       return
     end if
-    if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
-    is_below = depth > tolerance%slack
-    call tolerance%keep_unexplained(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth, unresolved)
-  end subroutine find_node_depth
-
-  !> Whether a point lies outside the box of a part.
-  pure logical function is_outside_box(b, x, margin) result(outside)
-    !> The part.
-    type(solid_t), intent(in) :: b
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Distance by which the box is widened [length].
-    real(dp), intent(in) :: margin
-    outside = any(x < b%tree%volume(1)%lo - margin .or. x > b%tree%volume(1)%hi + margin)
-  end function is_outside_box
-
-  !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
-  !> blocks are: the node has not come through this facet, however near it is.
-  pure logical function is_flush(a, i, b, facet) result(flush)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> Its node.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: facet
-    integer :: k
-    flush = .false.
-    if (abs(dot_product(b%normal0(:, facet), a%x0(:, i) - b%x0(:, b%surface%node(1, facet)))) > &
-        flush_distance*b%set%size(facet)) return
-    do k = a%first(i), a%first(i + 1) - 1
-      flush = dot_product(a%normal0(:, a%around(k)), b%normal0(:, facet)) > flush_cosine
-      if (flush) return
-    end do
-  end function is_flush
-
-  !> Depth of a node below the facets that were not flush with it.
-  pure subroutine depth_beside_flush(a, i, b, depth, facet, xi)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> Its node.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Depth; 0 outside [length].
-    real(dp), intent(out) :: depth
-    !> Facet of the closest point; left as it is where there is none.
-    integer, intent(inout) :: facet
-    !> Its reference coordinates (2) [].
-    real(dp), intent(inout) :: xi(2)
-    type(box_neighbourhood_t) :: region
-    real(dp) :: square, trial, trial_xi(2), position(3), normal(3), xu(3), xv(3)
-    integer, allocatable :: near(:)
-    integer :: f, k
-    depth = 0
-    region%low = a%x(:, i)
-    region%high = a%x(:, i)
-    ! Farther and farther, until no other facet can be the closest one, also from a facet without extent.
-    region%distance = max(tiny(square), b%set%size(facet))
-    do
-      call facets_in_region(b%tree, region, near)
-      square = huge(square)
-      do k = 1, size(near)
-        f = near(k)
-        if (sum(max(b%set%lo(:, f) - a%x(:, i), a%x(:, i) - b%set%hi(:, f), 0.0_dp)**2) >= square) cycle
-        if (is_flush(a, i, b, f)) cycle
-        call closest_point_on_facet(b%set, f, a%x(:, i), trial_xi, trial)
-        if (trial >= square) cycle
-        square = trial
-        facet = f
-        xi = trial_xi
+    if (a%is_flush(i, b, facet)) then
+      ! Farther and farther, until another facet is known to be the closest one.
+      reach = max(tiny(reach), b%set%size(facet))
+      do
+        call b%depth_beside_flush(a%x(:, i), a, [i], .false., reach, depth, other, xi)
+        if (other > 0 .or. reach > norm2(b%tree%volume(1)%hi - b%tree%volume(1)%lo)) exit
+        reach = 2*reach
       end do
-      if (sqrt(square) < certain*region%distance .or. size(near) == b%set%n) exit
-      if (region%distance > huge(square)/4) exit
-      region%distance = 2*region%distance
-    end do
-    if (.not. square < huge(square)) return
-    call facet_position_and_normal(b%set, facet, xi, position, normal, xu, xv)
-    if (dot_product(a%x(:, i) - position, normal) < 0) depth = sqrt(square)
-  end subroutine depth_beside_flush
+      if (other == 0) depth = 0
+      if (other > 0) facet = other
+    end if
+    is_below = depth > tolerance%slack
+    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), &
+                         a%x(:, i) - a%x0(:, i), depth, unresolved)
+  end subroutine find_node_depth
 end module dotyk_contact_penetration_search

@@ -1,77 +1,60 @@
-!> Depths of one part in another that are explained: by contact pairs, by facets that cannot resolve more, by terms of
-!> second order in the displacements, which small-displacement theory omits, and by rounding.
+!> The depth of a point of one part in another that a right solution may have: how well the gap there is known.
+!>
+!> A point of a is below the closest point of b in direction d. With s the displacement of the two relative to each
+!> other, the depth is allowed up to the sum of
+!>
+!> - the bound of the iteration times what the two move beside their common rigid motion, and rounding (`slack`);
+!> - penalty and given gaps: the penetration of the rows around both points (`left`);
+!> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides;
+!> - mean conditions, where there are rows: over a facet of width h that turns by b against the other surface, a gap
+!>   whose mean is 0 goes from -h b/2 to h b/2;
+!> - corners that meet corners by their motion, which have no rows: the change of length of the facets at both, by which
+!>   displacements vary over them;
+!> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
+  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
   private
 
+  !> What contact pairs leave at the nodes of a part.
+  type, public :: left_by_pairs_t
+    !> Penetration by penalty and given gaps (n_nodes) [length].
+    real(dp), allocatable :: depth(:)
+    !> Width of the slave facets over whose rows the gap is 0 in the mean; 0 without rows (n_nodes) [length].
+    real(dp), allocatable :: width(:)
+  end type left_by_pairs_t
+
   !> What is known of two parts, a and b.
   type, public :: penetration_tolerance_t
     !> Error of the displacements and of rounding [length].
     real(dp) :: slack = 0
-    !> Penetration that contact pairs of the two leave at the nodes of a (a%n_nodes) [length].
-    real(dp), allocatable :: explained_a(:)
-    !> The same at the nodes of b (b%n_nodes) [length].
-    real(dp), allocatable :: explained_b(:)
     !> Largest displacement of the two beside their common rigid motion [length].
     real(dp) :: moved = 0
+    !> What contact pairs leave on both sides.
+    type(left_by_pairs_t) :: left_a, left_b
   contains
     procedure :: swapped => tolerance_swapped
-    procedure :: depth_allowed => tolerance_depth_allowed
-    procedure :: keep_unexplained => tolerance_keep_unexplained
+    procedure :: judge => tolerance_judge
+    procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
 
-  !> Depths that the contact conditions leave are notable from this fraction of the displacements on [].
-  real(dp), parameter, public :: notable_fraction = 0.25_dp
-  !> Distances that differ by less are equal [].
-  real(dp), parameter :: same = 1.0e-6_dp
+  !> Depths that are allowed are notable from this fraction of the displacements on [].
+  real(dp), parameter :: notable_fraction = 0.25_dp
 
 contains
 
   !> The same for b and a.
   pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
     class(penetration_tolerance_t), intent(in) :: self
-    swapped%slack = self%slack
-    swapped%moved = self%moved
-    allocate (swapped%explained_a, source=self%explained_b)
-    allocate (swapped%explained_b, source=self%explained_a)
+    swapped = penetration_tolerance_t(self%slack, self%moved, self%left_b, self%left_a)
   end function tolerance_swapped
 
-  !> Depth of a point of a below a facet of b that is explained [length].
-  pure real(dp) function tolerance_depth_allowed(self, a, nodes, b, facet, xi, displacement) result(allowed)
-    class(penetration_tolerance_t), intent(in) :: self
-    !> The part of the point.
-    type(solid_t), intent(in) :: a
-    !> The node, or the nodes that the point lies between (n).
-    integer, intent(in) :: nodes(:)
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet that is nearest.
-    integer, intent(in) :: facet
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Displacement of the point (3) [length].
-    real(dp), intent(in) :: displacement(3)
-    real(dp) :: rough, trial
-    integer :: k, roughest
-    rough = -1
-    roughest = nodes(1)
-    do k = 1, size(nodes)
-      trial = a%node_roughness(nodes(k), -b%normal(:, facet))
-      if (trial > rough) roughest = nodes(k)
-      rough = max(rough, trial)
-    end do
-    allowed = self%slack + rough + b%roughness(facet) + left_by_pairs(self, nodes, b, facet) + &
-              second_order(a, roughest, b, facet, displacement - b%displacement_at(facet, xi))
-  end function tolerance_depth_allowed
-
-  !> Set a depth to 0 that is explained, but keep it where it is notable. At an edge, the facets beside the nearest one
-  !> may explain it: those of a shank below its head, or of a bore below its rim.
-  pure subroutine tolerance_keep_unexplained(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
+  !> Judge a depth: 0 on return if it is allowed, but kept where it is notable all the same.
+  pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
     class(penetration_tolerance_t), intent(in) :: self
     !> The part of the point.
     type(solid_t), intent(in) :: a
@@ -87,64 +70,30 @@ contains
     real(dp), intent(in) :: x(3)
     !> Its displacement (3) [length].
     real(dp), intent(in) :: displacement(3)
-    !> Depth; 0 on return if it is explained [length].
+    !> Depth; 0 on return if it is allowed [length].
     real(dp), intent(inout) :: depth
-    !> Depth if it is explained, though notable; else 0 [length].
+    !> Depth if it is allowed, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
-    real(dp) :: below, xi_g(2), square
-    integer :: g, i, k, v
-    logical :: is_explained
+    real(dp) :: allowed, left, arcs, below, there(2)
+    integer :: facing
     unresolved = 0
-    depth = max(0.0_dp, depth)
-    if (.not. depth > 0) return
-    is_explained = is_explained_by(facet, xi, depth)
-    if (is_explained) then
-      if (.not. is_notable(self, a, nodes, b, facet, xi, x, displacement, depth)) then
-        depth = 0
-        return
+    if (depth > self%slack) then
+      call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
+      if (depth > allowed) then
+        ! Near the side of b, that is not what the point came through.
+        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
+        if (facing == 0 .or. below < 0) return
+        call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, arcs)
+        if (below > allowed) return
       end if
+      if (depth - self%slack - left - arcs > notable_fraction*self%moved) unresolved = depth
     end if
-    do i = 1, b%set%corners(facet)
-      v = b%adjacency%vertex(i, facet)
-      do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
-        g = b%adjacency%facet(k)
-        if (g == facet) cycle
-        call closest_point_on_facet(b%set, g, x, xi_g, square)
-        below = sqrt(square)
-        ! A nearer one is flush with the first part, such as that on a plane of symmetry.
-        if (below < (1 - same)*depth) cycle
-        if (.not. is_explained_by(g, xi_g, below)) cycle
-        is_explained = .true.
-        if (is_notable(self, a, nodes, b, g, xi_g, x, displacement, below)) cycle
-        depth = 0
-        return
-      end do
-    end do
-    if (.not. is_explained) return
-    unresolved = depth
     depth = 0
+  end subroutine tolerance_judge
 
-  contains
-
-    !> Whether a facet explains that the point is below it.
-    pure logical function is_explained_by(other, at, distance)
-      !> Facet of b.
-      integer, intent(in) :: other
-      !> Reference coordinates of its closest point (2) [].
-      real(dp), intent(in) :: at(2)
-      !> Distance [length].
-      real(dp), intent(in) :: distance
-      is_explained_by = .not. distance > self%slack + b%roughness(other)
-      if (.not. is_explained_by) is_explained_by = &
-        .not. distance > self%depth_allowed(a, nodes, b, other, at, displacement)
-    end function is_explained_by
-  end subroutine tolerance_keep_unexplained
-
-  !> Whether a depth is a notable part of what the two bodies move and overlap, beside what contact pairs leave and
-  !> what facets overlap before deformation: the mesh does not resolve the contact there.
-  pure logical function is_notable(tolerance, a, nodes, b, facet, xi, x, displacement, depth) result(notable)
-    !> Depths that are explained.
-    type(penetration_tolerance_t), intent(in) :: tolerance
+  !> Depth of a point of a below b that is allowed [length].
+  pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
+    class(penetration_tolerance_t), intent(in) :: self
     !> The part of the point.
     type(solid_t), intent(in) :: a
     !> The node, or the nodes that the point lies between (n).
@@ -159,77 +108,93 @@ contains
     real(dp), intent(in) :: x(3)
     !> Its displacement (3) [length].
     real(dp), intent(in) :: displacement(3)
-    !> Its depth [length].
-    real(dp), intent(in) :: depth
-    real(dp) :: before, round, excess, position(3), normal(3), xu(3), xv(3)
-    integer :: i, k
-    excess = depth - tolerance%slack
-    notable = .false.
-    if (.not. excess > notable_fraction*tolerance%moved) return
-    excess = excess - left_by_pairs(tolerance, nodes, b, facet)
-    if (.not. excess > notable_fraction*tolerance%moved) return
-    ! Facets of round bodies overlap where the bodies only touch.
-    round = round_off(b, facet)
-    do i = 1, size(nodes)
-      do k = a%first(nodes(i)), a%first(nodes(i) + 1) - 1
-        round = max(round, round_off(b, facet) + round_off(a, a%around(k)))
+    !> Depth [length].
+    real(dp), intent(out) :: allowed
+    !> The part of it by penalty and given gaps [length].
+    real(dp), intent(out) :: left
+    !> The part of it that the shape at rest explains: arcs over the facets [length].
+    real(dp), intent(out) :: arcs
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
+    integer, allocatable :: around(:), shared(:)
+    integer :: i, k, vertex
+    around = a%facets_around(nodes)
+    call b%facets_at(facet, xi, shared, vertex)
+    call facet_position_and_normal(b%set, facet, xi, position, d, xu, xv)
+    if (norm2(position - x) > self%slack) d = (position - x)/norm2(position - x)
+    slip = norm2(displacement - b%displacement_at(facet, xi))
+    turn = maxval(norm2(a%normal(:, around) - a%normal0(:, around), 1)) + &
+           maxval(norm2(b%normal(:, shared) - b%normal0(:, shared), 1))
+    curvature = maxval(a%curvature(around)) + maxval(b%curvature(shared))
+    arcs = along(a, around, a%curvature(around)*a%set%size(around)**2/4, d) + &
+           along(b, shared, b%curvature(shared)*b%set%size(shared)**2/4, d)
+    ! Facets of the two that face each other best, and how they turn against each other.
+    facing = 0
+    tilt = 0
+    do k = 1, size(shared)
+      do i = 1, size(around)
+        associate (p => around(i), q => shared(k))
+          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
+          facing = dot_product(a%normal(:, p), b%normal(:, q))
+          tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
+        end associate
       end do
     end do
-    call facet_position_and_normal(b%set, facet, xi, position, normal, xu, xv)
-    position = position - b%displacement_at(facet, xi) - (x - displacement)
-    before = max(0.0_dp, dot_product(position, b%normal0(:, facet)))
-    notable = excess - min(before, round) > notable_fraction*(tolerance%moved + before)
-  end function is_notable
+    associate (of_b => b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))
+      left = maxval(self%left_a%depth(nodes)) + maxval(self%left_b%depth(of_b))
+      width = max(maxval(self%left_a%width(nodes)), maxval(self%left_b%width(of_b)))
+    end associate
+    allowed = self%slack + left + slip*turn + slip**2*curvature/2 + width*tilt/2 + &
+              along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
+    ! Without rows, arcs explain no more than the facets overlapped at rest.
+    if (.not. width > 0) arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
+                                position - b%displacement_at(facet, xi) - x + displacement)))
+    if (are_corners(a, around, b, facet, x, slip)) &
+      allowed = allowed + maxval(a%stretch(around)) + maxval(b%stretch(shared))
+  end subroutine tolerance_find_allowed
 
-  !> Twice the height of the arc over a facet before deformation [length].
-  pure real(dp) function round_off(part, facet)
+  !> Largest height over some facets, measured in a direction [length].
+  pure real(dp) function along(part, facets, height, d)
     !> The part.
     type(solid_t), intent(in) :: part
-    !> Its facet.
-    integer, intent(in) :: facet
-    round_off = part%curvature(facet)*part%set%size(facet)**2/4
-  end function round_off
+    !> The facets (n).
+    integer, intent(in) :: facets(:)
+    !> Height over each along its normal (n) [length].
+    real(dp), intent(in) :: height(:)
+    !> Unit vector (3) [].
+    real(dp), intent(in) :: d(3)
+    along = maxval(height*abs(matmul(d, part%normal(:, facets))))
+  end function along
 
-  !> Penetration that contact pairs leave at nodes of one part and at a facet of the other [length].
-  pure real(dp) function left_by_pairs(tolerance, nodes, b, facet) result(left)
-    !> Depths that are explained.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Nodes of the first part (n).
-    integer, intent(in) :: nodes(:)
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: facet
-    left = maxval(tolerance%explained_a(nodes)) + &
-           maxval(tolerance%explained_b(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet)))
-  end function left_by_pairs
-
-  !> Change of a gap by terms of second order: a relative displacement s along one of the surfaces, whose curvatures add
-  !> up to k and whose normals turn by r together, changes the gap by s r + k s^2/2 [length].
-  pure real(dp) function second_order(a, i, b, facet, s) result(change)
-    !> The part.
+  !> Whether a point of a sharp edge of a is near a sharp edge of b.
+  pure logical function are_corners(a, around, b, facet, x, most) result(are)
+    !> The part of the point.
     type(solid_t), intent(in) :: a
-    !> Its node that is nearest.
-    integer, intent(in) :: i
+    !> Its facets that share the point (n).
+    integer, intent(in) :: around(:)
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Facet of the closest point.
+    !> Its facet that is nearest.
     integer, intent(in) :: facet
-    !> Relative displacement (3) [length].
-    real(dp), intent(in) :: s(3)
-    real(dp) :: slip, turn, curvature
-    integer :: k
-    slip = norm2(s - dot_product(s, b%normal0(:, facet))*b%normal0(:, facet))
-    turn = 0
-    curvature = 0
-    do k = a%first(i), a%first(i + 1) - 1
-      associate (f => a%around(k))
-        slip = max(slip, norm2(s - dot_product(s, a%normal0(:, f))*a%normal0(:, f)))
-        turn = max(turn, norm2(a%normal(:, f) - a%normal0(:, f)))
-        curvature = max(curvature, a%curvature(f))
+    !> The point after deformation (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Greatest distance of the two [length].
+    real(dp), intent(in) :: most
+    real(dp) :: r(3), edge(3)
+    integer :: e, n, other
+    are = .false.
+    if (minval(matmul(transpose(a%normal0(:, around)), a%normal0(:, around))) > sharp_cosine) return
+    n = b%set%corners(facet)
+    do e = 1, n
+      other = b%adjacency%neighbour(e, facet)
+      if (other == 0) cycle
+      if (dot_product(b%normal0(:, facet), b%normal0(:, other)) > sharp_cosine) cycle
+      associate (first => b%x(:, b%surface%node(e, facet)), second => b%x(:, b%surface%node(modulo(e, n) + 1, facet)))
+        r = x - first
+        edge = (second - first)/max(norm2(second - first), tiny(1.0_dp))
+        ! Edges of facets in the plane are their ends.
+        if (n > 2) r = r - dot_product(r, edge)*edge
       end associate
+      are = are .or. norm2(r) <= most
     end do
-    turn = turn + norm2(b%normal(:, facet) - b%normal0(:, facet))
-    change = slip*turn + slip**2*(curvature + b%curvature(facet))/2
-  end function second_order
+  end function are_corners
 end module dotyk_contact_penetration_tolerance

@@ -28,7 +28,7 @@ module dotyk_contact_smooth_sheets
   real(dp), parameter :: chord_tolerance = 1.0e-6_dp, kink = acos(-1.0_dp)/180
   !> Cosine of the angle between adjacent facets beyond which their edge is sharp where no entities are known:
   !> 40 degrees.
-  real(dp), parameter :: sharp_cosine = 0.766_dp
+  real(dp), parameter, public :: sharp_cosine = 0.766_dp
 
 contains
 

@@ -9,9 +9,9 @@ module dotyk_contact_solid_boundary
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
-  use dotyk_contact_facet_roughness, only: measure_roughness
+  use dotyk_contact_facet_roughness, only: corner_place, measure_roughness
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_tree_search, only: nearest_facet
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region, nearest_facet
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -51,23 +51,26 @@ module dotyk_contact_solid_boundary
     real(dp), allocatable :: roughness(:)
     !> Greatest curvature around each facet before deformation (n_facets) [1/length].
     real(dp), allocatable :: curvature(:)
+    !> Greatest change of length of the edges of each facet (n_facets) [length].
+    real(dp), allocatable :: stretch(:)
   contains
     procedure :: init => solid_init
     procedure :: depth_of => solid_depth_of
+    procedure :: depth_beside_flush => solid_depth_beside_flush
     procedure :: displacement_at => solid_displacement_at
-    procedure :: node_roughness => solid_node_roughness
+    procedure :: facets_around => solid_facets_around
+    procedure :: facets_at => solid_facets_at
+    procedure :: is_flush => solid_is_flush
     procedure :: outward_normal => solid_outward_normal
   end type solid_t
 
+  !> Facets face each other where the cosine of the angle of their normals is below this.
+  real(dp), parameter :: facing_cosine = -0.5_dp
+  !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
+  !> is below this fraction of the size of the facet.
+  real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> A point lies on an edge where its distance is below this fraction of the size of the facet.
   real(dp), parameter :: edge_tolerance = 1.0e-8_dp
-  !> Facets face a direction where the cosine of its angle with their normals exceeds this.
-  real(dp), parameter :: facing_cosine = 0.2_dp
-  !> Reference coordinates of the corners of triangles and quadrilaterals, and of the ends of lines.
-  real(dp), parameter :: triangle_corner(2, 3) = &
-    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
-  real(dp), parameter :: quadrilateral_corner(2, 4) = &
-    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
 
 contains
 
@@ -121,8 +124,8 @@ contains
     call self%tree%init(self%set)
     call self%adjacency%init(self%set)
     call collect_around(self)
-    call measure_roughness(self%surface, self%set, self%adjacency, self%x0, self%normal0, self%normal, &
-                           self%roughness, self%curvature)
+    call measure_roughness(self%surface, self%set, self%adjacency, self%x, self%x0, self%normal0, self%normal, &
+                           self%roughness, self%curvature, self%stretch)
   end subroutine solid_init
 
   !> Facets at each node, mid-side nodes included.
@@ -172,6 +175,49 @@ contains
     depth = sign(sqrt(square), -dot_product(x - position, normal))
   end subroutine solid_depth_of
 
+  !> Depth of a point of another part below the nearest of the facets that were not flush with it.
+  pure subroutine solid_depth_beside_flush(self, x, other, nodes, faces_only, most, depth, facet, xi)
+    class(solid_t), intent(in) :: self
+    !> Point (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> The other part.
+    class(solid_t), intent(in) :: other
+    !> Its node, or the nodes that the point lies between (n).
+    integer, intent(in) :: nodes(:)
+    !> Whether only facets count that face one at these nodes.
+    logical, intent(in) :: faces_only
+    !> Distance up to which facets are looked for [length].
+    real(dp), intent(in) :: most
+    !> Depth, negative outside; `most` where there is no facet [length].
+    real(dp), intent(out) :: depth
+    !> Facet of the closest point; 0 where there is none.
+    integer, intent(out) :: facet
+    !> Its reference coordinates (2) [].
+    real(dp), intent(out) :: xi(2)
+    integer, allocatable :: near(:)
+    real(dp), allocatable :: normals(:, :)
+    real(dp) :: square, trial, trial_xi(2), position(3), normal(3), xu(3), xv(3)
+    integer :: i, k
+    normals = other%normal(:, other%facets_around(nodes))
+    call facets_in_region(self%tree, box_neighbourhood_t(x, x, most), near)
+    square = most**2
+    facet = 0
+    xi = 0
+    do k = 1, size(near)
+      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > facing_cosine) cycle
+      if (any([(other%is_flush(nodes(i), self, near(k)), i=1, size(nodes))])) cycle
+      call closest_point_on_facet(self%set, near(k), x, trial_xi, trial)
+      if (trial > square) cycle
+      square = trial
+      facet = near(k)
+      xi = trial_xi
+    end do
+    depth = sqrt(square)
+    if (facet == 0) return
+    call facet_position_and_normal(self%set, facet, xi, position, normal, xu, xv)
+    depth = sign(depth, dot_product(position - x, normal))
+  end subroutine solid_depth_beside_flush
+
   !> Outward direction at a point of a facet; the mean of the facets around at edges and vertices.
   pure subroutine solid_outward_normal(self, facet, xi, position, normal)
     class(solid_t), intent(in) :: self
@@ -184,29 +230,73 @@ contains
     !> Outward direction, not normalized (3) [].
     real(dp), intent(out) :: normal(3)
     real(dp) :: other_xi(2), other_position(3), other_normal(3), xu(3), xv(3), square
-    integer :: n, edges(2), corner, corners, other, k, v
-    corners = self%set%corners(facet)
+    integer, allocatable :: shared(:)
+    integer :: k, vertex
     call facet_position_and_normal(self%set, facet, xi, position, normal, xu, xv)
-    call edges_at(corners, xi, edge_tolerance, n, edges)
-    if (n == 0) return
-    if (n == 1 .and. corners > 2) then
-      other = self%adjacency%neighbour(edges(1), facet)
-      if (other == 0) return
-      call closest_point_on_facet(self%set, other, position, other_xi, square)
-      call facet_position_and_normal(self%set, other, other_xi, other_position, other_normal, xu, xv)
-      normal = normal + other_normal
-      return
-    end if
-    ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1; a line ends at corner i.
-    corner = edges(min(n, 2))
-    if (corners > 2 .and. edges(1) == 1 .and. edges(2) == corners) corner = 1
-    v = self%adjacency%vertex(corner, facet)
-    normal = 0
-    do k = self%adjacency%start(v), self%adjacency%start(v + 1) - 1
-      other = self%adjacency%facet(k)
-      normal = normal + normal_by_angle(self%set, self%x, other, corner_of(self%set, self%adjacency, v, other))
+    if (is_inside(self%set%corners(facet), xi)) return
+    call self%facets_at(facet, xi, shared, vertex)
+    if (vertex > 0) normal = 0
+    do k = 1, size(shared)
+      if (vertex > 0) then
+        normal = normal + normal_by_angle(self%set, self%x, shared(k), &
+                                          corner_of(self%set, self%adjacency, vertex, shared(k)))
+      else if (shared(k) /= facet) then
+        call closest_point_on_facet(self%set, shared(k), position, other_xi, square)
+        call facet_position_and_normal(self%set, shared(k), other_xi, other_position, other_normal, xu, xv)
+        normal = normal + other_normal
+      end if
     end do
   end subroutine solid_outward_normal
+
+  !> Whether a point of a facet is on none of its edges.
+  pure logical function is_inside(corners, xi)
+    !> Number of corners.
+    integer, intent(in) :: corners
+    !> Reference coordinates (2) [].
+    real(dp), intent(in) :: xi(2)
+    integer :: n, edges(2)
+    call edges_at(corners, xi, edge_tolerance, n, edges)
+    is_inside = n == 0
+  end function is_inside
+
+  !> Facets that share a point: that of the point, on an edge both, at a vertex all around.
+  pure subroutine solid_facets_at(self, facet, xi, shared, vertex)
+    class(solid_t), intent(in) :: self
+    !> Facet number.
+    integer, intent(in) :: facet
+    !> Reference coordinates (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> The facets (n).
+    integer, allocatable, intent(out) :: shared(:)
+    !> The vertex, 0 where the point is none.
+    integer, intent(out) :: vertex
+    integer :: n, edges(2), corner, corners
+    corners = self%set%corners(facet)
+    vertex = 0
+    call edges_at(corners, xi, edge_tolerance, n, edges)
+    if (n == 0) then
+      shared = [facet]
+    else if (n == 1 .and. corners > 2) then
+      shared = [facet, self%adjacency%neighbour(edges(1), facet)]
+      shared = pack(shared, shared > 0)
+    else
+      ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1; a line ends at corner i.
+      corner = edges(min(n, 2))
+      if (corners > 2 .and. edges(1) == 1 .and. edges(2) == corners) corner = 1
+      vertex = self%adjacency%vertex(corner, facet)
+      shared = self%adjacency%facet(self%adjacency%start(vertex):self%adjacency%start(vertex + 1) - 1)
+    end if
+  end subroutine solid_facets_at
+
+  !> Facets around some nodes, not each once (n).
+  pure function solid_facets_around(self, nodes) result(list)
+    class(solid_t), intent(in) :: self
+    !> Nodes of the boundary (any number).
+    integer, intent(in) :: nodes(:)
+    integer, allocatable :: list(:)
+    integer :: i
+    list = [(self%around(self%first(nodes(i)):self%first(nodes(i) + 1) - 1), i=1, size(nodes))]
+  end function solid_facets_around
 
   !> Unit normal of a facet at one of its corners, times the angle of the facet there [rad].
   pure function normal_by_angle(set, x, facet, corner) result(normal)
@@ -223,15 +313,8 @@ contains
     real(dp) :: position(3), xu(3), xv(3), a(3), b(3)
     integer :: n
     n = set%corners(facet)
-    if (n == 2) then
-      call facet_position_and_normal(set, facet, [2.0_dp*corner - 3, 0.0_dp], position, normal, xu, xv)
-      return
-    end if
-    if (n == 3) then
-      call facet_position_and_normal(set, facet, triangle_corner(:, corner), position, normal, xu, xv)
-    else
-      call facet_position_and_normal(set, facet, quadrilateral_corner(:, corner), position, normal, xu, xv)
-    end if
+    call facet_position_and_normal(set, facet, corner_place(n, corner), position, normal, xu, xv)
+    if (n == 2) return
     a = x(:, set%corner_node(modulo(corner, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
     b = x(:, set%corner_node(modulo(corner - 2, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
     normal = normal*acos(max(-1.0_dp, min(1.0_dp, dot_product(a, b)/max(norm2(a)*norm2(b), tiny(1.0_dp)))))
@@ -255,23 +338,23 @@ contains
       u = u + shape(i)*(self%x(:, k) - self%x0(:, k))
     end do
   end function solid_displacement_at
-
-  !> Roughness of the facets around a node that face a direction, of all where none does [length].
-  pure real(dp) function solid_node_roughness(self, node, toward) result(roughness)
+  !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
+  !> blocks are: the node has not come through this facet, however near it is.
+  pure logical function solid_is_flush(self, i, b, facet) result(flush)
     class(solid_t), intent(in) :: self
-    !> Node of the boundary.
-    integer, intent(in) :: node
-    !> Unit vector (3) [].
-    real(dp), intent(in) :: toward(3)
-    logical :: is_facing
+    !> Node.
+    integer, intent(in) :: i
+    !> The other part.
+    class(solid_t), intent(in) :: b
+    !> Its facet.
+    integer, intent(in) :: facet
     integer :: k
-    roughness = 0
-    is_facing = .false.
-    do k = self%first(node), self%first(node + 1) - 1
-      if (dot_product(self%normal(:, self%around(k)), toward) < facing_cosine) cycle
-      is_facing = .true.
-      roughness = max(roughness, self%roughness(self%around(k)))
+    flush = .false.
+    if (abs(dot_product(b%normal0(:, facet), self%x0(:, i) - b%x0(:, b%surface%node(1, facet)))) > &
+        flush_distance*b%set%size(facet)) return
+    do k = self%first(i), self%first(i + 1) - 1
+      flush = dot_product(self%normal0(:, self%around(k)), b%normal0(:, facet)) > flush_cosine
+      if (flush) return
     end do
-    if (.not. is_facing) roughness = maxval(self%roughness(self%around(self%first(node):self%first(node + 1) - 1)))
-  end function solid_node_roughness
+  end function solid_is_flush
 end module dotyk_contact_solid_boundary

@@ -2,7 +2,6 @@
 module dotyk_contact_touch_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   implicit none
   private
@@ -25,26 +24,26 @@ module dotyk_contact_touch_search
 contains
 
   !> Facets of a part whose centres lie on faces of another one.
-  pure subroutine find_touch(a, b, tolerance, touch)
+  pure subroutine find_touch(a, b, slack, touch)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Depths that are explained.
-    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Error of the displacements and of rounding [length].
+    real(dp), intent(in) :: slack
     !> Facets are added.
     type(touch_t), intent(inout) :: touch
     real(dp) :: depth, xi(2), x(3), normal(3), xu(3), xv(3)
     integer :: f, facet, hint
     hint = 0
     do f = 1, a%set%n
-      if (any(a%set%hi(:, f) < b%tree%volume(1)%lo - tolerance%slack .or. &
-              a%set%lo(:, f) > b%tree%volume(1)%hi + tolerance%slack)) cycle
+      if (any(a%set%hi(:, f) < b%tree%volume(1)%lo - slack .or. &
+              a%set%lo(:, f) > b%tree%volume(1)%hi + slack)) cycle
       xi = merge(1/3.0_dp, 0.0_dp, a%set%corners(f) == 3)
       call facet_position_and_normal(a%set, f, xi, x, normal, xu, xv)
       call b%depth_of(x, hint, depth, facet, xi)
       hint = facet
-      if (abs(depth) > no_gap*b%set%size(facet) + tolerance%slack + b%roughness(facet) + a%roughness(f)) cycle
+      if (abs(depth) > no_gap*b%set%size(facet) + slack + b%roughness(facet) + a%roughness(f)) cycle
       if (dot_product(normal, b%normal(:, facet)) > facing_cosine) cycle
       if (touch%n_facets == 0) touch%position = x
       touch%n_facets = touch%n_facets + 1

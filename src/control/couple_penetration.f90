@@ -5,11 +5,11 @@ module dotyk_control_couple_penetration
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
-  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
+  use dotyk_contact_penetration_tolerance, only: left_by_pairs_t, penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
+  use dotyk_control_explained_penetration, only: find_left
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_control_shared_interior, only: find_shared_interior
@@ -111,27 +111,21 @@ contains
     type(body_penetration_t), intent(out) :: found
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
-    real(dp), allocatable :: explained_a(:), explained_b(:)
+    type(left_by_pairs_t) :: left_a, left_b
     real(dp) :: rounding
-    integer, allocatable :: own_pair(:)
     integer :: i, j
     if (a == b .and. size(parts_a%part) == 1) return
-    own_pair = pairs%between(problem%pair, a, b)
-    call explained_penetration(problem, own_pair, first_row, y, a, explained_a)
-    call explained_penetration(problem, own_pair, first_row, y, b, explained_b)
+    call find_left(problem, pairs, first_row, y, a, b, left_a)
+    call find_left(problem, pairs, first_row, y, b, a, left_b)
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
     tolerance%slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*tolerance%moved + rounding
-    ! Bodies that meet at an edge only follow what the pairs of each with others leave.
-    if (a /= b .and. size(own_pair) == 0) &
-      tolerance%slack = tolerance%slack + largest_penetration(pairs%of(a), first_row, y) + &
-                        largest_penetration(pairs%of(b), first_row, y)
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%explained_a = explained_a(p%node)
-          tolerance%explained_b = explained_b(q%node)
+          tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node))
+          tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node))
           if (.not. problem%body(b)%mesh%is_open) &
             call check_parts(division, p, q, parts_b%swept(j), tolerance, depth(a)%value, a_in_b%worst)
           if (.not. problem%body(a)%mesh%is_open) &
@@ -146,15 +140,11 @@ contains
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
       call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
                                 found%worst%position)
-    if (found%worst%depth > 0 .or. size(own_pair) > 0) return
+    if (found%worst%depth > 0 .or. size(pairs%between(problem%pair, a, b)) > 0) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
-        associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%explained_a = explained_a(p%node)
-          tolerance%explained_b = explained_b(q%node)
-          call find_touch(p, q, tolerance, found%touch)
-          call find_touch(q, p, tolerance%swapped(), found%touch)
-        end associate
+        call find_touch(parts_a%part(i), parts_b%part(j), tolerance%slack, found%touch)
+        call find_touch(parts_b%part(j), parts_a%part(i), tolerance%slack, found%touch)
       end do
     end do
   end subroutine check_bodies
@@ -222,22 +212,24 @@ contains
     type(solid_t), intent(in) :: q
     !> Facets of the other part in motion.
     type(swept_facets_t), intent(in) :: swept
-    !> Depths that are explained.
+    !> Depths that are allowed.
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth at the nodes of the body (n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
     type(penetration_t) :: here
-    real(dp), allocatable :: own(:)
+    real(dp), allocatable :: own(:), clear(:)
     associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
       if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
-        allocate (own(p%n_nodes), source=0.0_dp)
+        allocate (own(p%n_nodes), clear(p%n_nodes), source=0.0_dp)
       else
-        call find_penetration(division, p, q, tolerance, own, here)
+        call find_penetration(division, p, q, tolerance, own, here, clear)
       end if
     end associate
-    if (may_pass(p, q, swept)) call find_passages(division, p, q, swept, tolerance, own, here)
+    ! Facets are no guide to the thickness of a part, but none is thinner than a small fraction of them.
+    if (maxval(norm2(p%x - p%x0 - spread(swept%shift, 2, p%n_nodes), 1)) + swept%farthest > &
+        least_thickness*minval(q%set%size)) call find_passages(division, p, q, swept, tolerance, clear, own, here)
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)
@@ -256,28 +248,4 @@ contains
       call worst%keep_unresolved(here%unresolved, here%unresolved_position)
     end if
   end subroutine check_parts
-
-  !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
-  !> thickness, but no part is thinner than a small fraction of them.
-  pure logical function may_pass(p, q, swept)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> The other part.
-    type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    real(dp) :: far
-    far = farthest(p, swept%shift) + farthest(q, swept%shift)
-    may_pass = far > least_thickness*minval(q%set%size)
-  end function may_pass
-
-  !> Largest displacement of the nodes of a part beside a common one [length].
-  pure real(dp) function farthest(p, shift)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> Common displacement (3) [length].
-    real(dp), intent(in) :: shift(3)
-    integer :: i
-    farthest = maxval([0.0_dp, (norm2(p%x(:, i) - p%x0(:, i) - shift), i=1, p%n_nodes)])
-  end function farthest
 end module dotyk_control_couple_penetration

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 import dotyk_case
-from assembly import Mesh, Scene, box, rotation
+from assembly import Mesh, Scene, box, grid_mesh, rotation
 
 SEEDS = (0, 1, 2)
 
@@ -196,6 +196,118 @@ class Penetration(unittest.TestCase):
         self.assertRegex(answer.log, r"large motion +'turned' rotates by 0\.1 rad; .* by 0\.5 %")
         self.assertNotIn("moves by", answer.log)
 
+    def test_corners_on_corners(self):
+        """Grids of four boxes that close their gaps: where four corners meet there are no rows, and compression moves
+        them into each other by less than the facets there change in length."""
+        for seed in range(1, 9):
+            random = np.random.default_rng(seed)
+            scene = Scene("3d", "theta=0, tolerance=1e-9")
+            x, z = (np.append(0, np.cumsum(random.uniform(0.4, 0.8, 2))) for _ in "xz")
+            depth = random.uniform(0.5, 0.8)
+            for i in range(2):
+                for j in range(2):
+                    name, shift = "box %d%d" % (i, j), 0.01 * np.array([i, 0, j])
+                    mesh = box(random.choice(["hex8", "tet4"]), random.integers(1, 4, 3),
+                               (x[i], 0, z[j]) + shift, (x[i + 1], depth, z[j + 1]) + shift)
+                    scene.body(name, mesh, float(random.uniform(700, 1500)))
+                    scene.fix(name, "front", "n")
+                    scene.raw("&spring body='%s', surface='*', fix='xyz', modulus=0.05" % name)
+                    for at_wall, held_side, pressed in ((i == 0, "left", "right"), (j == 0, "bottom", "top")):
+                        if at_wall:
+                            scene.fix(name, held_side, "n")
+                        else:
+                            scene.load(name, pressed, pressure=float(random.uniform(1, 6)))
+            for k in range(2):
+                scene.pair("across %d" % k, "box 0%d:right" % k, "box 1%d:left" % k)
+                scene.pair("up %d" % k, "box %d0:top" % k, "box %d1:bottom" % k)
+            answer = scene.solve(seed)
+            self.assertEqual(answer.code, 0, answer.log)
+
+    def test_bodies_behind_each_other(self):
+        """A penalty by which three cubes in a row pass wholly through each other explains nothing."""
+        for kind in ("quad4", "hex8"):
+            d = 2 if kind == "quad4" else 3
+            for penetration in (1.5, 3, 100):
+                scene = Scene("3d" if d == 3 else "plane_strain", "theta=%r, tolerance=1e-10" % (100 * penetration))
+                for k, name in enumerate(("low", "middle", "high")):
+                    scene.body(name, box(kind, k + 1, [0] * (d - 1) + [k], [1] * (d - 1) + [k + 1]))
+                    scene.fix(name, "left", "n")
+                    if d == 3:
+                        scene.fix(name, "front", "n")
+                scene.fix("low", "bottom", "n").load("high", "top", pressure=0.01)
+                scene.pair("first", "middle:bottom", "low:top").pair("second", "high:bottom", "middle:top")
+                answer = scene.solve(1)
+                self.assertEqual(answer.code, 1, answer.log)
+                self.assertRegex(answer.log, "penetration .* has passed through ")
+
+    def test_press_fit_with_flush_sides(self):
+        """A node that starts in the overlap, on a flush side, and slides outwards has passed through nothing."""
+        scene = Scene("plane_strain")
+        scene.body("lower", box("quad4", (3, 2), (0, 0), (1, 0.64027)), 994.0, 0.39)
+        scene.body("upper", box("quad4", (3, 3), (0, 0.63927), (1, 1.33561)), 1891.0, 0.2)
+        scene.materials[0] = scene.materials[0].replace(" /", ", expansion=1.57e-5 /")
+        scene.fix("lower", "left", "n").fix("upper", "left", "n").fix("lower", "bottom", "n")
+        scene.raw("&support body='upper', surface='top', fix='y', value=0,-0.0015907")
+        scene.pair("joint", "lower:top", "upper:bottom")
+        scene.raw("&temperature body='lower', formula='79.16+29.52*x-37.29*y'")
+        self.check_unturned(scene)
+
+    def test_ridge_of_one_body_and_of_two(self):
+        """A plate on a curved surface whose facets meet at other places: in one piece, and in two that are tied."""
+        def curved(mesh, bottom):
+            def move(x):
+                z = 1 + 0.0299 * np.sin(2 * x[:, 0])
+                return np.column_stack([x[:, :2], z + x[:, 2] if bottom else z * x[:, 2]])
+            return mesh.move(move)
+
+        def along(lines, *other):
+            mesh = grid_mesh("tet4", np.array(lines), *other)
+            for axis, sides in enumerate((("left", "right"), ("front", "back"), ("bottom", "top"))):
+                for name, at in zip(sides, (mesh.x[:, axis].min(), mesh.x[:, axis].max())):
+                    mesh.patch(name, lambda c, axis=axis, at=at: abs(c[axis] - at) < 1e-9)
+            return mesh
+
+        y, z = np.linspace(0, 1, 3), np.linspace(0, 1, 3)
+        force = "&load body='%s', acceleration=5.369,-0.0894,2.29"
+        for pieces in ([0, 0.8, 1.25, 1.7],), ([0, 0.8], [0.8, 1.25, 1.7]):
+            scene = Scene("3d")
+            for k, lines in enumerate(pieces):
+                name = "piece %d" % k
+                scene.body(name, curved(along(lines, y, z), False), 632.8, 0.0).raw(force % name)
+                scene.pair("on " + name, name + ":top", "plate:bottom", "geometry='elements'")
+            scene.body("plate", curved(along([0.2588, 0.7219, 1.185], y, z / 2), True), 632.8, 0.0)
+            scene.materials = [text.replace(" /", ", density=0.1 /") for text in scene.materials]
+            if len(pieces) == 2:
+                scene.raw("&tie name='tie', surface_a='piece 1:left', surface_b='piece 0:right'")
+            scene.fix("piece 0", "left", "xyz", (0, 0, 0)).load("plate", "top", pressure=1)
+            scene.fix("plate", "left", "n").fix("plate", "front", "n")
+            self.check_unturned(scene)
+
+    def test_rigid_punch(self):
+        """A tilted punch turns by 0.05 rad until it lies on a block: as a rigid body, its surface alone, and stiff."""
+        for form in ("rigid", "surface", "stiff"):
+            scene = Scene("3d", "theta=0, tolerance=1e-9")
+            scene.body("block", box("hex8", (8, 8, 4), (0, 0, 0), (2, 2, 1)), 1000.0)
+            punch = box("hex8", (5, 5, 2), (0.5, 0.5, 1), (1.5, 1.5, 1.5))
+            punch.move(lambda x: np.column_stack([x[:, :2], x[:, 2] + 0.05 * (x[:, 0] - 1) * (1.5 - x[:, 2]) * 2]))
+            surface = "surface='bottom', facing=1,1,-5"
+            scene.body("punch", punch, 1e9, part=surface if form == "surface" else None)
+            scene.fix("block", "bottom", "xyz", (0, 0, 0))
+            scene.raw("&load body='punch', surface='%s', force=0,0,-5.97, point=1.0667,0.8648,1.5"
+                      % ("bottom" if form == "surface" else "top"))
+            if form == "stiff":
+                scene.raw("&spring body='punch', surface='top', fix='xy', modulus=1e7")
+            else:
+                scene.raw("&rigid_body body='punch', fix='x y rz', point=1,1,1.5")
+            scene.pair("contact", "block:top", "punch:bottom")
+            self.check_unturned(scene)
+
+    def check_unturned(self, scene):
+        """Exit code 0 without penetration."""
+        answer = scene.solve()
+        self.assertEqual(answer.code, 0, answer.log)
+        self.assertNotRegex(answer.log, "(?m)^  penetration ")
+
     def test_field(self):
         """The field of the results file: the depth where nodes are too deep, 0 elsewhere."""
         scene = Scene("plane_strain")
@@ -224,6 +336,53 @@ class Copies(dotyk_case.Case):
         log = self.dotyk("case.nml", code=1)
         self.assertRegex(log, r"overlap +'one' is inside 'two' by 0\.[89]\d* at .* before loading")
         self.assertRegex(log, r"penetration +'one' is inside 'two' by 0\.[89]\d*")
+
+
+class Pins(dotyk_case.Case):
+    GEO = """
+SetFactory("OpenCASCADE");
+Cylinder(1) = {0, 0, -14, 0, 0, 14, 5};  Cylinder(2) = {0, 0, 0, 0, 0, 3, 8};
+BooleanUnion(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Box(4) = {-15, -15, -10, 30, 30, 10};  Cylinder(5) = {0, 0, -10, 0, 0, 10, 5};
+BooleanDifference(6) = { Volume{4}; Delete; }{ Volume{5}; Delete; };
+Box(7) = {0, 0, -20, 20, 20, 40};  Box(8) = {0, 0, -20, 20, 20, 40};
+BooleanIntersection(9) = { Volume{3}; Delete; }{ Volume{7}; Delete; };
+BooleanIntersection(10) = { Volume{6}; Delete; }{ Volume{8}; Delete; };
+Physical Volume("pin") = {9};  Physical Volume("plate") = {10};
+e = 1e-3;
+For body In {9:10}
+  x() = {};  y() = {};  end() = {};
+  sides() = Boundary{ Volume{body}; };
+  For k In {0:#sides()-1}
+    b() = BoundingBox Surface{Abs(sides(k))};
+    If (b(3) < e) x() += {Abs(sides(k))}; EndIf
+    If (b(4) < e) y() += {Abs(sides(k))}; EndIf
+    If (b(5) < (body == 9 ? -13.9 : -9.9)) end() += {Abs(sides(k))}; EndIf
+  EndFor
+  Physical Surface(Sprintf("%g x", body)) = x();
+  Physical Surface(Sprintf("%g y", body)) = y();
+  Physical Surface(Sprintf("%g end", body)) = end();
+EndFor
+Mesh.MeshSizeMin = 2.5;  Mesh.MeshSizeMax = 2.5;  Mesh.ElementOrder = 2;  Mesh.HighOrderOptimize = 0;
+"""
+
+    def test_pin_in_a_hole_of_its_radius(self):
+        """The chords of the rim of the hole are within the shank of the pin, the curved edge is not."""
+        self.write("pin.geo", self.GEO)
+        self.write("case.nml", """&scene mesh='pin.geo' /
+&material name='steel', young=210e3, poisson=0.3 /
+&body name='pin', volume='pin', material='steel' /
+&body name='plate', volume='plate', material='steel' /
+&support body='p*', surface='* x', fix='x' /
+&support body='p*', surface='* y', fix='y' /
+&support body='plate', surface='10 end', fix='z' /
+&load body='pin', surface='9 end', force=0,0,-2500 /
+&contact auto=.true. /
+&solver theta=0 /
+&output error_parts='' /
+""")
+        log = self.dotyk("case.nml")
+        self.assertNotRegex(log, "(?m)^  (penetration|warning) .* is inside ")
 
 
 dotyk_case.main()

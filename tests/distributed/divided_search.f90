@@ -200,14 +200,16 @@ contains
     type(solid_t) :: solid(2)
     type(penetration_tolerance_t) :: tolerance
     type(penetration_t) :: worst(2)
-    real(dp), allocatable :: depth(:), other(:)
+    real(dp), allocatable :: depth(:), other(:), clear(:)
     call make_boxes(kind, -0.07_dp, upper, lower)
     call make_solid(upper, solid(1))
     call make_solid(lower, solid(2))
     tolerance%slack = 1.0e-9_dp
-    allocate (tolerance%explained_a(solid(1)%n_nodes), tolerance%explained_b(solid(2)%n_nodes), source=0.0_dp)
-    call find_penetration(division_t(), solid(1), solid(2), tolerance, depth, worst(1))
-    call find_penetration(division_t(.true.), solid(1), solid(2), tolerance, other, worst(2))
+    allocate (tolerance%left_a%depth(solid(1)%n_nodes), tolerance%left_b%depth(solid(2)%n_nodes), source=0.0_dp)
+    tolerance%left_a%width = tolerance%left_a%depth
+    tolerance%left_b%width = tolerance%left_b%depth
+    call find_penetration(division_t(), solid(1), solid(2), tolerance, depth, worst(1), clear)
+    call find_penetration(division_t(.true.), solid(1), solid(2), tolerance, other, worst(2), clear)
     call compare(name//': depth', depth, other)
     call compare(name//': deepest', [worst(1)%depth, worst(1)%position, worst(1)%unresolved], &
                  [worst(2)%depth, worst(2)%position, worst(2)%unresolved])

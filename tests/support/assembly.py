@@ -142,11 +142,13 @@ class Scene:
     def __init__(self, analysis, solver="theta=0, tolerance=1e-10", output="error_parts=''"):
         self.d = 3 if analysis == "3d" else 2
         self.analysis, self.solver, self.output = analysis, solver, output
-        self.meshes, self.lines, self.materials, self.geo = {}, [], [], ""
+        self.meshes, self.parts, self.lines, self.materials, self.geo = {}, {}, [], [], ""
 
-    def body(self, name, mesh, young=1.0, poisson=0.3):
-        """A body. mesh: a Mesh, or text for gmsh with a physical group 'body'."""
+    def body(self, name, mesh, young=1.0, poisson=0.3, part=None):
+        """A body. mesh: a Mesh, or text for gmsh with a physical group 'body'. part: keys in place of volume and
+        material."""
         self.meshes[name] = mesh
+        self.parts[name] = part or "volume='body', material='of %s'" % name
         self.materials.append("&material name='of %s', young=%r, poisson=%r /" % (name, young, poisson))
         return self
 
@@ -189,7 +191,7 @@ class Scene:
                 file = stem + ".geo"
                 (folder / file).write_text(mesh)
                 place = placed(turn, self.d)
-            text.append("&body name='%s', mesh='%s', volume='body', material='of %s'%s /" % (body, file, body, place))
+            text.append("&body name='%s', mesh='%s', %s%s /" % (body, file, self.parts[body], place))
         for words, key, value, turned in self.lines:
             if value is not None:
                 value = np.atleast_1d(np.asarray(value, float))
