@@ -64,7 +64,7 @@ contains
         if (kind_nodes(a%surface%kind(f)) > corners) then
           ends(3) = a%surface%node(corners + e, f)
           call search_segment(f, ends([1, 3, 2]))
-          call search_segment(f, ends([3, 2, 1]))
+          call search_segment(f, ends([2, 3, 1]))
         else
           call search_segment(f, ends(1:2))
         end if
@@ -210,8 +210,7 @@ contains
     if (size(x, 2) == 3) length = max(norm2(x(:, 3) - x(:, 1)), norm2(4*x(:, 2) - 3*x(:, 1) - x(:, 3)))/2
   end function longest_way
 
-  !> Shape functions of the nodes of an edge at a place between the first two; the third one is at its middle or beyond
-  !> its second end.
+  !> Shape functions of the nodes of an edge at a place between the first two; a third one is beyond the second.
   pure function edge_shape(n, place) result(shape)
     !> Number of nodes, 2 or 3.
     integer, intent(in) :: n

@@ -112,7 +112,7 @@ contains
     real(dp), intent(out) :: allowed
     !> The part of it by penalty and given gaps [length].
     real(dp), intent(out) :: left
-    !> The part of it that the shape at rest explains: arcs over the facets [length].
+    !> What the shape at rest explains: arcs over the facets, as far as they overlapped [length].
     real(dp), intent(out) :: arcs
     real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
     integer, allocatable :: around(:), shared(:)
@@ -145,9 +145,8 @@ contains
     end associate
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + width*tilt/2 + &
               along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
-    ! Without rows, arcs explain no more than the facets overlapped at rest.
-    if (.not. width > 0) arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
-                                position - b%displacement_at(facet, xi) - x + displacement)))
+    arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
+                         position - b%displacement_at(facet, xi) - x + displacement)))
     if (are_corners(a, around, b, facet, x, slip)) &
       allowed = allowed + maxval(a%stretch(around)) + maxval(b%stretch(shared))
   end subroutine tolerance_find_allowed
