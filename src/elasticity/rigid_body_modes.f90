@@ -128,17 +128,22 @@ contains
     end do
   end subroutine rigid_body_modes_move
 
-  !> Translation of the centre of each connected component by each mode (3*n_components, n) [].
-  pure function rigid_body_modes_translations(self) result(translation)
+  !> Amplitudes of the unit translations of a body in one piece, and translations of its centre by its modes (n, 6) [];
+  !> without columns for other bodies.
+  function rigid_body_modes_translations(self) result(translation)
     class(rigid_body_modes_t), intent(in) :: self
-    real(dp), allocatable :: translation(:, :)
+    real(dp), allocatable :: translation(:, :), amplitude(:, :)
+    real(dp) :: motion(6, 3)
+    logical :: are_free
     integer :: k
-    allocate (translation(3*size(self%radius), self%n), source=0.0_dp)
-    do k = 1, self%n
-      associate (p => self%component(k))
-        translation(3*p - 2:3*p, k) = self%coefficient(1:3, k)
-      end associate
+    allocate (translation(self%n, 0))
+    if (self%n == 0 .or. size(self%radius) > 1) return
+    motion = 0
+    do k = 1, 3
+      motion(k, k) = 1
     end do
+    call self%amplitudes(motion, amplitude, are_free)
+    translation = reshape([amplitude(:self%n, :), transpose(self%coefficient(1:3, :))], [self%n, 6])
   end function rigid_body_modes_translations
 
   !> Take another basis of the modes.

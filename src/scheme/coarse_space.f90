@@ -26,8 +26,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute values that these resultants are made up of (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Translations of the centres of its connected components by each rigid body mode; not allocated for
-    !> near-null-space modes (any, n) [].
+    !> Amplitudes of the unit translations of a body in one piece, and translations of its centre by its modes (n, 6) [];
+    !> without columns for other bodies, not allocated for near-null-space modes.
     real(dp), allocatable :: translation(:, :)
     !> Mean square displacement of all nodes of the body: the same for all its orthonormal modes [].
     real(dp) :: mean_square = 1
@@ -71,7 +71,7 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: scale(:)
     !> Mean square displacement of the nodes of the body by each mode (n) [].
     real(dp), allocatable :: mean_square(:)
-    !> Translations of the centres of the connected components of each body by each mode (n_bodies) [].
+    !> The same for each body (n_bodies) [length, no unit].
     type(mode_block_t), allocatable :: translation(:)
     !> G by bodies (n_bodies).
     type(mode_block_t), allocatable :: block(:)
@@ -148,7 +148,10 @@ contains
           if (most > rounding) self%scale(first + j - 1) = 1/most
           self%resultant(first + j - 1) = self%scale(first + j - 1)*own%resultant(j)
           self%mean_square(first + j - 1) = self%scale(first + j - 1)**2*own%mean_square
-          if (allocated(own%translation)) self%translation(b)%value(:, j) = self%scale(first + j - 1)*own%translation(:, j)
+          if (allocated(own%translation)) then
+            if (size(own%translation) > 0) self%translation(b)%value(j, :) = own%translation(j, :)*&
+              self%scale(first + j - 1)**[-1, -1, -1, 1, 1, 1]
+          end if
           call block(b)%matrix%multiply(self%scale(first + j - 1)*own%displacement(:, j), self%block(b)%value(:, j))
           ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
           if (allocated(own%stiffness)) cycle

@@ -47,6 +47,8 @@ module dotyk_scheme_proximal_motion
     !> Directions of motion that are held, by bodies: rows resist them by no more than they are uncertain, or not at all.
     !> Orthonormal in the mean square displacement (modes of the body, number of directions) [].
     type(mode_block_t), allocatable, private :: held(:)
+    !> The same, rotations about the centre of the body: what loads act along (modes of the body, number of directions) [].
+    type(mode_block_t), allocatable, private :: loaded(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
     !> Active rows of each body in the last step (n_bodies).
@@ -73,8 +75,8 @@ module dotyk_scheme_proximal_motion
   !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
   !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
   real(dp), parameter :: uncertain = 0.5_dp
-  !> Directions that are held from the first step on are spins about an axis of the body: nothing but facets resists them.
-  !> They are rotations by more than this fraction.
+  !> Directions that are held from the first step on, such as spins: nothing but facets resists them. Those that are
+  !> rotations by more than this fraction are made rotations.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
@@ -103,13 +105,13 @@ contains
       allocate (self%stiffness(n_bodies), self%n_active(n_bodies))
       allocate (self%rest(n_bodies), self%excess(n_bodies), source=0.0_dp)
       allocate (self%last(n_bodies), source=-1.0_dp)
-      allocate (self%held(n_bodies))
+      allocate (self%held(n_bodies), self%loaded(n_bodies))
       do b = 1, n_bodies
         self%stiffness(b)%value = springs_of(qp, b, foundation, active)
         if (self%is_held(self%group(b))) deallocate (self%stiffness(b)%value)
         if (self%is_held(self%group(b))) allocate (self%stiffness(b)%value(0, 0))
         self%n_active(b) = count(active(qp%block(b)%row))
-        call find_uncertain(qp, b, foundation, self%stiffness(b)%value, self%held(b)%value)
+        call find_uncertain(qp, b, foundation, self%stiffness(b)%value, self%held(b)%value, self%loaded(b)%value)
         call hold(self%held(b)%value, self%stiffness(b)%value)
       end do
     end associate
@@ -147,9 +149,9 @@ contains
     end associate
   end function springs_of
 
-  !> Rotations about the centre of a body that all its rows together resist by no more than they are uncertain: the spin
-  !> of a ball. Springs against them carry moments alone.
-  subroutine find_uncertain(qp, b, foundation, springs, direction)
+  !> Motions of a body that all its rows together resist by no more than they are uncertain: the spin of a ball, rolling
+  !> along a groove. Springs against rotations carry moments alone.
+  subroutine find_uncertain(qp, b, foundation, springs, direction, loaded)
     !> Contact rows and rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> The body.
@@ -160,14 +162,17 @@ contains
     real(dp), intent(in) :: springs(:, :)
     !> Orthonormal in the mean square displacement (modes, number of directions) [].
     real(dp), allocatable, intent(out) :: direction(:, :)
+    !> The same, rotations about the centre (modes, number of directions) [].
+    real(dp), allocatable, intent(out) :: loaded(:, :)
     type(error_t), allocatable :: error
     real(dp), allocatable :: root(:), g(:, :), d(:, :), values(:), vectors(:, :), q(:, :), columns(:, :)
-    integer :: n, n_translations, rank
+    integer :: k, n, n_spins, n_translations, rank
     n = size(springs, 1)
-    allocate (direction(n, 0))
+    allocate (direction(n, 0), loaded(n, 0))
     if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. allocated(qp%coarse%translation))) return
     associate (first => qp%coarse%first(b), row => qp%block(b)%row)
-      if (size(row) == 0 .or. size(qp%coarse%translation(b)%value, 2) /= n) return
+      if (size(row) == 0 .or. size(qp%coarse%translation(b)%value, 1) /= n) return
+      if (size(qp%coarse%translation(b)%value, 2) == 0) return
       root = sqrt(qp%coarse%mean_square(first:first + n - 1))
       g = spread(sqrt(foundation(row)), 2, n)*qp%coarse%block(b)%value/spread(root, 1, size(row))
       d = spread(sqrt(foundation(row)), 2, n)*qp%coarse%deviation(b)%value/spread(root, 1, size(row))
@@ -175,11 +180,25 @@ contains
       allocate (values(n), vectors(n, n), q(n, n))
       call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
       if (allocated(error)) return
-      columns = transpose(qp%coarse%translation(b)%value)/spread(root, 2, size(qp%coarse%translation(b)%value, 1))
+      columns = qp%coarse%translation(b)%value(:, :3)*spread(root, 2, 3)
       call orthonormal_range(columns, half, q, n_translations)
-      call orthonormal_range(reshape([q(:, :n_translations), vectors(:, :count(values < 0))], &
-                                     [n, n_translations + count(values < 0)]), half, q, rank)
-      direction = q(:, n_translations + 1:rank)/spread(root, 2, rank - n_translations)
+      associate (found => vectors(:, :count(values < 0)), translation => q(:, :n_translations))
+        columns = reshape([found - matmul(translation, matmul(transpose(translation), found)), found], &
+                          [n, 2*size(found, 2)])
+        ! What little translations turn is rounding; and bodies of a heap travel before they rest.
+        columns(:, pack([(k, k=1, size(found, 2))], norm2(columns(:, :size(found, 2)), 1) < half)) = 0
+        if (qp%is_heap()) columns(:, size(found, 2) + 1:) = 0
+      end associate
+      n_spins = count([(maxval(abs(columns(:, k))) > 0, k=1, count(values < 0))])
+      call orthonormal_range(columns, half, q(:, :count(values < 0)), rank)
+      direction = q(:, :rank)/spread(root, 2, rank)
+      loaded = direction
+      ! Nodes are not centred: the weight of a body has a moment about their mean.
+      associate (unit => qp%coarse%translation(b)%value(:, :3), of_centre => qp%coarse%translation(b)%value(:, 4:6))
+        do k = 1, min(rank, n_spins)
+          loaded(:, k) = direction(:, k) - matmul(unit, matmul(direction(:, k), of_centre))
+        end do
+      end associate
     end associate
   end subroutine find_uncertain
 
@@ -326,51 +345,36 @@ contains
     !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals makes
     !> of the contact forces.
     subroutine judge_held()
-      real(dp), allocatable :: carried(:), loads(:)
-      associate (held => self%held(b)%value, row => qp%block(b)%row, on_body => on_group(self%group(b)), &
-                 first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
+      real(dp), allocatable :: held(:, :), carried(:), excess(:)
+      integer, allocatable :: kept(:)
+      integer :: j
+      associate (row => qp%block(b)%row, on_body => on_group(self%group(b)), first => qp%coarse%first(b), &
+                 last => qp%coarse%first(b + 1) - 1)
         self%imbalance(first:last) = matmul(self%stiffness(b)%value, step(first:last))
+        held = self%held(b)%value
         if (size(held) == 0) return
+        carried = matmul(self%imbalance(first:last), held)/on_body
         associate (mean => qp%coarse%mean_square(first:last))
-          carried = matmul(self%imbalance(first:last), held)
-          loads = matmul(qp%coarse%resultant(first:last), held)
           step(first:last) = step(first:last) - matmul(held, matmul(mean*step(first:last), held))
           self%centre(first:last) = before(first:last) + step(first:last)
         end associate
-        self%rest(b) = norm2(carried)/on_body
-        if (norm2(loads) > qp%coarse%max_unbalanced*on_body) then
-          call release(loads/norm2(loads))
-        else if (self%rest(b) > qp%coarse%max_unbalanced) then
-          carried = carried/norm2(carried)
-          self%excess(b) = self%rest(b) - sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, &
-                                                                     matmul(held, carried))))/(uncertain*on_body)
-          if (self%excess(b) > qp%coarse%max_unbalanced) call release(carried)
-        end if
+        excess = abs(carried) - [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
+                                  j=1, size(held, 2))]/(uncertain*on_body)
+        self%rest(b) = norm2(carried)
+        self%excess(b) = maxval([0.0_dp, excess])
+        excess = max(excess, abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
+        kept = pack([(j, j=1, size(excess))], .not. excess > qp%coarse%max_unbalanced)
+        if (size(kept) == size(excess)) return
+        self%held(b)%value = held(:, kept)
+        held = self%loaded(b)%value(:, kept)
+        self%loaded(b)%value = held
+        self%stiffness(b)%value = springs_of(qp, b, foundation, active)
+        call hold(self%held(b)%value, self%stiffness(b)%value)
+        self%last(b) = -1
+        self%has_changed = .true.
+        done = .false.
       end associate
     end subroutine judge_held
-
-    !> Hold the body no longer in a direction.
-    subroutine release(direction)
-      !> In terms of the held ones, of length 1 (number of these) [].
-      real(dp), intent(in) :: direction(:)
-      real(dp) :: mirror(size(direction))
-      real(dp), allocatable :: held(:, :)
-      integer :: k
-      ! The reflection that takes it to a unit vector leaves the others an orthonormal basis of what is still held.
-      k = maxloc(abs(direction), 1)
-      mirror = direction
-      mirror(k) = mirror(k) + sign(1.0_dp, direction(k))
-      held = self%held(b)%value
-      held = held - matmul(reshape(matmul(held, mirror), [size(held, 1), 1]), &
-                           reshape(mirror, [1, size(mirror)]))*(2/dot_product(mirror, mirror))
-      held(:, k) = held(:, size(held, 2))
-      self%held(b)%value = held(:, :size(held, 2) - 1)
-      self%stiffness(b)%value = springs_of(qp, b, foundation, active)
-      call hold(self%held(b)%value, self%stiffness(b)%value)
-      self%last(b) = -1
-      self%has_changed = .true.
-      done = .false.
-    end subroutine release
 
     !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
     !> other bodies were at rest, and by how much they are uncertain.

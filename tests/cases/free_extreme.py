@@ -135,8 +135,8 @@ class FreeExtreme(dotyk_case.Case):
                 self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
                 self.assertLessEqual(summary["error_bound"], 1e-6)
                 self.assertAlmostEqual(weight / (4 * np.pi / 3), 1, delta=0.1)  # of a ball of triangles
-                # What may rest on springs is 1 % of the forces on a ball; spins that facets resist carry moments alone.
-                self.assertLess(spread, 1e-2)
+                # The springs that hold the spins, which facets resist, carry moments alone.
+                self.assertLess(spread, 1e-4)
                 self.assertNotIn("large motion", log)
                 self.assertLess(floor, 1e-3)
                 # Active sets alone had not ended after 60.
@@ -151,7 +151,7 @@ class FreeExtreme(dotyk_case.Case):
             _, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
             self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
             self.assertLessEqual(summary["error_bound"], 1e-6)
-            self.assertLess(spread, 1e-2)
+            self.assertLess(spread, 1e-4)
             self.assertLess(floor, 1e-3)
             energy.append(summary["energy"])
         self.assertAlmostEqual(energy[0] / energy[1], 1, delta=1e-6)
@@ -434,14 +434,14 @@ Mesh.MeshSizeMax = 0.06; Mesh.MeshSizeMin = 0.06; Mesh.ElementOrder = 1; Mesh.Ra
     def test_many_nearly_free_bodies(self):
         """Fifty blocks on supports of 1e-8 of their stiffness: a push arrives at the wall, and weights add up."""
         # Layers take half of what acts on them: a push on 2 arrives as one on 1.75, and so does the weight of each
-        # block. The row of 120 has a sparse matrix of springs and contact, that of 50 a dense one.
+        # block. Loads are so small that the first block moves by a part of its size.
         for n, part in ((50, 1e-4), (120, 1e-3)):
-            force = self.hung_blocks(n, "&load body='h0', surface='left', pressure=1e-2 /\n")
-            np.testing.assert_allclose(force, -1.75e-2, rtol=part)
+            force = self.hung_blocks(n, "&load body='h0', surface='left', pressure=1e-6 /\n")
+            np.testing.assert_allclose(force, -1.75e-6, rtol=part)
             self.assertIncreasing(force)
         n = 50
-        force = self.hung_blocks(n, "".join("&load body='h%d', force_density=1e-3,0 /\n" % k for k in range(n)))
-        np.testing.assert_allclose(force, -1.75e-3 * np.arange(1, n + 1), rtol=1e-3)
+        force = self.hung_blocks(n, "".join("&load body='h%d', force_density=1e-7,0 /\n" % k for k in range(n)))
+        np.testing.assert_allclose(force, -1.75e-7 * np.arange(1, n + 1), rtol=1e-3)
 
     def test_nothing_at_all(self):
         """A free body without contact and load stays where it is."""

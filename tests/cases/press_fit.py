@@ -238,7 +238,7 @@ Physical Curve("joint") = {joint[]};
         swing is not held; a support against the swing carries nothing."""
         held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
         largest, pressure, log = self.lever(8.0, held)
-        self.assertRegex(log, r"not determined by contact: rocking about the axis \(0, 0, 1\) .* of 'lever'; least motion taken")
+        self.assertRegex(log, r"not determined by contact: (rocking|spin) about the axis \(0, 0, 1\) .* of 'lever'; least motion taken")
         of_twin, pressure_of_twin, _ = self.lever(8.0, held + ["&support body='lever', surface='tip', fix='y' /"])
         self.assertLess(of_twin, self.SHRINK)
         # What the mesh excites is 1e-6 of the contact forces, wherever it is held.
