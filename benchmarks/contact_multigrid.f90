@@ -73,8 +73,7 @@ contains
 
   !> An argument of the command line.
   function argument(i) result(text)
-    !> Which one.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Which one.
     character(:), allocatable :: text
     character(64) :: buffer
     buffer = ''
@@ -84,10 +83,8 @@ contains
 
   !> An argument that is a number.
   real(dp) function number(i, default)
-    !> Which one.
-    integer, intent(in) :: i
-    !> The number where the argument is missing.
-    real(dp), intent(in) :: default
+    integer, intent(in) :: i  !! Which one.
+    real(dp), intent(in) :: default  !! The number where the argument is missing.
     integer :: status
     character(64) :: text
     text = argument(i)

@@ -53,10 +53,8 @@ contains
 
   !> Solve one scene.
   subroutine run(name, error)
-    !> Its namelist.
-    character(*), intent(in) :: name
-    !> Allocated where it cannot be solved.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Its namelist.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where it cannot be solved.
     type(case_t) :: case
     type(body_t), allocatable :: body(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
@@ -134,8 +132,7 @@ contains
 
   !> Times.
   subroutine clock(wall, processor)
-    !> [s]
-    real(dp), intent(out) :: wall, processor
+    real(dp), intent(out) :: wall, processor  !! [s]
     wall = wall_time()
     call cpu_time(processor)
   end subroutine clock

@@ -12,8 +12,7 @@ module element_products
   private
   public :: measure_elements
 
-  !> Elements of a group.
-  integer, parameter :: lanes = 8
+  integer, parameter :: lanes = 8  !! Elements of a group.
 
   interface
     !> Bytes of a group.
@@ -24,37 +23,24 @@ module element_products
     !> Fill the groups.
     subroutine dotyk_fill_groups(n_elements, node, x, lambda, mu, group) bind(c)
       import :: c_double, c_int32_t, c_int8_t
-      !> Number of elements.
-      integer(c_int32_t), value :: n_elements
-      !> Nodes of the elements (10, n_elements).
-      integer(c_int32_t), intent(in) :: node(10, *)
-      !> Nodes (3, n_nodes) [length].
-      real(c_double), intent(in) :: x(3, *)
-      !> Lame's parameters [pressure].
-      real(c_double), value :: lambda, mu
-      !> Groups of elements.
-      integer(c_int8_t), intent(inout) :: group(*)
+      integer(c_int32_t), value :: n_elements  !! Number of elements.
+      integer(c_int32_t), intent(in) :: node(10, *)  !! Nodes of the elements (10, n_elements).
+      real(c_double), intent(in) :: x(3, *)  !! Nodes (3, n_nodes) [length].
+      real(c_double), value :: lambda, mu  !! Lame's parameters [pressure].
+      integer(c_int8_t), intent(inout) :: group(*)  !! Groups of elements.
     end subroutine dotyk_fill_groups
 
     !> r = b - K x.
     subroutine dotyk_element_residual(n_groups, group, n_nodes, first, place, b, x, force, r) bind(c)
       import :: c_float, c_int32_t, c_int8_t
-      !> Number of groups.
-      integer(c_int32_t), value :: n_groups
-      !> Groups of elements.
-      integer(c_int8_t), intent(in) :: group(*)
-      !> Number of nodes.
-      integer(c_int32_t), value :: n_nodes
-      !> First entry of each node in `place`, from 0 (n_nodes + 1).
-      integer(c_int32_t), intent(in) :: first(*)
-      !> Places of forces, from 0.
-      integer(c_int32_t), intent(in) :: place(*)
-      !> Right-hand side and vector (3, n_nodes).
-      real(c_float), intent(in) :: b(*), x(*)
-      !> Forces of the elements (30*lanes, n_groups).
-      real(c_float), intent(inout) :: force(*)
-      !> Residual (3, n_nodes).
-      real(c_float), intent(inout) :: r(*)
+      integer(c_int32_t), value :: n_groups  !! Number of groups.
+      integer(c_int8_t), intent(in) :: group(*)  !! Groups of elements.
+      integer(c_int32_t), value :: n_nodes  !! Number of nodes.
+      integer(c_int32_t), intent(in) :: first(*)  !! First entry of each node in `place`, from 0 (n_nodes + 1).
+      integer(c_int32_t), intent(in) :: place(*)  !! Places of forces, from 0.
+      real(c_float), intent(in) :: b(*), x(*)  !! Right-hand side and vector (3, n_nodes).
+      real(c_float), intent(inout) :: force(*)  !! Forces of the elements (30*lanes, n_groups).
+      real(c_float), intent(inout) :: r(*)  !! Residual (3, n_nodes).
     end subroutine dotyk_element_residual
   end interface
 
@@ -62,16 +48,11 @@ contains
 
   !> Time and traffic of a residual r = -K x.
   subroutine measure_elements(body, x, seconds, bytes, r)
-    !> The body: straight isotropic tet10.
-    type(body_t), intent(in) :: body
-    !> Displacements, nodes in the order of `order_nodes` (3*n_nodes) [length].
-    real(sp), intent(in) :: x(:)
-    !> Least time of a residual [s].
-    real(dp), intent(out) :: seconds
-    !> Least traffic with the memory [bytes].
-    real(dp), intent(out) :: bytes
-    !> The residual (3*n_nodes) [force].
-    real(sp), allocatable, intent(out) :: r(:)
+    type(body_t), intent(in) :: body  !! The body: straight isotropic tet10.
+    real(sp), intent(in) :: x(:)  !! Displacements, nodes in the order of `order_nodes` (3*n_nodes) [length].
+    real(dp), intent(out) :: seconds  !! Least time of a residual [s].
+    real(dp), intent(out) :: bytes  !! Least traffic with the memory [bytes].
+    real(sp), allocatable, intent(out) :: r(:)  !! The residual (3*n_nodes) [force].
     type(body_mesh_t) :: mesh
     type(constraint_t) :: constraint
     integer, allocatable :: order(:), node_order(:), node(:, :), first(:), place(:), next(:)

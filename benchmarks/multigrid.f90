@@ -42,8 +42,7 @@ program multigrid
   use multigrid_table, only: write_table
   implicit none
 
-  !> Reduction of the residual.
-  real(dp), parameter :: tolerance = 1.0e-8_dp
+  real(dp), parameter :: tolerance = 1.0e-8_dp  !! Reduction of the residual.
 
   call set_blas_threads(omp_get_max_threads())
   select case (argument(1))
@@ -65,8 +64,7 @@ contains
 
   !> An argument of the command line.
   function argument(i) result(text)
-    !> Which one.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Which one.
     character(:), allocatable :: text
     character(64) :: buffer
     buffer = ''
@@ -76,10 +74,8 @@ contains
 
   !> An argument that is a number.
   integer function integer_argument(i, default) result(number)
-    !> Which one.
-    integer, intent(in) :: i
-    !> The number where the argument is missing.
-    integer, intent(in) :: default
+    integer, intent(in) :: i  !! Which one.
+    integer, intent(in) :: default  !! The number where the argument is missing.
     integer :: status
     character(64) :: text
     text = argument(i)
@@ -89,8 +85,7 @@ contains
 
   !> Element kind of a name; tet10 for none.
   integer function kind_of(name) result(kind)
-    !> The name.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! The name.
     kind = element_tet10
     if (name == 'hex20') kind = element_hex20
     if (name == 'hex27') kind = element_hex27
@@ -100,12 +95,9 @@ contains
 
   !> One size.
   subroutine measure_size(cells, kind, with_direct)
-    !> Cells along each edge.
-    integer, intent(in) :: cells
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Whether the whole stiffness is factorized, too.
-    logical, intent(in) :: with_direct
+    integer, intent(in) :: cells  !! Cells along each edge.
+    integer, intent(in) :: kind  !! Element kind.
+    logical, intent(in) :: with_direct  !! Whether the whole stiffness is factorized, too.
     type(body_t) :: body
     type(multigrid_t) :: levels
     type(body_modes_t) :: modes
@@ -157,8 +149,7 @@ contains
 
   !> Assemble both levels, the first part of the set-up.
   subroutine assemble_only(body)
-    !> The block.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The block.
     type(two_levels_t) :: stiffness
     type(error_t), allocatable :: error
     call stiffness%assemble(body, error)
@@ -167,12 +158,9 @@ contains
 
   !> The factor of the whole.
   subroutine measure_direct(body, modes, x)
-    !> The block.
-    type(body_t), intent(inout) :: body
-    !> Its rigid body modes.
-    type(body_modes_t), intent(in) :: modes
-    !> Solution by multigrid (n_equations) [length].
-    real(dp), intent(in) :: x(:)
+    type(body_t), intent(inout) :: body  !! The block.
+    type(body_modes_t), intent(in) :: modes  !! Its rigid body modes.
+    real(dp), intent(in) :: x(:)  !! Solution by multigrid (n_equations) [length].
     type(direct_response_t) :: direct
     type(stiffness_t) :: stiffness
     type(factorization_report_t) :: report
@@ -201,10 +189,8 @@ contains
 
   !> Bandwidth of the products.
   subroutine measure_products(levels, triad)
-    !> The levels.
-    type(multigrid_t), intent(in) :: levels
-    !> Bandwidth of the triad [GB/s].
-    real(dp), intent(in) :: triad
+    type(multigrid_t), intent(in) :: levels  !! The levels.
+    real(dp), intent(in) :: triad  !! Bandwidth of the triad [GB/s].
     integer, parameter :: rounds = 8
     real(dp), allocatable :: x(:), y(:)
     real(sp), allocatable :: b(:), r(:), s(:), p(:)
@@ -255,12 +241,9 @@ contains
 
   !> The residual element by element, without a matrix.
   subroutine compare_elements(levels, body, triad)
-    !> The levels.
-    type(multigrid_t), intent(in) :: levels
-    !> The block.
-    type(body_t), intent(in) :: body
-    !> Bandwidth of the triad [GB/s].
-    real(dp), intent(in) :: triad
+    type(multigrid_t), intent(in) :: levels  !! The levels.
+    type(body_t), intent(in) :: body  !! The block.
+    real(dp), intent(in) :: triad  !! Bandwidth of the triad [GB/s].
     real(sp), allocatable :: r(:), assembled(:), x(:), zero(:)
     real(dp) :: seconds, bytes, difference
     logical, allocatable :: free(:)

@@ -21,12 +21,9 @@ contains
 
   !> Quadratic elements, with smoothed aggregation on the corner space.
   subroutine measure_aggregation(cells, kind, tolerance)
-    !> Cells along each edge.
-    integer, intent(in) :: cells
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Reduction of the residual.
-    real(dp), intent(in) :: tolerance
+    integer, intent(in) :: cells  !! Cells along each edge.
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: tolerance  !! Reduction of the residual.
     type(body_t) :: body
     type(multigrid_t) :: levels
     type(body_modes_t) :: modes
@@ -71,12 +68,9 @@ contains
 
   !> Linear elements.
   subroutine measure_linear(cells, kind, tolerance)
-    !> Cells along each edge.
-    integer, intent(in) :: cells
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Reduction of the residual.
-    real(dp), intent(in) :: tolerance
+    integer, intent(in) :: cells  !! Cells along each edge.
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: tolerance  !! Reduction of the residual.
     type(body_t) :: body
     type(two_levels_t) :: rows
     type(smoothed_aggregation_t) :: levels
@@ -123,8 +117,7 @@ contains
 
   !> Unknowns of the levels.
   subroutine describe(levels)
-    !> The levels.
-    type(smoothed_aggregation_t), intent(in) :: levels
+    type(smoothed_aggregation_t), intent(in) :: levels  !! The levels.
     integer :: l
     do l = 1, size(levels%level)
       associate (smoother => levels%level(l)%smoother)

@@ -14,14 +14,10 @@ contains
 
   !> A block [0, 1] x [0, 1] x [0, n3/n1] of equal cells, held at z = 0, loaded on top; material of Poisson's ratio 0.3.
   subroutine make_block(kind, n1, n3, body)
-    !> Element kind: tet10, hex20, hex27, prism15 or prism18, or a linear one.
-    integer, intent(in) :: kind
-    !> Cells along x and y.
-    integer, intent(in) :: n1
-    !> Cells along z.
-    integer, intent(in) :: n3
-    !> The block.
-    type(body_t), intent(out) :: body
+    integer, intent(in) :: kind  !! Element kind: tet10, hex20, hex27, prism15 or prism18, or a linear one.
+    integer, intent(in) :: n1  !! Cells along x and y.
+    integer, intent(in) :: n3  !! Cells along z.
+    type(body_t), intent(out) :: body  !! The block.
     type(element_kind_t) :: properties
     type(error_t), allocatable :: error
     real(dp), allocatable :: xi(:, :), corner(:, :, :), linear(:)
@@ -89,10 +85,8 @@ contains
 
   !> Divide a unit cell into elements.
   subroutine split_cell(properties, corner)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
-    !> Corners of the elements (3, n_corners, n_pieces) [].
-    real(dp), allocatable, intent(out) :: corner(:, :, :)
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
+    real(dp), allocatable, intent(out) :: corner(:, :, :)  !! Corners of the elements (3, n_corners, n_pieces) [].
     integer, parameter :: order(3, 6) = reshape([1, 2, 3, 2, 3, 1, 3, 1, 2, 1, 3, 2, 3, 2, 1, 2, 1, 3], [3, 6])
     real(dp), allocatable :: xi(:, :)
     integer :: i, k
@@ -123,18 +117,12 @@ contains
 
   !> Displace the inner corners, and put the other nodes where straight elements have them.
   subroutine move_corners(body, n1, n3, every, shift, irregular)
-    !> The block.
-    type(body_t), intent(inout) :: body
-    !> Cells along x and y.
-    integer, intent(in) :: n1
-    !> Cells along z.
-    integer, intent(in) :: n3
-    !> One inner corner out of so many is displaced.
-    integer, intent(in) :: every
-    !> Displacement, in cells (3) [].
-    real(dp), intent(in) :: shift(3)
-    !> Whether the displacements change from corner to corner.
-    logical, intent(in) :: irregular
+    type(body_t), intent(inout) :: body  !! The block.
+    integer, intent(in) :: n1  !! Cells along x and y.
+    integer, intent(in) :: n3  !! Cells along z.
+    integer, intent(in) :: every  !! One inner corner out of so many is displaced.
+    real(dp), intent(in) :: shift(3)  !! Displacement, in cells (3) [].
+    logical, intent(in) :: irregular  !! Whether the displacements change from corner to corner.
     type(element_kind_t) :: properties
     real(dp), allocatable :: xi(:, :), shape(:, :)
     integer :: i, e, a, place(3), count
@@ -167,8 +155,7 @@ contains
 
   !> Hold the side x = 0 in place of z = 0.
   subroutine hold_side(body)
-    !> The block.
-    type(body_t), intent(inout) :: body
+    type(body_t), intent(inout) :: body  !! The block.
     integer :: i
     do i = 1, body%mesh%n_nodes()
       body%constraint%equation(:, i) = merge(1, held, body%mesh%x(1, i) > 0)
@@ -178,12 +165,9 @@ contains
 
   !> Make the layer of cells in the middle thinner.
   subroutine thin_layer(body, n, ratio)
-    !> The block.
-    type(body_t), intent(inout) :: body
-    !> Cells along its edges.
-    integer, intent(in) :: n
-    !> Ratio of the thicknesses.
-    integer, intent(in) :: ratio
+    type(body_t), intent(inout) :: body  !! The block.
+    integer, intent(in) :: n  !! Cells along its edges.
+    integer, intent(in) :: ratio  !! Ratio of the thicknesses.
     real(dp) :: bottom, height
     integer :: i
     bottom = real(n/2, dp)/n

@@ -9,25 +9,18 @@ module multigrid_cases
   private
   public :: make_case
 
-  !> Number of cases.
-  integer, parameter, public :: n_cases = 47
+  integer, parameter, public :: n_cases = 47  !! Number of cases.
 
 contains
 
   !> Make a body of a case.
   subroutine make_case(number, kind, cells, body, name, shape)
-    !> Number of the case, 1..n_cases.
-    integer, intent(in) :: number
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Cells along each edge of a cube.
-    integer, intent(in) :: cells
-    !> The body; without elements where the case does not exist for the element kind.
-    type(body_t), intent(out) :: body
-    !> What it is.
-    character(:), allocatable, intent(out) :: name
-    !> Cases of one number have the same mesh, up to the places of its nodes.
-    integer, intent(out) :: shape
+    integer, intent(in) :: number  !! Number of the case, 1..n_cases.
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: cells  !! Cells along each edge of a cube.
+    type(body_t), intent(out) :: body  !! The body; without elements where the case does not exist for the element kind.
+    character(:), allocatable, intent(out) :: name  !! What it is.
+    integer, intent(out) :: shape  !! Cases of one number have the same mesh, up to the places of its nodes.
     real(dp), parameter :: poisson(7) = [0.0_dp, 0.3_dp, 0.4_dp, 0.45_dp, 0.47_dp, 0.49_dp, 0.499_dp]
     integer, parameter :: flat(5) = [2, 5, 10, 20, 100], power(3) = [2, 4, 6], ratio(3) = [5, 20, 100]
     type(error_t), allocatable :: error
@@ -108,8 +101,7 @@ contains
 
     !> A plate.
     subroutine make_plate(i)
-      !> Number of the aspect ratio.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! Number of the aspect ratio.
       integer :: layers, across
       layers = 4 - i
       across = layers*aspect_of(i)*cells/12
@@ -122,8 +114,7 @@ contains
 
     !> A beam.
     subroutine make_beam(i)
-      !> Number of the aspect ratio.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! Number of the aspect ratio.
       call make_block(kind, max(2, cells/3), max(2, cells/3)*aspect_of(i), body)
       shape = 4 + i
     end subroutine make_beam
@@ -131,8 +122,7 @@ contains
 
   !> Aspect ratios of plates and beams [].
   pure integer function aspect_of(i) result(aspect)
-    !> Number of the ratio, 1..3.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Number of the ratio, 1..3.
     integer, parameter :: aspects(3) = [10, 30, 100]
     aspect = aspects(i)
   end function aspect_of
@@ -145,8 +135,7 @@ contains
 
   !> A number as text.
   function digits_of(number) result(text)
-    !> The number.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! The number.
     character(:), allocatable :: text
     character(12) :: buffer
     write (buffer, '(i0)') number

@@ -10,22 +10,17 @@ contains
 
   !> Start the clocks.
   subroutine start_clock(start, begun)
-    !> Wall-clock time [s].
-    real(dp), intent(out) :: start
-    !> Processor time [s].
-    real(dp), intent(out) :: begun
+    real(dp), intent(out) :: start  !! Wall-clock time [s].
+    real(dp), intent(out) :: begun  !! Processor time [s].
     call cpu_time(begun)
     start = wall_time()
   end subroutine start_clock
 
   !> Write the time since the start.
   subroutine read_clock(name, start, begun)
-    !> What was measured.
-    character(*), intent(in) :: name
-    !> Wall-clock time at the start [s].
-    real(dp), intent(in) :: start
-    !> Processor time at the start [s].
-    real(dp), intent(in) :: begun
+    character(*), intent(in) :: name  !! What was measured.
+    real(dp), intent(in) :: start  !! Wall-clock time at the start [s].
+    real(dp), intent(in) :: begun  !! Processor time at the start [s].
     real(dp) :: now
     character(24) :: label
     label = name
@@ -44,8 +39,7 @@ contains
 
   !> A figure of /proc/self/status [bytes].
   integer(int64) function memory_of(name) result(bytes)
-    !> With its colon.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! With its colon.
     character(200) :: line
     integer :: unit, status
     bytes = 0

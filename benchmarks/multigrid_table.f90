@@ -18,25 +18,19 @@ module multigrid_table
   private
   public :: write_table
 
-  !> Reduction of the residual.
-  real(dp), parameter :: tolerance = 1.0e-8_dp
-  !> Iterations at most.
-  integer, parameter :: most_steps = 300
-  !> Size of the body that the choice is made for.
-  real(dp), parameter :: usual_size = 200000
+  real(dp), parameter :: tolerance = 1.0e-8_dp  !! Reduction of the residual.
+  integer, parameter :: most_steps = 300  !! Iterations at most.
+  real(dp), parameter :: usual_size = 200000  !! Size of the body that the choice is made for.
   !> Element kinds.
   integer, parameter :: kind(5) = [element_tet10, element_hex20, element_hex27, element_prism15, element_prism18]
-  !> Their names.
-  character(7), parameter :: kind_name(5) = ['tet10  ', 'hex20  ', 'hex27  ', 'prism15', 'prism18']
+  character(7), parameter :: kind_name(5) = ['tet10  ', 'hex20  ', 'hex27  ', 'prism15', 'prism18']  !! Their names.
 
 contains
 
   !> Write a line for each case and element kind, then the table of the iterations.
   subroutine write_table(cells, first, last)
-    !> Cells along each edge of a cube.
-    integer, intent(in) :: cells
-    !> First and last case; 0 for all.
-    integer, intent(in) :: first, last
+    integer, intent(in) :: cells  !! Cells along each edge of a cube.
+    integer, intent(in) :: first, last  !! First and last case; 0 for all.
     character(:), allocatable :: name
     character(200) :: row(n_cases)
     character(16) :: entry
@@ -67,16 +61,11 @@ contains
 
   !> Solve, and write a line.
   subroutine measure(name, body, power, flops, entry)
-    !> Element kind and name of the case.
-    character(*), intent(in) :: name
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Its factor takes the unknowns to this power operations.
-    integer, intent(in) :: power
-    !> Operations of a factor of the body; found if 0.
-    real(dp), intent(inout) :: flops
-    !> Entry of the table: iterations, and what has a factor in their place.
-    character(*), intent(out) :: entry
+    character(*), intent(in) :: name  !! Element kind and name of the case.
+    type(body_t), intent(inout) :: body  !! The body.
+    integer, intent(in) :: power  !! Its factor takes the unknowns to this power operations.
+    real(dp), intent(inout) :: flops  !! Operations of a factor of the body; found if 0.
+    character(*), intent(out) :: entry  !! Entry of the table: iterations, and what has a factor in their place.
     type(multigrid_response_t) :: operator
     type(body_modes_t) :: modes
     type(factorization_report_t) :: report
@@ -127,10 +116,8 @@ contains
 
   !> Operations of the factor of a body.
   real(dp) function factor_flops(body, modes) result(flops)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Its rigid body modes.
-    type(body_modes_t), intent(in) :: modes
+    type(body_t), intent(inout) :: body  !! The body.
+    type(body_modes_t), intent(in) :: modes  !! Its rigid body modes.
     type(direct_response_t) :: direct
     type(stiffness_t) :: stiffness
     type(error_t), allocatable :: error
@@ -144,8 +131,7 @@ contains
 
   !> Upper end of the smoother's interval over the greatest eigenvalue, by 40 Lanczos steps [].
   real(dp) function margin_of(levels) result(margin)
-    !> The levels.
-    type(multigrid_t), intent(in) :: levels
+    type(multigrid_t), intent(in) :: levels  !! The levels.
     type(cg_outcome_t) :: outcome
     real(dp), allocatable :: start(:), x(:)
     real(dp) :: least, greatest

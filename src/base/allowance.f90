@@ -4,10 +4,8 @@ module dotyk_base_allowance
   implicit none
   private
 
-  !> An allowance; nothing at first.
-  type, public :: allowance_t
-    !> Memory that may still be taken [bytes].
-    integer(int64) :: left = 0
+  type, public :: allowance_t  !! An allowance; nothing at first.
+    integer(int64) :: left = 0  !! Memory that may still be taken [bytes].
   contains
     procedure :: take => allowance_take
   end type allowance_t
@@ -17,8 +15,7 @@ contains
   !> Take memory where there is enough, from any thread; whether there is.
   logical function allowance_take(self, bytes) result(granted)
     class(allowance_t), intent(inout) :: self
-    !> Memory [bytes].
-    integer(int64), intent(in) :: bytes
+    integer(int64), intent(in) :: bytes  !! Memory [bytes].
     !$omp critical (allowance)
     granted = self%left >= bytes
     if (granted) self%left = self%left - bytes

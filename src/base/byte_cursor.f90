@@ -15,18 +15,14 @@ module dotyk_base_byte_cursor
 
   !> The part of a window that is in memory when a number is read from text.
   integer(int64), parameter :: number_part = 64
-  !> Greatest number of letters of the file in a message.
-  integer, parameter :: longest_shown = 40
+  integer, parameter :: longest_shown = 40  !! Greatest number of letters of the file in a message.
 
-  !> File, or a window of it, and the position of the next read.
-  type, extends(byte_window_t), public :: byte_cursor_t
-    !> Next byte to be read; size + 1 at the end.
-    integer(int64) :: position = 1
+  type, extends(byte_window_t), public :: byte_cursor_t  !! File, or a window of it, and the position of the next read.
+    integer(int64) :: position = 1  !! Next byte to be read; size + 1 at the end.
     !> Whether `get_int`, `get_size` and `get_real` read binary numbers; positions in messages are then byte offsets
     !> instead of lines.
     logical :: binary = .false.
-    !> Section that is being read, as '$Nodes'; empty between sections.
-    character(:), allocatable :: section
+    character(:), allocatable :: section  !! Section that is being read, as '$Nodes'; empty between sections.
   contains
     procedure :: load => cursor_load
     procedure :: open => cursor_open
@@ -52,8 +48,7 @@ contains
   !> Read a whole file.
   subroutine cursor_load(self, file, error)
     class(byte_cursor_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
     call self%read_all(file, error)
@@ -63,8 +58,7 @@ contains
   !> Open a file, of which only a window is in memory.
   subroutine cursor_open(self, file, error)
     class(byte_cursor_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
     call self%open_window(file, error)
@@ -74,10 +68,8 @@ contains
   !> Use bytes in memory as the content of a file.
   subroutine cursor_use_text(self, file, bytes)
     class(byte_cursor_t), intent(inout) :: self
-    !> Name, for messages.
-    character(*), intent(in) :: file
-    !> Content.
-    character(*), intent(in) :: bytes
+    character(*), intent(in) :: file  !! Name, for messages.
+    character(*), intent(in) :: bytes  !! Content.
     character(:), allocatable :: text
     text = bytes//achar(0)
     call self%take_text(file, text)
@@ -86,8 +78,7 @@ contains
 
   !> Start at the first byte.
   subroutine start(self)
-    !> The cursor; at the first byte on return.
-    type(byte_cursor_t), intent(inout) :: self
+    type(byte_cursor_t), intent(inout) :: self  !! The cursor; at the first byte on return.
     self%section = ''
     self%position = 1
     self%binary = .false.
@@ -96,8 +87,7 @@ contains
   !> Whether the next bytes are in memory: moves the window; a fault where the file ends before.
   logical function has_bytes(self, n) result(has)
     class(byte_cursor_t), intent(inout) :: self
-    !> Number of bytes.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of bytes.
     if (self%size - self%position + 1 < n) call report_end(self)
     if (.not. self%broken .and. (self%position <= self%before .or. self%position + n - 1 > self%before + self%n_held)) &
       call self%hold(self%position, int(n, int64))
@@ -107,8 +97,7 @@ contains
   !> Read an integer: text or 4 bytes.
   subroutine cursor_get_int(self, value)
     class(byte_cursor_t), intent(inout) :: self
-    !> Integer; 0 after a fault.
-    integer(int64), intent(out) :: value
+    integer(int64), intent(out) :: value  !! Integer; 0 after a fault.
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
       return
@@ -122,8 +111,7 @@ contains
   !> Read an integer: text or 8 bytes (size_t of C; a negative value is corrupt).
   subroutine cursor_get_size(self, value)
     class(byte_cursor_t), intent(inout) :: self
-    !> Integer; 0 after a fault.
-    integer(int64), intent(out) :: value
+    integer(int64), intent(out) :: value  !! Integer; 0 after a fault.
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
       return
@@ -137,8 +125,7 @@ contains
   !> Read a real: text or 8 bytes; a value that is not finite is a fault.
   subroutine cursor_get_real(self, value)
     class(byte_cursor_t), intent(inout) :: self
-    !> Real; 0 after a fault [any].
-    real(dp), intent(out) :: value
+    real(dp), intent(out) :: value  !! Real; 0 after a fault [any].
     !> Exponent bits: all set in infinities and NaN. Compared as bits, as a signalling NaN traps in other comparisons.
     integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
     integer(int64) :: bits, place
@@ -168,8 +155,7 @@ contains
   !> Read an integer that is text in binary files too.
   subroutine cursor_get_text_integer(self, value)
     class(byte_cursor_t), intent(inout) :: self
-    !> Integer; 0 after a fault.
-    integer(int64), intent(out) :: value
+    integer(int64), intent(out) :: value  !! Integer; 0 after a fault.
     integer(int64) :: place
     logical :: good
     value = 0
@@ -205,8 +191,7 @@ contains
   !> Read a word; empty at the end of the file.
   subroutine cursor_get_word(self, word)
     class(byte_cursor_t), intent(inout) :: self
-    !> Word.
-    character(:), allocatable, intent(out) :: word
+    character(:), allocatable, intent(out) :: word  !! Word.
     integer(int64) :: n
     call cursor_skip_blanks(self)
     n = 0
@@ -221,8 +206,7 @@ contains
   !> Read the rest of the line, without its end.
   subroutine cursor_get_line(self, line)
     class(byte_cursor_t), intent(inout) :: self
-    !> Rest of the line.
-    character(:), allocatable, intent(out) :: line
+    character(:), allocatable, intent(out) :: line  !! Rest of the line.
     integer(int64) :: n
     n = 0
     do while (self%position + n <= self%size)
@@ -276,10 +260,8 @@ contains
   !> Skip what is before a word, and the word.
   subroutine cursor_skip_past(self, word, found)
     class(byte_cursor_t), intent(inout) :: self
-    !> The word.
-    character(*), intent(in) :: word
-    !> Whether the rest of the file has it; the position is unchanged otherwise.
-    logical, intent(out) :: found
+    character(*), intent(in) :: word  !! The word.
+    logical, intent(out) :: found  !! Whether the rest of the file has it; the position is unchanged otherwise.
     integer(int64) :: distance, p
     p = self%position
     do while (p <= self%size - len(word) + 1)
@@ -298,8 +280,7 @@ contains
   !> Skip bytes.
   subroutine cursor_skip_bytes(self, n)
     class(byte_cursor_t), intent(inout) :: self
-    !> Number of bytes.
-    integer(int64), intent(in) :: n
+    integer(int64), intent(in) :: n  !! Number of bytes.
     if (n > self%size - self%position + 1) call report_end(self)
     if (.not. self%broken) self%position = self%position + n
   end subroutine cursor_skip_bytes
@@ -314,14 +295,10 @@ contains
   !> Check a count: not negative, and the counted items fit in the rest of the file.
   subroutine cursor_require(self, count, least_bytes, what, position)
     class(byte_cursor_t), intent(inout) :: self
-    !> Count as read.
-    integer(int64), intent(in) :: count
-    !> Fewest bytes of one item.
-    integer, intent(in) :: least_bytes
-    !> Name of the items, for messages.
-    character(*), intent(in) :: what
-    !> Position of the count.
-    integer(int64), intent(in) :: position
+    integer(int64), intent(in) :: count  !! Count as read.
+    integer, intent(in) :: least_bytes  !! Fewest bytes of one item.
+    character(*), intent(in) :: what  !! Name of the items, for messages.
+    integer(int64), intent(in) :: position  !! Position of the count.
     integer(int64) :: left
     if (self%broken) return
     left = self%size - self%position + 1
@@ -334,10 +311,8 @@ contains
   !> Keep a fault with its position, if it is the first.
   subroutine cursor_fail(self, message, position)
     class(byte_cursor_t), intent(inout) :: self
-    !> Description of the fault.
-    character(*), intent(in) :: message
-    !> Position of the fault; that of the next byte if absent.
-    integer(int64), intent(in), optional :: position
+    character(*), intent(in) :: message  !! Description of the fault.
+    integer(int64), intent(in), optional :: position  !! Position of the fault; that of the next byte if absent.
     integer(int64) :: where
     if (self%broken) return
     where = self%position
@@ -352,10 +327,8 @@ contains
   !> 0.
   function cursor_place(self, position) result(place)
     class(byte_cursor_t), intent(inout) :: self
-    !> Byte number.
-    integer(int64), intent(in) :: position
-    !> Text.
-    character(:), allocatable :: place
+    integer(int64), intent(in) :: position  !! Byte number.
+    character(:), allocatable :: place  !! Text.
     if (self%binary) then
       place = self%file//': byte '//to_text(position - 1)
     else
@@ -372,8 +345,7 @@ contains
   !> Fault: another word than expected.
   subroutine report_unexpected(self, expected)
     class(byte_cursor_t), intent(inout) :: self
-    !> Description of the expected word.
-    character(*), intent(in) :: expected
+    character(*), intent(in) :: expected  !! Description of the expected word.
     character(:), allocatable :: word
     integer(int64) :: first
     integer :: i

@@ -8,26 +8,16 @@ module dotyk_base_byte_window
 
   !> Bytes per read: the run-time library passes a read to the system in one call, which is limited to 2 GB.
   integer(int64), parameter :: chunk = 2_int64**29
-  !> Bytes of a file.
-  type, public :: byte_window_t
-    !> Name of the file, for messages.
-    character(:), allocatable :: file
-    !> Bytes of the file, or of a window of it, followed by a NUL.
-    character(:), allocatable :: text
-    !> Number of bytes of the file.
-    integer(int64) :: size = 0
-    !> Number of bytes of the file before the window; 0 where all is in memory.
-    integer(int64) :: before = 0
-    !> Number of bytes in memory.
-    integer(int64) :: n_held = 0
-    !> Bytes of a window.
-    integer(int64) :: window = 2_int64**22
-    !> Unit of a file that is read by windows; 0 where there is none.
-    integer :: unit = 0
-    !> Whether a fault was found.
-    logical :: broken = .false.
-    !> Message of the first fault, with its position.
-    character(:), allocatable :: fault
+  type, public :: byte_window_t  !! Bytes of a file.
+    character(:), allocatable :: file  !! Name of the file, for messages.
+    character(:), allocatable :: text  !! Bytes of the file, or of a window of it, followed by a NUL.
+    integer(int64) :: size = 0  !! Number of bytes of the file.
+    integer(int64) :: before = 0  !! Number of bytes of the file before the window; 0 where all is in memory.
+    integer(int64) :: n_held = 0  !! Number of bytes in memory.
+    integer(int64) :: window = 2_int64**22  !! Bytes of a window.
+    integer :: unit = 0  !! Unit of a file that is read by windows; 0 where there is none.
+    logical :: broken = .false.  !! Whether a fault was found.
+    character(:), allocatable :: fault  !! Message of the first fault, with its position.
   contains
     procedure :: read_all => window_read_all
     procedure :: open_window => window_open
@@ -44,8 +34,7 @@ contains
   !> Read a whole file.
   subroutine window_read_all(self, file, error)
     class(byte_window_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
@@ -64,8 +53,7 @@ contains
   !> Open a file, of which only a window is in memory: its beginning.
   subroutine window_open(self, file, error)
     class(byte_window_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
@@ -84,10 +72,8 @@ contains
   !> Use bytes in memory as the content of a file.
   subroutine window_take_text(self, file, text)
     class(byte_window_t), intent(inout) :: self
-    !> Name, for messages.
-    character(*), intent(in) :: file
-    !> Bytes and a NUL behind them; moved from the caller.
-    character(:), allocatable, intent(inout) :: text
+    character(*), intent(in) :: file  !! Name, for messages.
+    character(:), allocatable, intent(inout) :: text  !! Bytes and a NUL behind them; moved from the caller.
     call move_alloc(text, self%text)
     self%file = file
     self%size = len(self%text, int64) - 1
@@ -101,10 +87,8 @@ contains
   !> Make bytes of the file available in memory, as far as the file has them.
   subroutine window_hold(self, first, n)
     class(byte_window_t), intent(inout) :: self
-    !> The first of them.
-    integer(int64), intent(in) :: first
-    !> Their number.
-    integer(int64), intent(in) :: n
+    integer(int64), intent(in) :: first  !! The first of them.
+    integer(int64), intent(in) :: n  !! Their number.
     type(error_t), allocatable :: error
     if (first > self%before .and. min(first + n - 1, self%size) <= self%before + self%n_held) return
     call window_move(self, first, n, error)
@@ -116,10 +100,8 @@ contains
   !> A byte of the file, with the bytes before it from a position on in memory; NUL after a fault.
   character function window_byte(self, position, n) result(byte)
     class(byte_window_t), intent(inout) :: self
-    !> First byte that stays in memory.
-    integer(int64), intent(in) :: position
-    !> Number of bytes before the one that is asked for.
-    integer(int64), intent(in) :: n
+    integer(int64), intent(in) :: position  !! First byte that stays in memory.
+    integer(int64), intent(in) :: n  !! Number of bytes before the one that is asked for.
     if (position <= self%before .or. position + n > self%before + self%n_held) &
       call self%hold(position, 2*n + self%window)
     byte = achar(0)
@@ -130,10 +112,8 @@ contains
   !> The beginning of the file.
   subroutine window_first_bytes(self, n, bytes)
     class(byte_window_t), intent(inout) :: self
-    !> Number of bytes.
-    integer, intent(in) :: n
-    !> The bytes; fewer where the file is shorter.
-    character(:), allocatable, intent(out) :: bytes
+    integer, intent(in) :: n  !! Number of bytes.
+    character(:), allocatable, intent(out) :: bytes  !! The bytes; fewer where the file is shorter.
     integer(int64) :: length
     length = min(int(n, int64), self%size)
     call self%hold(1_int64, length)
@@ -143,8 +123,7 @@ contains
   !> Line of a position.
   integer(int64) function window_line_of(self, position) result(line)
     class(byte_window_t), intent(inout) :: self
-    !> Byte number.
-    integer(int64), intent(in) :: position
+    integer(int64), intent(in) :: position  !! Byte number.
     integer(int64) :: p
     line = 1
     p = 1
@@ -159,12 +138,9 @@ contains
   !> Move the window to bytes that are not in memory.
   subroutine window_move(self, first, n, error)
     class(byte_window_t), intent(inout) :: self
-    !> The first byte of the window, from 1.
-    integer(int64), intent(in) :: first
-    !> Number of bytes that the window has at least, as far as the file has them.
-    integer(int64), intent(in) :: n
-    !> Set if the file cannot be read; no byte is in memory then.
-    type(error_t), allocatable, intent(out) :: error
+    integer(int64), intent(in) :: first  !! The first byte of the window, from 1.
+    integer(int64), intent(in) :: n  !! Number of bytes that the window has at least, as far as the file has them.
+    type(error_t), allocatable, intent(out) :: error  !! Set if the file cannot be read; no byte is in memory then.
     integer(int64) :: length
     if (self%unit == 0 .or. first > self%size) return
     length = min(max(self%window, n), self%size - first + 1)
@@ -188,12 +164,9 @@ contains
 
   !> Open a file to read it.
   subroutine open_bytes(file, unit, n_bytes, error)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Its unit.
-    integer, intent(out) :: unit
-    !> Number of its bytes.
-    integer(int64), intent(out) :: n_bytes
+    character(*), intent(in) :: file  !! Path of the file.
+    integer, intent(out) :: unit  !! Its unit.
+    integer(int64), intent(out) :: n_bytes  !! Number of its bytes.
     !> Set if the file does not exist, is not a regular file, or cannot be opened.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
@@ -224,16 +197,11 @@ contains
 
   !> Read bytes of an open file.
   subroutine read_bytes(unit, file, first, bytes, error)
-    !> Its unit.
-    integer, intent(in) :: unit
-    !> Its path, for messages.
-    character(*), intent(in) :: file
-    !> The first byte to be read, from 1.
-    integer(int64), intent(in) :: first
-    !> The bytes.
-    character(*), intent(inout) :: bytes
-    !> Set if they cannot be read.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: unit  !! Its unit.
+    character(*), intent(in) :: file  !! Its path, for messages.
+    integer(int64), intent(in) :: first  !! The first byte to be read, from 1.
+    character(*), intent(inout) :: bytes  !! The bytes.
+    type(error_t), allocatable, intent(out) :: error  !! Set if they cannot be read.
     character(256) :: message
     integer(int64) :: i
     integer :: status

@@ -7,15 +7,12 @@ module dotyk_base_content_hash
   implicit none
   private
 
-  !> Lower half of a 64-bit word.
-  integer(int64), parameter :: low_half = 2_int64**32 - 1
+  integer(int64), parameter :: low_half = 2_int64**32 - 1  !! Lower half of a 64-bit word.
 
   !> Hash that accumulates bytes. The two halves are separate, as products of 64-bit words would overflow.
   type, public :: content_hash_t
-    !> Upper 32 bits (z'cbf29ce4', int64).
-    integer(int64) :: high = int(z'cbf29ce4', int64)
-    !> Lower 32 bits (z'84222325', int64).
-    integer(int64) :: low = int(z'84222325', int64)
+    integer(int64) :: high = int(z'cbf29ce4', int64)  !! Upper 32 bits (z'cbf29ce4', int64).
+    integer(int64) :: low = int(z'84222325', int64)  !! Lower 32 bits (z'84222325', int64).
   contains
     procedure :: add => hash_add
     procedure :: add_file => hash_add_file
@@ -27,8 +24,7 @@ contains
   !> Add bytes.
   pure subroutine hash_add(self, bytes)
     class(content_hash_t), intent(inout) :: self
-    !> Bytes.
-    character(*), intent(in) :: bytes
+    character(*), intent(in) :: bytes  !! Bytes.
     integer(int64) :: high, low, product, i
     high = self%high
     low = self%low
@@ -45,10 +41,8 @@ contains
   !> Add the content of a file, and its size: the same bytes in other files give other hashes.
   subroutine hash_add_file(self, file, error)
     class(content_hash_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Set if the file cannot be read.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: file  !! Path of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Set if the file cannot be read.
     type(byte_cursor_t) :: cursor
     call cursor%load(file, error)
     if (allocated(error)) return
@@ -59,8 +53,7 @@ contains
   !> Hash as 16 hexadecimal digits.
   pure function hash_digits(self) result(digits)
     class(content_hash_t), intent(in) :: self
-    !> Digits.
-    character(16) :: digits
+    character(16) :: digits  !! Digits.
     write (digits, '(2z8.8)') self%high, self%low
   end function hash_digits
 end module dotyk_base_content_hash

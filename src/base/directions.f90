@@ -4,12 +4,10 @@ module dotyk_base_directions
   implicit none
   private
 
-  !> Prescribed directions, in global axes or in axes of a surface.
-  type, public :: directions_t
+  type, public :: directions_t  !! Prescribed directions, in global axes or in axes of a surface.
     !> Whether the axes are those of the surface: tangents xi, eta and outward normal n; else x, y, z.
     logical :: local = .false.
-    !> Whether the displacement is prescribed along x, y, z or xi, eta, n (3).
-    logical :: fixed(3) = .false.
+    logical :: fixed(3) = .false.  !! Whether the displacement is prescribed along x, y, z or xi, eta, n (3).
   contains
     procedure :: parse => directions_parse
     procedure :: name => directions_name
@@ -24,8 +22,7 @@ contains
     character(*), intent(in) :: text
     !> Dimension of space, 2 or 3; 0 where it is unknown, and all directions are allowed.
     integer, intent(in) :: dimension
-    !> The mistake, after "fix: "; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    character(:), allocatable, intent(out) :: message  !! The mistake, after "fix: "; empty where there is none.
     ! 'xi' before 'x': the longer name wins. The first four are axes of the surface.
     integer, parameter :: n_names = 7, n_local = 4
     character(3), parameter :: name(n_names) = ['eta', 'xi ', 'n  ', 't  ', 'x  ', 'y  ', 'z  ']
@@ -70,8 +67,7 @@ contains
   !> Name of a direction: x, y, z, or xi, eta, n.
   pure function directions_name(self, i) result(name)
     class(directions_t), intent(in) :: self
-    !> Direction, 1 to 3.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Direction, 1 to 3.
     character(:), allocatable :: name
     character(3), parameter :: global_name(3) = ['x  ', 'y  ', 'z  '], local_name(3) = ['xi ', 'eta', 'n  ']
     name = trim(merge(local_name(i), global_name(i), self%local))

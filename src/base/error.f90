@@ -20,32 +20,22 @@ module dotyk_base_error
   integer, parameter, public :: about_solver = 1  !< the settings of `&solver`
   integer, parameter, public :: about_case = 2  !< something that the message names
 
-  !> What went wrong.
-  type, public :: error_t
+  type, public :: error_t  !! What went wrong.
     !> Text for the user with file, line, body, surface or element, and with advice; maybe of several lines.
     character(:), allocatable :: message
-    !> One of the exit codes above, never `exit_converged`.
-    integer :: code = exit_bad_input
-    !> One of `about_*`.
-    integer :: about = about_nothing
+    integer :: code = exit_bad_input  !! One of the exit codes above, never `exit_converged`.
+    integer :: about = about_nothing  !! One of `about_*`.
   end type error_t
 
-  !> Error of one item of a parallel loop.
-  type, public :: error_slot_t
-    !> Allocated where the item failed.
-    type(error_t), allocatable :: error
+  type, public :: error_slot_t  !! Error of one item of a parallel loop.
+    type(error_t), allocatable :: error  !! Allocated where the item failed.
   end type error_slot_t
 
-  !> All the problems of one stage, reported together.
-  type, public :: problem_list_t
-    !> Number of problems.
-    integer :: count = 0
-    !> Number of those that were in the list already.
-    integer, private :: n_repeated = 0
-    !> Their messages, one a line.
-    character(:), allocatable :: messages
-    !> Exit code of the first problem.
-    integer :: code = exit_bad_input
+  type, public :: problem_list_t  !! All the problems of one stage, reported together.
+    integer :: count = 0  !! Number of problems.
+    integer, private :: n_repeated = 0  !! Number of those that were in the list already.
+    character(:), allocatable :: messages  !! Their messages, one a line.
+    integer :: code = exit_bad_input  !! Exit code of the first problem.
   contains
     procedure :: add => problem_list_add
     procedure :: add_error => problem_list_add_error
@@ -54,21 +44,16 @@ module dotyk_base_error
 
   public :: set_error, add_context
 
-  !> Greatest number of problems in the message; further ones are counted.
-  integer, parameter :: most_listed = 50
+  integer, parameter :: most_listed = 50  !! Greatest number of problems in the message; further ones are counted.
 
 contains
 
   !> Make an error.
   subroutine set_error(error, message, code, about)
-    !> Allocated on return.
-    type(error_t), allocatable, intent(out) :: error
-    !> Message for the user.
-    character(*), intent(in) :: message
-    !> Exit code; `exit_bad_input` if absent.
-    integer, intent(in), optional :: code
-    !> What it is about, one of `about_*`; `about_nothing` if absent.
-    integer, intent(in), optional :: about
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return.
+    character(*), intent(in) :: message  !! Message for the user.
+    integer, intent(in), optional :: code  !! Exit code; `exit_bad_input` if absent.
+    integer, intent(in), optional :: about  !! What it is about, one of `about_*`; `about_nothing` if absent.
     allocate (error)
     error%message = message
     if (present(code)) error%code = code
@@ -77,18 +62,15 @@ contains
 
   !> Put context in front of the message of an error, as in "body 'upper': ".
   subroutine add_context(error, context)
-    !> The error; nothing happens where it is not allocated.
-    type(error_t), allocatable, intent(inout) :: error
-    !> Text to put in front.
-    character(*), intent(in) :: context
+    type(error_t), allocatable, intent(inout) :: error  !! The error; nothing happens where it is not allocated.
+    character(*), intent(in) :: context  !! Text to put in front.
     if (allocated(error)) error%message = context//error%message
   end subroutine add_context
 
   !> Add a problem to the list. One that is there already counts, but is told once: two halves of a body have the same.
   subroutine problem_list_add(self, message, code)
     class(problem_list_t), intent(inout) :: self
-    !> Message for the user.
-    character(*), intent(in) :: message
+    character(*), intent(in) :: message  !! Message for the user.
     !> Exit code; `exit_bad_input` if absent. The first problem's code is that of the list.
     integer, intent(in), optional :: code
     character(*), parameter :: end_of_line = new_line('a')
@@ -110,8 +92,7 @@ contains
   !> Add an error to the list, where there is one; it is deallocated.
   subroutine problem_list_add_error(self, error, context)
     class(problem_list_t), intent(inout) :: self
-    !> The error, not allocated on return.
-    type(error_t), allocatable, intent(inout) :: error
+    type(error_t), allocatable, intent(inout) :: error  !! The error, not allocated on return.
     !> Text to put in front of its message, as in "body 'upper': "; nothing if absent.
     character(*), intent(in), optional :: context
     if (.not. allocated(error)) return
@@ -123,8 +104,7 @@ contains
   !> Turn the list into one error, if it has any problem.
   subroutine problem_list_raise(self, error)
     class(problem_list_t), intent(in) :: self
-    !> Allocated where the list is not empty.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the list is not empty.
     if (self%count == 0) return
     call set_error(error, self%messages, self%code)
     if (self%count - self%n_repeated > most_listed) &

@@ -9,46 +9,38 @@ module dotyk_base_files
     print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file, &
     is_vtu_file, is_stl_file, is_med_file
 
-  !> Longest mark, and longest path behind links.
-  integer, parameter :: mark_length = 100, path_length = 8192
+  integer, parameter :: mark_length = 100, path_length = 8192  !! Longest mark, and longest path behind links.
 
   interface
     subroutine c_own_mark(mark, length) bind(c, name='dotyk_own_mark')
       import :: c_char, c_int
-      !> The mark, ended by a null character.
-      character(kind=c_char), intent(out) :: mark(*)
-      !> Length of `mark`.
-      integer(c_int), value :: length
+      character(kind=c_char), intent(out) :: mark(*)  !! The mark, ended by a null character.
+      integer(c_int), value :: length  !! Length of `mark`.
     end subroutine c_own_mark
 
     subroutine c_remove_leftovers(path) bind(c, name='dotyk_remove_leftovers')
       import :: c_char
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
     end subroutine c_remove_leftovers
 
     type(c_ptr) function c_sync_file(path) bind(c, name='dotyk_sync_file')
       import :: c_char, c_ptr
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
     end function c_sync_file
 
     integer(c_int) function c_path_kind(path) bind(c, name='dotyk_path_kind')
       import :: c_char, c_int
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
     end function c_path_kind
 
     integer(c_int) function c_is_protected(path) bind(c, name='dotyk_is_protected')
       import :: c_char, c_int
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
     end function c_is_protected
 
     integer(c_int) function c_is_trusted_folder(folder, beside) bind(c, name='dotyk_is_trusted_folder')
       import :: c_char, c_int
-      !> Path of the folder, ended by a null character.
-      character(kind=c_char), intent(in) :: folder(*)
+      character(kind=c_char), intent(in) :: folder(*)  !! Path of the folder, ended by a null character.
       !> Path whose owner is trusted, ended by a null character.
       character(kind=c_char), intent(in), optional :: beside(*)
     end function c_is_trusted_folder
@@ -59,32 +51,23 @@ module dotyk_base_files
 
     subroutine c_write_new(path, text) bind(c, name='dotyk_write_new')
       import :: c_char
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
-      !> Text, ended by a null character.
-      character(kind=c_char), intent(in) :: text(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
+      character(kind=c_char), intent(in) :: text(*)  !! Text, ended by a null character.
     end subroutine c_write_new
 
     subroutine c_behind_links(path, target, length) bind(c, name='dotyk_behind_links')
       import :: c_char, c_int
-      !> Path, ended by a null character.
-      character(kind=c_char), intent(in) :: path(*)
-      !> Path behind links, ended by a null character.
-      character(kind=c_char), intent(out) :: target(*)
-      !> Length of `target`.
-      integer(c_int), value :: length
+      character(kind=c_char), intent(in) :: path(*)  !! Path, ended by a null character.
+      character(kind=c_char), intent(out) :: target(*)  !! Path behind links, ended by a null character.
+      integer(c_int), value :: length  !! Length of `target`.
     end subroutine c_behind_links
 
     integer(c_int) function c_print(descriptor, text, length, live) bind(c, name='dotyk_print')
       import :: c_char, c_int, c_long
-      !> File descriptor: 1, standard output; 2, standard error.
-      integer(c_int), value :: descriptor
-      !> Text to print.
-      character(kind=c_char), intent(in) :: text(*)
-      !> Length of the text.
-      integer(c_long), value :: length
-      !> Whether it is a line of progress.
-      integer(c_int), value :: live
+      integer(c_int), value :: descriptor  !! File descriptor: 1, standard output; 2, standard error.
+      character(kind=c_char), intent(in) :: text(*)  !! Text to print.
+      integer(c_long), value :: length  !! Length of the text.
+      integer(c_int), value :: live  !! Whether it is a line of progress.
     end function c_print
 
     !> Open standard input, output and error where they are closed.
@@ -93,8 +76,7 @@ module dotyk_base_files
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
-      !> Text, ended by a null character.
-      type(c_ptr), value, intent(in) :: text
+      type(c_ptr), value, intent(in) :: text  !! Text, ended by a null character.
     end function c_strlen
   end interface
 
@@ -110,15 +92,13 @@ contains
 
   !> Delete files path.machine-process.* of processes of this machine that have ended.
   subroutine remove_leftovers(path)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     call c_remove_leftovers(path//c_null_char)
   end subroutine remove_leftovers
 
   !> Write a file through to the disk.
   subroutine sync_file(path, reason)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     !> Why that failed, in the words of the system; empty where it did not.
     character(:), allocatable, intent(out) :: reason
     character(kind=c_char), pointer :: letters(:)
@@ -135,8 +115,7 @@ contains
 
   !> Why a path is no regular file: "does not exist", "is a directory", "is a pipe, not a file"; empty where it is one.
   function why_no_file(path) result(reason)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     character(:), allocatable :: reason
     select case (c_path_kind(path//c_null_char))
     case (0)
@@ -156,18 +135,15 @@ contains
 
   !> Whether a file exists and is write-protected.
   logical function is_protected(path)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     is_protected = c_is_protected(path//c_null_char) /= 0
   end function is_protected
 
   !> Whether files of this user may be kept in a folder: it can be written, it and a link that leads there belong to
   !> this user or to the owner of `beside`, and not everybody can write it.
   logical function is_trusted_folder(folder, beside)
-    !> Path of the folder.
-    character(*), intent(in) :: folder
-    !> Path whose owner is trusted too; this user alone if absent.
-    character(*), intent(in), optional :: beside
+    character(*), intent(in) :: folder  !! Path of the folder.
+    character(*), intent(in), optional :: beside  !! Path whose owner is trusted too; this user alone if absent.
     if (present(beside)) then
       is_trusted_folder = c_is_trusted_folder(folder//c_null_char, beside//c_null_char) /= 0
     else
@@ -182,53 +158,45 @@ contains
 
   !> Whether a file is a CAD file with solids, by its name: gmsh tells it by that, too.
   pure logical function is_cad_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     character(5), parameter :: endings(*) = [character(5) :: '.step', '.stp', '.iges', '.igs', '.brep', '.brp', '.stl']
     is_cad_file = any(endings == lower(path(max(1, index(path, '.', back=.true.)):)))
   end function is_cad_file
 
   !> Whether a CAD file has triangles, by its name.
   pure logical function is_stl_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     is_stl_file = lower(path(max(1, len(path) - 3):)) == '.stl'
   end function is_stl_file
 
   !> Whether a file is a mesh of the format MED, which gmsh converts, by its name.
   pure logical function is_med_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     is_med_file = lower(path(max(1, len(path) - 3):)) == '.med'
   end function is_med_file
 
   !> Whether a file is a deck of Abaqus or CalculiX, by its name.
   pure logical function is_inp_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     is_inp_file = lower(path(max(1, len(path) - 3):)) == '.inp'
   end function is_inp_file
 
   !> Whether a file is an unstructured grid of VTK, by its name.
   pure logical function is_vtu_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     is_vtu_file = lower(path(max(1, len(path) - 3):)) == '.vtu'
   end function is_vtu_file
 
   !> Write a text to a new file; nothing happens where the name is taken.
   subroutine write_new(path, text)
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Its content.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: path  !! Path of the file.
+    character(*), intent(in) :: text  !! Its content.
     call c_write_new(path//c_null_char, text//c_null_char)
   end subroutine write_new
 
   !> Path behind symbolic links; the path itself where it is no link.
   function behind_links(path) result(target)
-    !> Path, maybe of a link.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path, maybe of a link.
     character(:), allocatable :: target
     character(kind=c_char) :: letters(path_length)
     call c_behind_links(path//c_null_char, letters, int(path_length, c_int))
@@ -237,10 +205,8 @@ contains
 
   !> Text of C up to its null character.
   pure subroutine take_text(letters, text)
-    !> Letters, ended by a null character (n).
-    character(kind=c_char), intent(in) :: letters(:)
-    !> The text.
-    character(:), allocatable, intent(out) :: text
+    character(kind=c_char), intent(in) :: letters(:)  !! Letters, ended by a null character (n).
+    character(:), allocatable, intent(out) :: text  !! The text.
     integer :: i
     text = ''
     do i = 1, size(letters)
@@ -251,12 +217,9 @@ contains
 
   !> Print a text on standard output or standard error.
   subroutine print_text(text, status, to_error, live)
-    !> Text to print.
-    character(*), intent(in) :: text
-    !> 0 if all of it is written.
-    integer, intent(out) :: status
-    !> Whether it goes to standard error; not if absent.
-    logical, intent(in), optional :: to_error
+    character(*), intent(in) :: text  !! Text to print.
+    integer, intent(out) :: status  !! 0 if all of it is written.
+    logical, intent(in), optional :: to_error  !! Whether it goes to standard error; not if absent.
     !> Whether it is a line of progress, on a terminal replaced by the next text; not if absent.
     logical, intent(in), optional :: live
     integer(c_int) :: descriptor, is_live
@@ -269,8 +232,7 @@ contains
 
   !> Kind of contents that are no plain text: "UTF-16 text", "an HDF5 file"; empty where they may be text.
   pure function nature_of(bytes) result(nature)
-    !> Contents of the file.
-    character(*), intent(in) :: bytes
+    character(*), intent(in) :: bytes  !! Contents of the file.
     character(:), allocatable :: nature
     !> Bytes to look at, and zeros among them that no text has.
     integer, parameter :: most_looked_at = 1024, few_zeros = 8

@@ -14,10 +14,8 @@ module dotyk_base_formula
   !> A parsed formula. It owns its parser: it must not be copied, must be destroyed, and serves one thread at a time.
   type, public :: formula_t
     private
-    !> muParser's parser.
-    type(c_ptr) :: handle = c_null_ptr
-    !> Coordinates x, y, z, which the parser reads here (3) [length].
-    real(c_double), pointer :: x(:) => null()
+    type(c_ptr) :: handle = c_null_ptr  !! muParser's parser.
+    real(c_double), pointer :: x(:) => null()  !! Coordinates x, y, z, which the parser reads here (3) [length].
   contains
     procedure :: init
     procedure :: is_set
@@ -25,13 +23,11 @@ module dotyk_base_formula
     procedure :: destroy
   end type formula_t
 
-  !> Base type of muParser: real numbers.
-  integer(c_int), parameter :: base_type_real = 0
+  integer(c_int), parameter :: base_type_real = 0  !! Base type of muParser: real numbers.
   !> Error codes of muParser that get a message of ours.
   integer(c_int), parameter :: unassignable_token = 1, unexpected_end = 2
 
-  !> Longest formula; muParser's recursion is on the stack.
-  integer, parameter :: longest = 20000
+  integer, parameter :: longest = 20000  !! Longest formula; muParser's recursion is on the stack.
   !> Longest formula with a message of muParser, which quotes the formula in a buffer of 2048 bytes.
   integer, parameter :: longest_described = 900
   character(*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_'
@@ -39,43 +35,32 @@ module dotyk_base_formula
   interface
     type(c_ptr) function mup_create(base_type) bind(c, name='mupCreate')
       import :: c_int, c_ptr
-      !> Type of the values, `base_type_real`.
-      integer(c_int), value :: base_type
+      integer(c_int), value :: base_type  !! Type of the values, `base_type_real`.
     end function mup_create
     subroutine mup_release(handle) bind(c, name='mupRelease')
       import :: c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end subroutine mup_release
     subroutine mup_set_expression(handle, text) bind(c, name='mupSetExpr')
       import :: c_char, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
-      !> Formula, ended by a null character.
-      character(c_char), intent(in) :: text(*)
+      type(c_ptr), value :: handle  !! Parser of muParser.
+      character(c_char), intent(in) :: text(*)  !! Formula, ended by a null character.
     end subroutine mup_set_expression
     subroutine mup_define_variable(handle, name, variable) bind(c, name='mupDefineVar')
       import :: c_char, c_double, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
-      !> Name, ended by a null character.
-      character(c_char), intent(in) :: name(*)
-      !> Where the parser finds the value.
-      real(c_double) :: variable
+      type(c_ptr), value :: handle  !! Parser of muParser.
+      character(c_char), intent(in) :: name(*)  !! Name, ended by a null character.
+      real(c_double) :: variable  !! Where the parser finds the value.
     end subroutine mup_define_variable
     subroutine mup_clear_constants(handle) bind(c, name='mupClearConst')
       import :: c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end subroutine mup_clear_constants
     subroutine mup_define_constant(handle, name, number) bind(c, name='mupDefineConst')
       import :: c_char, c_double, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
-      !> Name, ended by a null character.
-      character(c_char), intent(in) :: name(*)
-      !> Value.
-      real(c_double), value :: number
+      type(c_ptr), value :: handle  !! Parser of muParser.
+      character(c_char), intent(in) :: name(*)  !! Name, ended by a null character.
+      real(c_double), value :: number  !! Value.
     end subroutine mup_define_constant
     real(c_double) function mup_evaluate(handle) bind(c, name='mupEval')
       import :: c_double, c_ptr
@@ -83,35 +68,28 @@ module dotyk_base_formula
     end function mup_evaluate
     type(c_ptr) function mup_evaluate_list(handle, n) bind(c, name='mupEvalMulti')
       import :: c_int, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
-      !> Number of values.
-      integer(c_int), intent(out) :: n
+      type(c_ptr), value :: handle  !! Parser of muParser.
+      integer(c_int), intent(out) :: n  !! Number of values.
     end function mup_evaluate_list
     integer(c_int) function mup_error(handle) bind(c, name='mupError')
       import :: c_int, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end function mup_error
     integer(c_int) function mup_error_code(handle) bind(c, name='mupGetErrorCode')
       import :: c_int, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end function mup_error_code
     integer(c_int) function mup_error_position(handle) bind(c, name='mupGetErrorPos')
       import :: c_int, c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end function mup_error_position
     type(c_ptr) function mup_error_message(handle) bind(c, name='mupGetErrorMsg')
       import :: c_ptr
-      !> Parser of muParser.
-      type(c_ptr), value :: handle
+      type(c_ptr), value :: handle  !! Parser of muParser.
     end function mup_error_message
     integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
-      !> Text, ended by a null character.
-      type(c_ptr), value :: text
+      type(c_ptr), value :: text  !! Text, ended by a null character.
     end function c_strlen
   end interface
 
@@ -120,8 +98,7 @@ contains
   !> Parse a formula.
   subroutine init(self, text, error)
     class(formula_t), intent(inout) :: self
-    !> The formula.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The formula.
     !> Allocated where the formula has a mistake, with its column; the formula is not set then.
     type(error_t), allocatable, intent(out) :: error
     real(c_double), parameter :: pi = acos(-1.0_dp)
@@ -162,8 +139,7 @@ contains
   !> Value of the formula at a point; it may be infinite or NaN, which callers check [any].
   real(dp) function evaluate(self, x) result(value)
     class(formula_t), intent(in) :: self
-    !> The point (3) [length].
-    real(dp), intent(in) :: x(3)
+    real(dp), intent(in) :: x(3)  !! The point (3) [length].
     logical :: halting(3)
     self%x = x
     call pause_halting(halting)
@@ -181,16 +157,14 @@ contains
 
   !> Suspend floating-point traps: values that are not finite are results.
   subroutine pause_halting(halting)
-    !> Whether each usual exception halts (3).
-    logical, intent(out) :: halting(3)
+    logical, intent(out) :: halting(3)  !! Whether each usual exception halts (3).
     call ieee_get_halting_mode(ieee_usual, halting)
     if (any(halting)) call ieee_set_halting_mode(ieee_usual, .false.)
   end subroutine pause_halting
 
   !> Undo `pause_halting`.
   subroutine resume_halting(halting)
-    !> Exceptions that halt again (3).
-    logical, intent(in) :: halting(3)
+    logical, intent(in) :: halting(3)  !! Exceptions that halt again (3).
     if (.not. any(halting)) return
     call ieee_set_flag(ieee_usual, .false.)
     call ieee_set_halting_mode(ieee_usual, halting)
@@ -198,8 +172,7 @@ contains
 
   !> Report what is no single value of x, y, z: assignments, lists, texts.
   subroutine check_characters(text, error)
-    !> The formula.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The formula.
     !> Allocated where the formula is something else than one value of x, y, z.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
@@ -231,10 +204,8 @@ contains
 
   !> Whether a '=' is part of '==', '<=', '>=' or '!='.
   pure logical function in_comparison(text, i) result(inside)
-    !> The formula.
-    character(*), intent(in) :: text
-    !> Place of the '='.
-    integer, intent(in) :: i
+    character(*), intent(in) :: text  !! The formula.
+    integer, intent(in) :: i  !! Place of the '='.
     inside = .false.
     if (i > 1) inside = scan(text(i - 1:i - 1), '=<>!') > 0
     if (i < len(text)) inside = inside .or. text(i + 1:i + 1) == '='
@@ -242,12 +213,9 @@ contains
 
   !> Message for an error of muParser.
   subroutine describe_error(handle, text, error)
-    !> Parser with an error.
-    type(c_ptr), intent(in) :: handle
-    !> The formula.
-    character(*), intent(in) :: text
-    !> The message; always allocated.
-    type(error_t), allocatable, intent(out) :: error
+    type(c_ptr), intent(in) :: handle  !! Parser with an error.
+    character(*), intent(in) :: text  !! The formula.
+    type(error_t), allocatable, intent(out) :: error  !! The message; always allocated.
     character(:), allocatable :: message
     integer :: column, mark
     column = max(1, min(int(mup_error_position(handle)) + 1, len(text) + 1))
@@ -270,10 +238,8 @@ contains
 
   !> The name that begins at a column, or the sign there.
   pure function word_at(text, column) result(word)
-    !> The formula.
-    character(*), intent(in) :: text
-    !> Column, from 1.
-    integer, intent(in) :: column
+    character(*), intent(in) :: text  !! The formula.
+    integer, intent(in) :: column  !! Column, from 1.
     character(:), allocatable :: word
     integer, parameter :: most = 40
     integer :: last
@@ -286,10 +252,8 @@ contains
 
   !> "column 3 of 'x+*y'", or of the part of a long formula that is near.
   pure function at_column(column, text) result(place)
-    !> Column, from 1.
-    integer, intent(in) :: column
-    !> The formula.
-    character(*), intent(in) :: text
+    integer, intent(in) :: column  !! Column, from 1.
+    character(*), intent(in) :: text  !! The formula.
     character(:), allocatable :: place
     integer, parameter :: most = 60  ! letters on each side of the column
     integer :: first, last
@@ -303,8 +267,7 @@ contains
 
   !> A copy of a C text.
   function text_of_c(pointer) result(text)
-    !> Text of C, ended by a null character.
-    type(c_ptr), intent(in) :: pointer
+    type(c_ptr), intent(in) :: pointer  !! Text of C, ended by a null character.
     character(:), allocatable :: text
     character(c_char), pointer :: letters(:)
     integer :: i, n

@@ -20,8 +20,7 @@ module dotyk_base_interrupt
   !> Exit status of `run_command` where a command cannot be confined on this machine.
   integer, parameter, public :: status_not_confined = 125
 
-  !> SIGTERM; shells ignore SIGINT in programs behind an ampersand.
-  integer(c_int), parameter :: terminate = 15
+  integer(c_int), parameter :: terminate = 15  !! SIGTERM; shells ignore SIGINT in programs behind an ampersand.
 
   interface
     !> Install the signal handlers.
@@ -34,14 +33,12 @@ module dotyk_base_interrupt
 
     subroutine c_set_interrupt(number) bind(c, name='dotyk_set_interrupt')
       import :: c_int
-      !> Number of the signal; 0 for none.
-      integer(c_int), value :: number
+      integer(c_int), value :: number  !! Number of the signal; 0 for none.
     end subroutine c_set_interrupt
 
     integer(c_int) function c_run_command(command, folder) bind(c, name='dotyk_run_command')
       import :: c_char, c_int
-      !> Command, ended by a null character.
-      character(kind=c_char), intent(in) :: command(*)
+      character(kind=c_char), intent(in) :: command(*)  !! Command, ended by a null character.
       !> Folder of a confined command, ended by a null character.
       character(kind=c_char), intent(in), optional :: folder(*)
     end function c_run_command
@@ -70,15 +67,13 @@ contains
 
   !> All ranks know that one of them is asked to stop, or that none is.
   subroutine agree_on_interrupt(asked)
-    !> Whether one of them is.
-    logical, intent(in) :: asked
+    logical, intent(in) :: asked  !! Whether one of them is.
     is_agreed = asked
   end subroutine agree_on_interrupt
 
   !> Set or clear the request to stop, for tests.
   subroutine set_interrupt(asked)
-    !> Whether the program is asked to stop.
-    logical, intent(in) :: asked
+    logical, intent(in) :: asked  !! Whether the program is asked to stop.
     call c_set_interrupt(merge(terminate, 0_c_int, asked))
   end subroutine set_interrupt
 
@@ -93,8 +88,7 @@ contains
 
   !> Run a command of the shell and wait for its end; interrupts reach the command too. The result is its exit status.
   integer function run_command(command, folder) result(status)
-    !> Command of the shell.
-    character(*), intent(in) :: command
+    character(*), intent(in) :: command  !! Command of the shell.
     !> Folder to which the command is confined: it starts no other process, and changes files below the folder only;
     !> empty: the working directory. Not confined if absent.
     character(*), intent(in), optional :: folder

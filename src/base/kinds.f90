@@ -4,8 +4,7 @@ module dotyk_base_kinds
   implicit none
   private
 
-  !> Double precision: every real number of dotyk but those of smoothers.
-  integer, parameter, public :: dp = real64
+  integer, parameter, public :: dp = real64  !! Double precision: every real number of dotyk but those of smoothers.
   !> Single precision: smoothers of multigrid, whose speed is that of the memory.
   integer, parameter, public :: sp = real32
   !> 30 digits or more: displacements of ill-conditioned bodies, which are mostly rigid, where they are taken apart.

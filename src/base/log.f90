@@ -7,18 +7,12 @@ module dotyk_base_log
   implicit none
   private
 
-  !> Lines to standard output, unless quiet.
-  type, public :: log_t
-    !> Whether only errors are printed.
-    logical :: quiet = .false.
-    !> Whether standard output is a terminal, where a live line can be redrawn.
-    logical :: terminal = .false.
-    !> Whether the last line is a live line, which the next one replaces.
-    logical, private :: live = .false.
-    !> Wall time of the last live line [s].
-    real(dp), private :: drawn = -huge(1.0_dp)
-    !> Time to the next line of progress where standard output is no terminal [s].
-    real(dp), private :: pause = 2
+  type, public :: log_t  !! Lines to standard output, unless quiet.
+    logical :: quiet = .false.  !! Whether only errors are printed.
+    logical :: terminal = .false.  !! Whether standard output is a terminal, where a live line can be redrawn.
+    logical, private :: live = .false.  !! Whether the last line is a live line, which the next one replaces.
+    real(dp), private :: drawn = -huge(1.0_dp)  !! Wall time of the last live line [s].
+    real(dp), private :: pause = 2  !! Time to the next line of progress where standard output is no terminal [s].
   contains
     procedure :: init => log_init
     procedure :: line => log_line
@@ -29,8 +23,7 @@ module dotyk_base_log
 
   public :: print_error
 
-  !> Time between live lines on a terminal [s].
-  real(dp), parameter :: redraw = 0.1_dp
+  real(dp), parameter :: redraw = 0.1_dp  !! Time between live lines on a terminal [s].
   !> Without a terminal the time between lines of progress doubles up to this [s].
   real(dp), parameter :: longest_pause = 60
 
@@ -38,8 +31,7 @@ module dotyk_base_log
     !> C library: is a file descriptor a terminal?
     integer(c_int) function c_isatty(descriptor) bind(c, name='isatty')
       import :: c_int
-      !> File descriptor.
-      integer(c_int), value :: descriptor
+      integer(c_int), value :: descriptor  !! File descriptor.
     end function c_isatty
   end interface
 
@@ -48,8 +40,7 @@ contains
   !> Begin a log.
   subroutine log_init(self, quiet)
     class(log_t), intent(inout) :: self
-    !> Print errors only.
-    logical, intent(in) :: quiet
+    logical, intent(in) :: quiet  !! Print errors only.
     self%quiet = quiet
     self%terminal = c_isatty(1_c_int) /= 0
     self%live = .false.
@@ -60,8 +51,7 @@ contains
   !> Print a line.
   subroutine log_line(self, text)
     class(log_t), intent(inout) :: self
-    !> The line.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The line.
     integer :: status
     if (self%quiet) return
     call self%end_progress()
@@ -72,8 +62,7 @@ contains
   !> Turn the log off where it cannot be written (full disk, closed terminal): the run goes on.
   subroutine look(self, status)
     class(log_t), intent(inout) :: self
-    !> Status of the last output; 0 if all is written.
-    integer, intent(in) :: status
+    integer, intent(in) :: status  !! Status of the last output; 0 if all is written.
     if (status == 0) return
     self%quiet = .true.
     call print_error('warning: the log cannot be written; the run continues without it')
@@ -90,8 +79,7 @@ contains
   !> Draw the live line (terminal), or print a line of progress.
   subroutine log_progress(self, text)
     class(log_t), intent(inout) :: self
-    !> The line.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The line.
     character, parameter :: escape = achar(27), return = achar(13)
     integer :: status
     if (self%quiet) return
@@ -118,8 +106,7 @@ contains
   !> Print an error on standard error, also where the log is quiet. Control characters of names are replaced, and long
   !> lines are cut: names of a damaged file may have any length.
   subroutine print_error(message)
-    !> Message, possibly of several lines.
-    character(*), intent(in) :: message
+    character(*), intent(in) :: message  !! Message, possibly of several lines.
     character(:), allocatable :: printable
     integer :: i, first, status
     allocate (character(0) :: printable)
@@ -139,8 +126,7 @@ contains
 
   !> A line that is not too long: its middle is left out.
   pure function cut(line)
-    !> The line.
-    character(*), intent(in) :: line
+    character(*), intent(in) :: line  !! The line.
     character(:), allocatable :: cut
     integer, parameter :: most = 1000
     integer :: head, tail
@@ -161,8 +147,7 @@ contains
 
     !> Whether a byte is not the first of its letter.
     pure logical function is_later_byte(byte)
-      !> The byte.
-      character, intent(in) :: byte
+      character, intent(in) :: byte  !! The byte.
       is_later_byte = iachar(byte) >= 128 .and. iachar(byte) < 192
     end function is_later_byte
   end function cut

@@ -19,15 +19,13 @@ contains
 
   !> Whether a finite number is 0 or within the limits.
   elemental logical function has_usual_size(number) result(usual)
-    !> Finite number [any].
-    real(dp), intent(in) :: number
+    real(dp), intent(in) :: number  !! Finite number [any].
     usual = (abs(number) >= smallest_number .and. abs(number) <= largest_number) .or. abs(number) <= 0
   end function has_usual_size
 
   !> Whether a number is above the limit, infinite or NaN, without a floating-point trap.
   elemental logical function is_too_large(number) result(too_large)
-    !> Any number [any].
-    real(dp), intent(in) :: number
+    real(dp), intent(in) :: number  !! Any number [any].
     too_large = .not. ieee_is_finite(number)
     if (.not. too_large) too_large = abs(number) > largest_number
   end function is_too_large

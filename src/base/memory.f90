@@ -6,16 +6,11 @@ module dotyk_base_memory
   implicit none
   private
 
-  !> Memory in use and left.
-  type, public :: memory_t
-    !> Memory in use by this process [bytes].
-    real(dp) :: used = 0
-    !> Memory that it can still get [bytes].
-    real(dp) :: left = 0
-    !> Whether `left` is known.
-    logical :: is_known = .false.
-    !> Limit of the memory, as in "of the machine".
-    character(:), allocatable :: limit
+  type, public :: memory_t  !! Memory in use and left.
+    real(dp) :: used = 0  !! Memory in use by this process [bytes].
+    real(dp) :: left = 0  !! Memory that it can still get [bytes].
+    logical :: is_known = .false.  !! Whether `left` is known.
+    character(:), allocatable :: limit  !! Limit of the memory, as in "of the machine".
   end type memory_t
 
   public :: memory_now, memory_text, peak_memory, set_stage, stage_text, set_item, watch_ends, end_expected
@@ -23,10 +18,8 @@ module dotyk_base_memory
   interface
     subroutine c_memory(used, left, limit) bind(c, name='dotyk_memory')
       import :: c_double, c_int
-      !> Memory in use [bytes].
-      real(c_double), intent(out) :: used
-      !> Memory that is left [bytes].
-      real(c_double), intent(out) :: left
+      real(c_double), intent(out) :: used  !! Memory in use [bytes].
+      real(c_double), intent(out) :: left  !! Memory that is left [bytes].
       !> Limit that ends it: 0 unknown, 1 machine, 2 container or batch job, 3 process.
       integer(c_int), intent(out) :: limit
     end subroutine c_memory
@@ -38,8 +31,7 @@ module dotyk_base_memory
 
     subroutine c_set_stage(text) bind(c, name='dotyk_set_stage')
       import :: c_char
-      !> Text, ended by a null character.
-      character(kind=c_char), intent(in) :: text(*)
+      character(kind=c_char), intent(in) :: text(*)  !! Text, ended by a null character.
     end subroutine c_set_stage
 
     type(c_ptr) function c_stage() bind(c, name='dotyk_stage')
@@ -48,14 +40,12 @@ module dotyk_base_memory
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
-      !> Text, ended by a null character.
-      type(c_ptr), value, intent(in) :: text
+      type(c_ptr), value, intent(in) :: text  !! Text, ended by a null character.
     end function c_strlen
 
     subroutine c_set_item(text) bind(c, name='dotyk_set_item')
       import :: c_char
-      !> Text, ended by a null character.
-      character(kind=c_char), intent(in) :: text(*)
+      character(kind=c_char), intent(in) :: text(*)  !! Text, ended by a null character.
     end subroutine c_set_item
 
     !> From here on an unexpected end of the program gets a message and an exit code.
@@ -89,8 +79,7 @@ contains
 
   !> Memory in MiB or GiB.
   function memory_text(bytes) result(text)
-    !> Memory [bytes].
-    real(dp), intent(in) :: bytes
+    real(dp), intent(in) :: bytes  !! Memory [bytes].
     character(:), allocatable :: text
     if (bytes < 1.0e4_dp*1048576) then
       text = to_text(max(1, nint(bytes/1048576)))//' MiB'
@@ -101,8 +90,7 @@ contains
 
   !> Set the stage of work, as in "assembling".
   subroutine set_stage(what)
-    !> Work of the program, as in "assembling".
-    character(*), intent(in) :: what
+    character(*), intent(in) :: what  !! Work of the program, as in "assembling".
     call c_set_stage(what//c_null_char)
   end subroutine set_stage
 
@@ -120,8 +108,7 @@ contains
 
   !> Set the item that this thread works on.
   subroutine set_item(what)
-    !> Work of the thread, as in "body 'upper'"; empty for none.
-    character(*), intent(in) :: what
+    character(*), intent(in) :: what  !! Work of the thread, as in "body 'upper'"; empty for none.
     call c_set_item(what//c_null_char)
   end subroutine set_item
 end module dotyk_base_memory

@@ -5,14 +5,10 @@ module dotyk_base_number_set
   implicit none
   private
 
-  !> The set.
-  type, public :: number_set_t
-    !> Number of its members; `clear` before the first one.
-    integer :: n = 0
-    !> The members, in the order in which they were added (at least n).
-    integer, allocatable :: member(:)
-    !> Slot of each member (size of `member`).
-    integer, allocatable, private :: slot_of(:)
+  type, public :: number_set_t  !! The set.
+    integer :: n = 0  !! Number of its members; `clear` before the first one.
+    integer, allocatable :: member(:)  !! The members, in the order in which they were added (at least n).
+    integer, allocatable, private :: slot_of(:)  !! Slot of each member (size of `member`).
     !> Index of the member in each slot, 0 for none; their number is a power of two (2*size of `member`).
     integer, allocatable, private :: slot(:)
   contains
@@ -20,16 +16,14 @@ module dotyk_base_number_set
     procedure :: clear => set_clear
   end type number_set_t
 
-  !> Members that a set has room for at first, a power of two.
-  integer, parameter :: first_room = 64
+  integer, parameter :: first_room = 64  !! Members that a set has room for at first, a power of two.
 
 contains
 
   !> Add a number, unless it is a member.
   pure subroutine set_add(self, number)
     class(number_set_t), intent(inout) :: self
-    !> The number, not negative.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! The number, not negative.
     integer :: s
     if (.not. allocated(self%member)) call make_room(self, first_room)
     if (self%n == size(self%member)) call make_room(self, 2*self%n)
@@ -51,10 +45,8 @@ contains
 
   !> The slot for a number that is no member; 0 where it is one. Half of the slots are free: linear probing ends.
   pure integer function free_slot(self, number) result(s)
-    !> The set.
-    type(number_set_t), intent(in) :: self
-    !> The number.
-    integer, intent(in) :: number
+    type(number_set_t), intent(in) :: self  !! The set.
+    integer, intent(in) :: number  !! The number.
     !> 2^32 over the golden ratio: its product spreads successive numbers (Knuth, volume 3, 6.4).
     integer(int64), parameter :: factor = 2654435769_int64
     integer :: mask
@@ -71,10 +63,8 @@ contains
 
   !> Make room for more members.
   pure subroutine make_room(self, room)
-    !> The set.
-    type(number_set_t), intent(inout) :: self
-    !> Members that it gets room for, a power of two.
-    integer, intent(in) :: room
+    type(number_set_t), intent(inout) :: self  !! The set.
+    integer, intent(in) :: room  !! Members that it gets room for, a power of two.
     integer, allocatable :: before(:)
     integer :: k
     allocate (before(0))

@@ -9,17 +9,14 @@ module dotyk_base_number_text
   private
   public :: scan_integer, scan_real, ends_word
 
-  !> Powers of ten up to this one are exact doubles.
-  integer, parameter :: max_exact_power = 22
+  integer, parameter :: max_exact_power = 22  !! Powers of ten up to this one are exact doubles.
   !> The exact powers of ten [].
   real(dp), parameter :: power_of_ten(0:max_exact_power) = &
     [1.0e0_dp, 1.0e1_dp, 1.0e2_dp, 1.0e3_dp, 1.0e4_dp, 1.0e5_dp, 1.0e6_dp, 1.0e7_dp, 1.0e8_dp, 1.0e9_dp, 1.0e10_dp, &
      1.0e11_dp, 1.0e12_dp, 1.0e13_dp, 1.0e14_dp, 1.0e15_dp, 1.0e16_dp, 1.0e17_dp, 1.0e18_dp, 1.0e19_dp, 1.0e20_dp, &
      1.0e21_dp, 1.0e22_dp]
-  !> All integers up to this one are exact doubles.
-  integer(int64), parameter :: max_exact_mantissa = 2_int64**53
-  !> Decimal digits that fit in 64 bits.
-  integer, parameter, public :: most_digits = 18
+  integer(int64), parameter :: max_exact_mantissa = 2_int64**53  !! All integers up to this one are exact doubles.
+  integer, parameter, public :: most_digits = 18  !! Decimal digits that fit in 64 bits.
   !> Numbers with more digits before the decimal point may exceed the range of doubles.
   integer, parameter :: max_magnitude = 308
 
@@ -27,12 +24,9 @@ module dotyk_base_number_text
     !> Conversion by the C library, correctly rounded; Fortran programs run in the locale "C".
     function strtod(text, end) result(value) bind(c, name='strtod')
       import :: c_char, c_double, c_ptr
-      !> Text, which ends behind the number (:).
-      character(kind=c_char), intent(in) :: text(*)
-      !> Address for the end of the number; null.
-      type(c_ptr), value :: end
-      !> Value [any].
-      real(c_double) :: value
+      character(kind=c_char), intent(in) :: text(*)  !! Text, which ends behind the number (:).
+      type(c_ptr), value :: end  !! Address for the end of the number; null.
+      real(c_double) :: value  !! Value [any].
     end function strtod
   end interface
 
@@ -40,21 +34,17 @@ contains
 
   !> Whether a character ends a word: blank, tabulator, line end or the end of the text.
   pure logical function ends_word(letter)
-    !> Character.
-    character, intent(in) :: letter
+    character, intent(in) :: letter  !! Character.
     ends_word = iachar(letter) <= iachar(' ')
   end function ends_word
 
   !> Read an integer.
   pure subroutine scan_integer(text, position, value, valid)
-    !> Text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text.
     !> Position of the first character of the number; behind the number on return, unchanged if it is not valid.
     integer(int64), intent(inout) :: position
-    !> Integer.
-    integer(int64), intent(out) :: value
-    !> Whether an integer of at most 18 digits was found, followed by a blank.
-    logical, intent(out) :: valid
+    integer(int64), intent(out) :: value  !! Integer.
+    logical, intent(out) :: valid  !! Whether an integer of at most 18 digits was found, followed by a blank.
     integer(int64) :: first, p
     integer :: digit
     logical :: negative
@@ -78,14 +68,11 @@ contains
 
   !> Read a real: exact if mantissa and power of ten are exact doubles, by the C library otherwise.
   subroutine scan_real(text, position, value, valid)
-    !> Text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text.
     !> Position of the first character of the number; behind the number on return, unchanged if it is not valid.
     integer(int64), intent(inout) :: position
-    !> Real [any].
-    real(dp), intent(out) :: value
-    !> Whether a number below 1e308 was found, followed by a blank.
-    logical, intent(out) :: valid
+    real(dp), intent(out) :: value  !! Real [any].
+    logical, intent(out) :: valid  !! Whether a number below 1e308 was found, followed by a blank.
     integer(int64) :: p, mantissa, exponent
     integer :: digit, n_kept, n_dropped, n_decimals, n_read
     logical :: negative, decimals

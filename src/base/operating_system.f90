@@ -8,45 +8,37 @@ module dotyk_base_operating_system
 
   !> Permissions rwxrwxrwx, reduced by the umask of the user, and rwx------.
   integer(c_int), parameter :: all_permissions = int(o'777', c_int), own_permissions = int(o'700', c_int)
-  !> W_OK and X_OK of access(2).
-  integer(c_int), parameter :: write_and_search = 3_c_int
+  integer(c_int), parameter :: write_and_search = 3_c_int  !! W_OK and X_OK of access(2).
 
   interface
     !> mkdir(2).
     function c_mkdir(path, mode) result(status) bind(c, name='mkdir')
       import :: c_char, c_int
-      !> Path, NUL-terminated (:).
-      character(kind=c_char), intent(in) :: path(*)
-      !> Permissions.
-      integer(c_int), value :: mode
+      character(kind=c_char), intent(in) :: path(*)  !! Path, NUL-terminated (:).
+      integer(c_int), value :: mode  !! Permissions.
       integer(c_int) :: status
     end function c_mkdir
 
     !> access(2).
     function c_access(path, mode) result(status) bind(c, name='access')
       import :: c_char, c_int
-      !> Path, NUL-terminated (:).
-      character(kind=c_char), intent(in) :: path(*)
-      !> Requested permissions.
-      integer(c_int), value :: mode
+      character(kind=c_char), intent(in) :: path(*)  !! Path, NUL-terminated (:).
+      integer(c_int), value :: mode  !! Requested permissions.
       integer(c_int) :: status
     end function c_access
 
     !> rename(2).
     function c_rename(old, new) result(status) bind(c, name='rename')
       import :: c_char, c_int
-      !> Old path, NUL-terminated (:).
-      character(kind=c_char), intent(in) :: old(*)
-      !> New path, NUL-terminated (:).
-      character(kind=c_char), intent(in) :: new(*)
+      character(kind=c_char), intent(in) :: old(*)  !! Old path, NUL-terminated (:).
+      character(kind=c_char), intent(in) :: new(*)  !! New path, NUL-terminated (:).
       integer(c_int) :: status
     end function c_rename
 
     !> unlink(2).
     function c_unlink(path) result(status) bind(c, name='unlink')
       import :: c_char, c_int
-      !> Path, NUL-terminated (:).
-      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(in) :: path(*)  !! Path, NUL-terminated (:).
       integer(c_int) :: status
     end function c_unlink
 
@@ -61,10 +53,8 @@ contains
 
   !> Make a directory whose parent exists; nothing happens if it exists already.
   subroutine make_directory(path, private)
-    !> Path.
-    character(*), intent(in) :: path
-    !> Whether only this user may look into it; as the umask says if absent.
-    logical, intent(in), optional :: private
+    character(*), intent(in) :: path  !! Path.
+    logical, intent(in), optional :: private  !! Whether only this user may look into it; as the umask says if absent.
     integer(c_int) :: status, permissions
     permissions = all_permissions
     if (present(private)) permissions = merge(own_permissions, all_permissions, private)
@@ -74,8 +64,7 @@ contains
 
   !> Whether files can be created in a directory.
   logical function is_writable_directory(path) result(writable)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     ! The name is invalid for a regular file.
     writable = c_access(path//'/.'//c_null_char, write_and_search) == 0
   end function is_writable_directory
@@ -87,27 +76,22 @@ contains
 
   !> Rename a file atomically, replacing an existing one.
   logical function rename_file(old, new) result(success)
-    !> Old path.
-    character(*), intent(in) :: old
-    !> New path.
-    character(*), intent(in) :: new
+    character(*), intent(in) :: old  !! Old path.
+    character(*), intent(in) :: new  !! New path.
     success = c_rename(old//c_null_char, new//c_null_char) == 0
   end function rename_file
 
   !> Remove a file; nothing happens if it does not exist.
   subroutine remove_file(path)
-    !> Path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path.
     integer(c_int) :: status
     status = c_unlink(path//c_null_char)
   end subroutine remove_file
 
   !> A text as one word of the shell, whatever characters it has.
   pure function shell_quoted(text) result(word)
-    !> Text.
-    character(*), intent(in) :: text
-    !> Word.
-    character(:), allocatable :: word
+    character(*), intent(in) :: text  !! Text.
+    character(:), allocatable :: word  !! Word.
     integer :: i
     word = "'"
     do i = 1, len(text)
@@ -122,19 +106,15 @@ contains
 
   !> Directory of a file with its slash; empty for a plain name.
   pure function directory_of(path) result(directory)
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Directory.
-    character(:), allocatable :: directory
+    character(*), intent(in) :: path  !! Path of the file.
+    character(:), allocatable :: directory  !! Directory.
     directory = path(:index(path, '/', back=.true.))
   end function directory_of
 
   !> Value of an environment variable, empty if it is not set.
   function environment_value(name) result(value)
-    !> Name of the variable.
-    character(*), intent(in) :: name
-    !> Its value.
-    character(:), allocatable :: value
+    character(*), intent(in) :: name  !! Name of the variable.
+    character(:), allocatable :: value  !! Its value.
     integer :: length, status
     call get_environment_variable(name, length=length, status=status)
     if (status /= 0) length = 0

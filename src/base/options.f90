@@ -72,8 +72,7 @@ module dotyk_base_options
   integer, parameter, public :: condition_neumann = 2  !< each body under the last contact pressure
   integer, parameter, public :: default_condition = condition_robin
 
-  !> `&solver scheme`.
-  character(*), parameter, public :: scheme_names = 'auto neumann dual robin'
+  character(*), parameter, public :: scheme_names = 'auto neumann dual robin'  !! `&solver scheme`.
   integer, parameter, public :: scheme_auto = 1     !< dual, unless other keys ask for neumann
   integer, parameter, public :: scheme_neumann = 2  !< parallel Neumann scheme, equations (43) to (46)
   integer, parameter, public :: scheme_dual = 3     !< primal-dual active set on the Lagrange multipliers
@@ -110,8 +109,7 @@ module dotyk_base_options
   integer, parameter, public :: stop_budget = 4     !< guaranteed error bound below a fraction of the other errors
   integer, parameter, public :: default_stop_rule = stop_residual
 
-  !> `&solver locking`: nearly incompressible bodies.
-  character(*), parameter, public :: locking_names = 'auto ignore'
+  character(*), parameter, public :: locking_names = 'auto ignore'  !! `&solver locking`: nearly incompressible bodies.
   integer, parameter, public :: locking_auto = 1    !< projected dilatation, and order elevation of linear simplices
   integer, parameter, public :: locking_ignore = 2  !< elements as they are
   integer, parameter, public :: default_locking = locking_auto
@@ -125,19 +123,14 @@ module dotyk_base_options
   integer, parameter, public :: field_reaction = 5      !< reactions of supports at their nodes
   integer, parameter, public :: field_nodal_stress = 6  !< stresses at the nodes
 
-  !> `&output error_parts`.
-  character(*), parameter, public :: error_part_names = 'penalty discretization'
+  character(*), parameter, public :: error_part_names = 'penalty discretization'  !! `&output error_parts`.
   integer, parameter, public :: error_part_penalty = 1         !< distance to the solution with theta = 0
   integer, parameter, public :: error_part_discretization = 2  !< discretization error
 
-  !> Default of `&solver tolerance` [].
-  real(dp), parameter, public :: default_tolerance = 1.0e-6_dp
-  !> Default of `&solver budget_fraction` [].
-  real(dp), parameter, public :: default_budget_fraction = 0.1_dp
-  !> Default of `&solver max_unbalanced` [].
-  real(dp), parameter, public :: default_max_unbalanced = 0.01_dp
-  !> Default of `&solver max_iterations`.
-  integer, parameter, public :: default_max_iterations = 100000
+  real(dp), parameter, public :: default_tolerance = 1.0e-6_dp  !! Default of `&solver tolerance` [].
+  real(dp), parameter, public :: default_budget_fraction = 0.1_dp  !! Default of `&solver budget_fraction` [].
+  real(dp), parameter, public :: default_max_unbalanced = 0.01_dp  !! Default of `&solver max_unbalanced` [].
+  integer, parameter, public :: default_max_iterations = 100000  !! Default of `&solver max_iterations`.
 
   public :: find_option, option_name
 
@@ -145,10 +138,8 @@ contains
 
   !> Name of an option; empty where the list has no such option.
   pure function option_name(names, option) result(name)
-    !> One of the lists above.
-    character(*), intent(in) :: names
-    !> Option, from 1.
-    integer, intent(in) :: option
+    character(*), intent(in) :: names  !! One of the lists above.
+    integer, intent(in) :: option  !! Option, from 1.
     character(:), allocatable :: name
     type(text_t), allocatable :: words(:)
     call split_words(names, words)
@@ -158,12 +149,9 @@ contains
 
   !> Option of a name, in upper or lower case.
   pure subroutine find_option(names, name, option, message)
-    !> One of the lists above.
-    character(*), intent(in) :: names
-    !> Name to look up, without blanks around it.
-    character(*), intent(in) :: name
-    !> Its option; 0 where the list has no such name.
-    integer, intent(out) :: option
+    character(*), intent(in) :: names  !! One of the lists above.
+    character(*), intent(in) :: name  !! Name to look up, without blanks around it.
+    integer, intent(out) :: option  !! Its option; 0 where the list has no such name.
     !> "must be one of: ...", with the nearest name; empty where the name is in the list.
     character(:), allocatable, intent(out), optional :: message
     type(text_t), allocatable :: words(:)

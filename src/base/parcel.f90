@@ -7,15 +7,11 @@ module dotyk_base_parcel
   implicit none
   private
 
-  !> A list of words that is written or read. Values keep all their bits.
-  type, public :: parcel_t
+  type, public :: parcel_t  !! A list of words that is written or read. Values keep all their bits.
     private
-    !> Words; the first n are in use while it is written (room).
-    integer(int64), allocatable :: word(:)
-    !> Words that were written or read so far.
-    integer(int64) :: n = 0
-    !> Whether values are taken out.
-    logical, public :: is_read = .false.
+    integer(int64), allocatable :: word(:)  !! Words; the first n are in use while it is written (room).
+    integer(int64) :: n = 0  !! Words that were written or read so far.
+    logical, public :: is_read = .false.  !! Whether values are taken out.
   contains
     procedure :: open => parcel_open
     procedure :: words => parcel_words
@@ -30,16 +26,14 @@ module dotyk_base_parcel
     procedure :: carry_shape => carry_shape_of
   end type parcel_t
 
-  !> Extent of an array that is not allocated.
-  integer, parameter :: not_there = -1
+  integer, parameter :: not_there = -1  !! Extent of an array that is not allocated.
 
 contains
 
   !> Take values out of words that have come.
   subroutine parcel_open(self, word)
     class(parcel_t), intent(out) :: self
-    !> As from `words`; given up (n).
-    integer(int64), allocatable, intent(inout) :: word(:)
+    integer(int64), allocatable, intent(inout) :: word(:)  !! As from `words`; given up (n).
     call move_alloc(word, self%word)
     self%is_read = .true.
   end subroutine parcel_open
@@ -69,10 +63,8 @@ contains
 
   !> Write words, or read as many.
   pure subroutine move(self, word)
-    !> The parcel.
     class(parcel_t), intent(inout) :: self
-    !> The words (any).
-    integer(int64), intent(inout) :: word(:)
+    integer(int64), intent(inout) :: word(:)  !! The words (any).
     integer(int64), allocatable :: more(:)
     integer(int64) :: last
     last = self%n + size(word, kind=int64)
@@ -93,8 +85,7 @@ contains
   !> An integer.
   pure subroutine carry_integer(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set.
-    integer, intent(inout) :: value
+    integer, intent(inout) :: value  !! Written, or set.
     integer(int64) :: word(1)
     word = value
     call move(self, word)
@@ -104,8 +95,7 @@ contains
   !> A real.
   pure subroutine carry_real(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set [any].
-    real(dp), intent(inout) :: value
+    real(dp), intent(inout) :: value  !! Written, or set [any].
     integer(int64) :: word(1)
     word = transfer(value, word)
     call move(self, word)
@@ -115,8 +105,7 @@ contains
   !> A logical.
   pure subroutine carry_logical(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set.
-    logical, intent(inout) :: value
+    logical, intent(inout) :: value  !! Written, or set.
     integer :: number
     number = merge(1, 0, value)
     call self%carry_integer(number)
@@ -126,10 +115,8 @@ contains
   !> The extents of an array.
   pure subroutine carry_shape_of(self, is_there, extent)
     class(parcel_t), intent(inout) :: self
-    !> Whether the array is allocated.
-    logical, intent(inout) :: is_there
-    !> Its extents; not used where it is not there (rank).
-    integer, intent(inout) :: extent(:)
+    logical, intent(inout) :: is_there  !! Whether the array is allocated.
+    integer, intent(inout) :: extent(:)  !! Its extents; not used where it is not there (rank).
     integer :: k
     if (.not. is_there) extent = not_there
     do k = 1, size(extent)
@@ -141,8 +128,7 @@ contains
   !> A text.
   subroutine carry_text(self, text)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where it was not.
-    character(:), allocatable, intent(inout) :: text
+    character(:), allocatable, intent(inout) :: text  !! Written, or set; not allocated where it was not.
     logical :: is_there
     integer :: length(1), letter, i
     is_there = allocated(text)
@@ -164,8 +150,7 @@ contains
   !> Texts.
   subroutine carry_texts(self, text)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set (n).
-    type(text_t), allocatable, intent(inout) :: text(:)
+    type(text_t), allocatable, intent(inout) :: text(:)  !! Written, or set (n).
     logical :: is_there
     integer :: n(1), i
     is_there = allocated(text)
@@ -184,8 +169,7 @@ contains
   !> Integers.
   pure subroutine carry_integers(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where they were not (n).
-    integer, allocatable, intent(inout) :: value(:)
+    integer, allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n).
     logical :: is_there
     integer :: n(1)
     is_there = allocated(value)
@@ -201,8 +185,7 @@ contains
   !> A table of integers.
   pure subroutine carry_integer_table(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where it was not (n, m).
-    integer, allocatable, intent(inout) :: value(:, :)
+    integer, allocatable, intent(inout) :: value(:, :)  !! Written, or set; not allocated where it was not (n, m).
     logical :: is_there
     integer :: n(2)
     is_there = allocated(value)
@@ -217,12 +200,9 @@ contains
 
   !> Integers of a known number, two in a word.
   pure subroutine move_integers(self, n, value)
-    !> The parcel.
     class(parcel_t), intent(inout) :: self
-    !> Their number.
-    integer, intent(in) :: n
-    !> Written, or set (n).
-    integer, intent(inout) :: value(n)
+    integer, intent(in) :: n  !! Their number.
+    integer, intent(inout) :: value(n)  !! Written, or set (n).
     integer, parameter :: half = 32
     integer(int64), allocatable :: word(:)
     integer(int64) :: second
@@ -245,8 +225,7 @@ contains
   !> Integers of 64 bits.
   pure subroutine carry_longs(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where they were not (n).
-    integer(int64), allocatable, intent(inout) :: value(:)
+    integer(int64), allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n).
     logical :: is_there
     integer :: n(1)
     is_there = allocated(value)
@@ -262,8 +241,7 @@ contains
   !> Logicals.
   pure subroutine carry_logicals(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where they were not (n).
-    logical, allocatable, intent(inout) :: value(:)
+    logical, allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n).
     integer, allocatable :: number(:)
     integer :: i
     if (allocated(value)) number = [(merge(1, 0, value(i)), i=1, size(value))]
@@ -276,8 +254,7 @@ contains
   !> Reals.
   pure subroutine carry_reals(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where they were not (n) [any].
-    real(dp), allocatable, intent(inout) :: value(:)
+    real(dp), allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n) [any].
     logical :: is_there
     integer :: n(1)
     is_there = allocated(value)
@@ -327,10 +304,8 @@ contains
   !> Reals of a known number.
   pure subroutine carry_fixed_reals(self, n, value)
     class(parcel_t), intent(inout) :: self
-    !> Their number.
-    integer, intent(in) :: n
-    !> Written, or set (n) [any].
-    real(dp), intent(inout) :: value(n)
+    integer, intent(in) :: n  !! Their number.
+    real(dp), intent(inout) :: value(n)  !! Written, or set (n) [any].
     integer(int64), allocatable :: word(:)
     integer :: i
     allocate (word(n))

@@ -12,10 +12,8 @@ module dotyk_base_progress
   interface
     subroutine c_start(terminal, seconds) bind(c, name='dotyk_progress_start')
       import :: c_double, c_int
-      !> Whether standard output is a terminal.
-      integer(c_int), value :: terminal
-      !> Time of a stage before its first line where it is not [s].
-      real(c_double), value :: seconds
+      integer(c_int), value :: terminal  !! Whether standard output is a terminal.
+      real(c_double), value :: seconds  !! Time of a stage before its first line where it is not [s].
     end subroutine c_start
 
     !> End the thread, before the program ends.
@@ -24,14 +22,12 @@ module dotyk_base_progress
 
     subroutine c_expect(work) bind(c, name='dotyk_progress_expect')
       import :: c_double
-      !> Work of the stage.
-      real(c_double), value :: work
+      real(c_double), value :: work  !! Work of the stage.
     end subroutine c_expect
 
     subroutine c_add(work) bind(c, name='dotyk_progress_add')
       import :: c_double
-      !> Work that is done.
-      real(c_double), value :: work
+      real(c_double), value :: work  !! Work that is done.
     end subroutine c_add
   end interface
 
@@ -39,24 +35,20 @@ contains
 
   !> Start the thread.
   subroutine start_progress(terminal, seconds)
-    !> Whether standard output is a terminal.
-    logical, intent(in) :: terminal
-    !> Time of a stage before its first line where it is not [s].
-    real(dp), intent(in) :: seconds
+    logical, intent(in) :: terminal  !! Whether standard output is a terminal.
+    real(dp), intent(in) :: seconds  !! Time of a stage before its first line where it is not [s].
     call c_start(merge(1_c_int, 0_c_int, terminal), real(seconds, c_double))
   end subroutine start_progress
 
   !> The work of the current stage; one thread calls it, before any of it is done.
   subroutine expect_progress(work)
-    !> In the unit of `add_progress`.
-    real(dp), intent(in) :: work
+    real(dp), intent(in) :: work  !! In the unit of `add_progress`.
     call c_expect(real(work, c_double))
   end subroutine expect_progress
 
   !> Some work of the current stage is done; any thread calls it.
   subroutine add_progress(work)
-    !> In the unit of `expect_progress`; whole numbers count.
-    real(dp), intent(in) :: work
+    real(dp), intent(in) :: work  !! In the unit of `expect_progress`; whole numbers count.
     call c_add(real(work, c_double))
   end subroutine add_progress
 end module dotyk_base_progress

@@ -10,12 +10,9 @@ contains
   !> Cosine and sine of an angle in degrees; exact for multiples of 90 degrees, so that axis-parallel lines stay
   !> axis-parallel.
   pure subroutine cosine_and_sine(angle, c, s)
-    !> Angle [degrees].
-    real(dp), intent(in) :: angle
-    !> Cosine [].
-    real(dp), intent(out) :: c
-    !> Sine [].
-    real(dp), intent(out) :: s
+    real(dp), intent(in) :: angle  !! Angle [degrees].
+    real(dp), intent(out) :: c  !! Cosine [].
+    real(dp), intent(out) :: s  !! Sine [].
     real(dp), parameter :: degree = acos(-1.0_dp)/180
     real(dp), parameter :: quarter_cosine(0:3) = [1, 0, -1, 0], quarter_sine(0:3) = [0, 1, 0, -1]
     real(dp) :: reduced, remainder
@@ -29,10 +26,8 @@ contains
 
   !> Rotation about an axis (Rodrigues' formula).
   pure function rotation_matrix(axis, angle) result(rotation)
-    !> Axis of rotation, of any length but 0 (3) [].
-    real(dp), intent(in) :: axis(3)
-    !> Angle of rotation, right-handed about the axis [degrees].
-    real(dp), intent(in) :: angle
+    real(dp), intent(in) :: axis(3)  !! Axis of rotation, of any length but 0 (3) [].
+    real(dp), intent(in) :: angle  !! Angle of rotation, right-handed about the axis [degrees].
     real(dp) :: rotation(3, 3)
     real(dp) :: unit(3), c, s, basis(3)
     integer :: k
@@ -48,12 +43,9 @@ contains
 
   !> Vector product.
   pure function cross(a, b) result(c)
-    !> First vector (3) [].
-    real(dp), intent(in) :: a(3)
-    !> Second vector (3) [].
-    real(dp), intent(in) :: b(3)
-    !> Product (3) [].
-    real(dp) :: c(3)
+    real(dp), intent(in) :: a(3)  !! First vector (3) [].
+    real(dp), intent(in) :: b(3)  !! Second vector (3) [].
+    real(dp) :: c(3)  !! Product (3) [].
     c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
   end function cross
 end module dotyk_base_rotation

@@ -11,17 +11,14 @@ module dotyk_base_sort
 
   public :: sort_order
 
-  !> Length of the runs that are sorted by insertion: short lists need no workspace.
-  integer, parameter :: short = 16
+  integer, parameter :: short = 16  !! Length of the runs that are sorted by insertion: short lists need no workspace.
 
 contains
 
   !> The permutation that sorts reals: values(order) ascends.
   pure subroutine sort_order_of_reals(values, order)
-    !> Numbers to sort (n) [any].
-    real(dp), intent(in) :: values(:)
-    !> The permutation (n).
-    integer, intent(out) :: order(size(values))
+    real(dp), intent(in) :: values(:)  !! Numbers to sort (n) [any].
+    integer, intent(out) :: order(size(values))  !! The permutation (n).
     integer, allocatable :: from(:)
     integer :: n, width, start
     n = size(values)
@@ -40,24 +37,18 @@ contains
 
   !> The permutation that sorts integers: values(order) ascends.
   pure subroutine sort_order_of_integers(values, order)
-    !> Numbers to sort (n).
-    integer, intent(in) :: values(:)
-    !> The permutation (n).
-    integer, intent(out) :: order(size(values))
+    integer, intent(in) :: values(:)  !! Numbers to sort (n).
+    integer, intent(out) :: order(size(values))  !! The permutation (n).
     ! Doubles hold all 32-bit integers exactly.
     call sort_order_of_reals(real(values, dp), order)
   end subroutine sort_order_of_integers
 
   !> Sort the run first .. last by insertion.
   pure subroutine insert_run(values, first, last, order)
-    !> Numbers to sort (n) [any].
-    real(dp), intent(in) :: values(:)
-    !> First place of the run.
-    integer, intent(in) :: first
-    !> Last place of the run.
-    integer, intent(in) :: last
-    !> The permutation (n); entries outside of the run are kept.
-    integer, intent(inout) :: order(:)
+    real(dp), intent(in) :: values(:)  !! Numbers to sort (n) [any].
+    integer, intent(in) :: first  !! First place of the run.
+    integer, intent(in) :: last  !! Last place of the run.
+    integer, intent(inout) :: order(:)  !! The permutation (n); entries outside of the run are kept.
     integer :: i, k
     do i = first, last
       k = i
@@ -72,18 +63,12 @@ contains
 
   !> Merge the sorted runs start .. middle-1 and middle .. last-1.
   pure subroutine merge_runs(values, from, start, middle, last, order)
-    !> Numbers to sort (n) [any].
-    real(dp), intent(in) :: values(:)
-    !> The order before (n).
-    integer, intent(in) :: from(:)
-    !> First place of the first run.
-    integer, intent(in) :: start
-    !> First place of the second run.
-    integer, intent(in) :: middle
-    !> Place behind the second run.
-    integer, intent(in) :: last
-    !> The order after (n); entries outside of the runs are kept.
-    integer, intent(inout) :: order(:)
+    real(dp), intent(in) :: values(:)  !! Numbers to sort (n) [any].
+    integer, intent(in) :: from(:)  !! The order before (n).
+    integer, intent(in) :: start  !! First place of the first run.
+    integer, intent(in) :: middle  !! First place of the second run.
+    integer, intent(in) :: last  !! Place behind the second run.
+    integer, intent(inout) :: order(:)  !! The order after (n); entries outside of the runs are kept.
     logical :: first
     integer :: i, j, k
     i = start

@@ -8,10 +8,8 @@ module dotyk_base_text
   implicit none
   private
 
-  !> A text of its own length, for arrays of texts.
-  type, public :: text_t
-    !> The text.
-    character(:), allocatable :: s
+  type, public :: text_t  !! A text of its own length, for arrays of texts.
+    character(:), allocatable :: s  !! The text.
   end type text_t
 
   !> A number as text without blanks around it.
@@ -25,8 +23,7 @@ contains
 
   !> An integer as text.
   pure function text_of_integer(value) result(text)
-    !> The integer.
-    integer, intent(in) :: value
+    integer, intent(in) :: value  !! The integer.
     character(:), allocatable :: text
     character(24) :: buffer
     write (buffer, '(i0)') value
@@ -35,8 +32,7 @@ contains
 
   !> A 64-bit integer as text.
   pure function text_of_long(value) result(text)
-    !> The integer.
-    integer(int64), intent(in) :: value
+    integer(int64), intent(in) :: value  !! The integer.
     character(:), allocatable :: text
     character(24) :: buffer
     write (buffer, '(i0)') value
@@ -45,10 +41,8 @@ contains
 
   !> A real as text: plain for moderate sizes, with an exponent otherwise; no trailing zeros.
   pure function text_of_real(value, digits) result(text)
-    !> The real; NaN and infinity are named [any].
-    real(dp), intent(in) :: value
-    !> Significant digits, 1 to 17; 6 if absent.
-    integer, intent(in), optional :: digits
+    real(dp), intent(in) :: value  !! The real; NaN and infinity are named [any].
+    integer, intent(in), optional :: digits  !! Significant digits, 1 to 17; 6 if absent.
     character(:), allocatable :: text
     character(40) :: buffer
     character(16) :: form
@@ -86,8 +80,7 @@ contains
 
   !> "1.500" to "1.5", "2." to "2".
   pure function without_trailing_zeros(digits) result(text)
-    !> Decimal digits, maybe with a point.
-    character(*), intent(in) :: digits
+    character(*), intent(in) :: digits  !! Decimal digits, maybe with a point.
     character(:), allocatable :: text
     integer :: last
     last = len(digits)
@@ -102,8 +95,7 @@ contains
 
   !> ASCII lower case.
   pure function lower(text) result(lowered)
-    !> Any text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Any text.
     character(len(text)) :: lowered
     integer :: i, code
     do i = 1, len(text)
@@ -115,8 +107,7 @@ contains
 
   !> A text in lower case without blanks, hyphens and underscores.
   pure function squeezed(text)
-    !> Any text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Any text.
     character(len(text)) :: squeezed
     integer :: i, n
     squeezed = ''
@@ -131,10 +122,8 @@ contains
 
   !> Name of a list that is nearest to a misspelled one; empty where none is near.
   pure function nearest_name(name, names) result(nearest)
-    !> Name as written.
-    character(*), intent(in) :: name
-    !> Names that may be meant (n).
-    type(text_t), intent(in) :: names(:)
+    character(*), intent(in) :: name  !! Name as written.
+    type(text_t), intent(in) :: names(:)  !! Names that may be meant (n).
     character(:), allocatable :: nearest
     integer :: i, distance, least
     nearest = ''
@@ -157,10 +146,8 @@ contains
 
   !> Optimal string alignment distance: insertions, deletions, changes and swaps of neighbours, each counted as 1.
   pure integer function edit_distance(a, b) result(distance)
-    !> First word.
-    character(*), intent(in) :: a
-    !> Second word.
-    character(*), intent(in) :: b
+    character(*), intent(in) :: a  !! First word.
+    character(*), intent(in) :: b  !! Second word.
     integer :: d(0:len(a), 0:len(b))
     integer :: i, j, p, q, cost
     d(:, 0) = [(i, i=0, len(a))]
@@ -180,10 +167,8 @@ contains
 
   !> Texts joined with a separator.
   pure function join(texts, separator) result(joined)
-    !> Texts to join (n).
-    type(text_t), intent(in) :: texts(:)
-    !> Text between two of them.
-    character(*), intent(in) :: separator
+    type(text_t), intent(in) :: texts(:)  !! Texts to join (n).
+    character(*), intent(in) :: separator  !! Text between two of them.
     character(:), allocatable :: joined
     integer :: i
     joined = ''
@@ -195,12 +180,9 @@ contains
 
   !> A number with its noun: "1 body", "2 bodies".
   pure function counted(n, one, many) result(text)
-    !> The number.
-    integer, intent(in) :: n
-    !> Singular.
-    character(*), intent(in) :: one
-    !> Plural; the singular with an s if absent.
-    character(*), intent(in), optional :: many
+    integer, intent(in) :: n  !! The number.
+    character(*), intent(in) :: one  !! Singular.
+    character(*), intent(in), optional :: many  !! Plural; the singular with an s if absent.
     character(:), allocatable :: text
     if (n == 1) then
       text = '1 '//one
@@ -213,16 +195,14 @@ contains
 
   !> A name between single quotes, for messages.
   pure function quoted(name) result(text)
-    !> Name; trailing blanks are dropped.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name; trailing blanks are dropped.
     character(:), allocatable :: text
     text = "'"//trim(name)//"'"
   end function quoted
 
   !> Text of the user for a message: in quotes, not too long, without control characters.
   pure function shown(text) result(quoted_text)
-    !> Text of the user.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text of the user.
     character(:), allocatable :: quoted_text
     integer, parameter :: most = 48
     integer :: i, n
@@ -244,8 +224,7 @@ contains
 
   !> Like `shown`, without the quotes around.
   pure function visible(text) result(rest)
-    !> Text of the user.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text of the user.
     character(:), allocatable :: rest
     rest = shown(text)
     rest = rest(2:len(rest) - 1)
@@ -253,10 +232,8 @@ contains
 
   !> " (did you mean 'young'?)", or nothing where no name is near.
   pure function suggestion(name, names) result(hint)
-    !> Name as written.
-    character(*), intent(in) :: name
-    !> Names that are known (n).
-    type(text_t), intent(in) :: names(:)
+    character(*), intent(in) :: name  !! Name as written.
+    type(text_t), intent(in) :: names(:)  !! Names that are known (n).
     character(:), allocatable :: hint
     hint = nearest_name(name, names)
     if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
@@ -264,10 +241,8 @@ contains
 
   !> Split a text at blanks.
   pure subroutine split_words(text, words)
-    !> Words separated by blanks.
-    character(*), intent(in) :: text
-    !> Its words (n); none where the text is blank.
-    type(text_t), allocatable, intent(out) :: words(:)
+    character(*), intent(in) :: text  !! Words separated by blanks.
+    type(text_t), allocatable, intent(out) :: words(:)  !! Its words (n); none where the text is blank.
     integer :: i, n, first
     n = 0
     do i = 1, len(text)
@@ -289,10 +264,8 @@ contains
 
   !> Whether a word starts at a place.
   pure logical function starts_word(text, i) result(starts)
-    !> Words separated by blanks.
-    character(*), intent(in) :: text
-    !> Place in the text.
-    integer, intent(in) :: i
+    character(*), intent(in) :: text  !! Words separated by blanks.
+    integer, intent(in) :: i  !! Place in the text.
     starts = text(i:i) /= ' '
     if (starts .and. i > 1) starts = text(i - 1:i - 1) == ' '
   end function starts_word

@@ -8,17 +8,14 @@ contains
 
   !> Whether a name has a wildcard.
   pure logical function has_wildcard(pattern)
-    !> Name, maybe with wildcards.
-    character(*), intent(in) :: pattern
+    character(*), intent(in) :: pattern  !! Name, maybe with wildcards.
     has_wildcard = scan(pattern, '*?') > 0
   end function has_wildcard
 
   !> Whether a text is one of those that a pattern stands for; the whole text counts, letters in their case.
   pure logical function matches(pattern, text)
-    !> Name with wildcards.
-    character(*), intent(in) :: pattern
-    !> Text to compare.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: pattern  !! Name with wildcards.
+    character(*), intent(in) :: text  !! Text to compare.
     integer :: p, t, star, retry
     p = 1
     t = 1

@@ -5,15 +5,12 @@ module dotyk_contact_adjacency
   private
   public :: corner_of, edges_of_corner
 
-  !> Neighbours of the facets of one surface.
-  type, public :: adjacency_t
+  type, public :: adjacency_t  !! Neighbours of the facets of one surface.
     !> Facet across each edge (in two dimensions: at each end point), 0 at the boundary of the surface (4, n). Edge i
     !> goes from corner i to the next one.
     integer, allocatable :: neighbour(:, :)
-    !> Vertex number of each corner (4, n).
-    integer, allocatable :: vertex(:, :)
-    !> Facets at vertex v are facet(start(v):start(v+1)-1) (n_vertices + 1).
-    integer, allocatable :: start(:)
+    integer, allocatable :: vertex(:, :)  !! Vertex number of each corner (4, n).
+    integer, allocatable :: start(:)  !! Facets at vertex v are facet(start(v):start(v+1)-1) (n_vertices + 1).
     !> Facets of all vertices, ascending for each vertex (sum of the numbers of corners).
     integer, allocatable :: facet(:)
   contains
@@ -25,8 +22,7 @@ contains
   !> Find the neighbours of all facets.
   subroutine adjacency_init(self, set)
     class(adjacency_t), intent(out) :: self
-    !> Facets.
-    type(facet_set_t), intent(in) :: set
+    type(facet_set_t), intent(in) :: set  !! Facets.
     integer, allocatable :: number(:), next(:)
     integer :: f, i, k, n_vertices, n_used, next_corner
     allocate (self%neighbour(4, set%n), self%vertex(4, set%n))
@@ -78,16 +74,11 @@ contains
   !> First other facet at vertex a that has vertex b too; for lines, the first other facet at vertex a. 0 if there is
   !> none.
   pure integer function facet_across(self, f, a, b, is_line) result(other)
-    !> Adjacency, with the facets around each vertex.
-    type(adjacency_t), intent(in) :: self
-    !> Facet on this side of the edge.
-    integer, intent(in) :: f
-    !> First vertex of the edge.
-    integer, intent(in) :: a
-    !> Second vertex of the edge.
-    integer, intent(in) :: b
-    !> Facets are lines, which share end points.
-    logical, intent(in) :: is_line
+    type(adjacency_t), intent(in) :: self  !! Adjacency, with the facets around each vertex.
+    integer, intent(in) :: f  !! Facet on this side of the edge.
+    integer, intent(in) :: a  !! First vertex of the edge.
+    integer, intent(in) :: b  !! Second vertex of the edge.
+    logical, intent(in) :: is_line  !! Facets are lines, which share end points.
     integer :: k
     do k = self%start(a), self%start(a + 1) - 1
       other = self%facet(k)
@@ -100,25 +91,18 @@ contains
 
   !> Corner of a facet at a vertex.
   pure integer function corner_of(set, adjacency, v, f) result(corner)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Vertex number.
-    integer, intent(in) :: v
-    !> Facet number.
-    integer, intent(in) :: f
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: v  !! Vertex number.
+    integer, intent(in) :: f  !! Facet number.
     corner = findloc(adjacency%vertex(1:set%corners(f), f), v, dim=1)
   end function corner_of
 
   !> The two edges that meet at a corner; in two dimensions the end point, twice.
   pure function edges_of_corner(corners, corner) result(edge)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Corner.
-    integer, intent(in) :: corner
-    !> Edge numbers (2).
-    integer :: edge(2)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corner  !! Corner.
+    integer :: edge(2)  !! Edge numbers (2).
     if (corners == 2) then
       edge = corner
     else

@@ -13,28 +13,19 @@ module dotyk_contact_auxiliary_plane
   implicit none
   private
 
-  !> Auxiliary plane of a slave facet in three dimensions.
-  type, public :: auxiliary_plane_t
-    !> Number of corners of the facet.
-    integer :: corners = 0
-    !> Origin of the plane (3) [length].
-    real(dp) :: origin(3) = 0
+  type, public :: auxiliary_plane_t  !! Auxiliary plane of a slave facet in three dimensions.
+    integer :: corners = 0  !! Number of corners of the facet.
+    real(dp) :: origin(3) = 0  !! Origin of the plane (3) [length].
     !> Unit vectors in the plane and, as the third, the normal: the direction of projection (3, 3) [].
     real(dp) :: axes(3, 3) = 0
-    !> Size of the facet [length].
-    real(dp) :: size = 0
+    real(dp) :: size = 0  !! Size of the facet [length].
     !> The facet is a plane polygon: clip coordinates are those of the plane; otherwise reference coordinates.
     logical :: is_polygon = .false.
-    !> The map from the reference domain to the plane is affine.
-    logical :: affine = .false.
-    !> The slave facet in clip coordinates, counter-clockwise.
-    type(polygon_t) :: clip_window
-    !> Area of the clip window [as the square of the clip coordinates].
-    real(dp) :: area = 0
-    !> Lower corner of the box of the facet nodes along the axes (3) [length].
-    real(dp) :: low(3) = 0
-    !> Upper corner of that box (3) [length].
-    real(dp) :: high(3) = 0
+    logical :: affine = .false.  !! The map from the reference domain to the plane is affine.
+    type(polygon_t) :: clip_window  !! The slave facet in clip coordinates, counter-clockwise.
+    real(dp) :: area = 0  !! Area of the clip window [as the square of the clip coordinates].
+    real(dp) :: low(3) = 0  !! Lower corner of the box of the facet nodes along the axes (3) [length].
+    real(dp) :: high(3) = 0  !! Upper corner of that box (3) [length].
   contains
     procedure :: init => auxiliary_plane_init
     procedure :: to_plane
@@ -49,10 +40,8 @@ module dotyk_contact_auxiliary_plane
   real(dp), parameter :: affine_tolerance = 1.0e-12_dp
   !> Inverse maps beyond this are too far outside the facet to be reliable.
   real(dp), parameter :: max_reference_coordinate = 3
-  !> Newton's method diverges where a reference coordinate exceeds this.
-  real(dp), parameter :: divergence_limit = 100
-  !> Newton steps of an inverse map; they converge quadratically, in 3 to 6.
-  integer, parameter :: max_steps = 30
+  real(dp), parameter :: divergence_limit = 100  !! Newton's method diverges where a reference coordinate exceeds this.
+  integer, parameter :: max_steps = 30  !! Newton steps of an inverse map; they converge quadratically, in 3 to 6.
   !> The map folds where its determinant is below this fraction of the size of the facet squared.
   real(dp), parameter :: min_determinant = 1.0e-12_dp
   !> An inverse map is found where the last Newton step is below this; the next step is round-off.
@@ -65,12 +54,9 @@ contains
   !> Set up the plane of a facet.
   subroutine auxiliary_plane_init(self, set, facet, x)
     class(auxiliary_plane_t), intent(out) :: self
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Coordinates of the nodes of the facet (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: x(:, :)  !! Coordinates of the nodes of the facet (3, n_nodes) [length].
     real(dp) :: length, p(3)
     integer :: i
     self%corners = set%corners(facet)
@@ -110,12 +96,10 @@ contains
 
   !> Whether a facet is a plane polygon: flat, normal to a direction, with straight edges.
   pure logical function is_plane_polygon(corners, x, normal) result(is_polygon)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     !> Coordinates of the nodes of the facet: corners, then one node an edge where there are more (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Unit normal (3) [].
-    real(dp), intent(in) :: normal(3)
+    real(dp), intent(in) :: normal(3)  !! Unit normal (3) [].
     real(dp) :: diameter, along(3), off(3)
     integer :: i
     diameter = norm2(maxval(x, dim=2) - minval(x, dim=2))
@@ -134,8 +118,7 @@ contains
 
   !> Whether a facet polynomial has only linear terms, up to round-off of the mesh.
   pure logical function is_affine(c)
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
     real(dp) :: bent
     bent = maxval(abs(c(:, [3, 5, 6, 7, 8, 9])))
     is_affine = bent <= affine_tolerance*maxval(abs(c(:, [2, 4])))
@@ -144,24 +127,18 @@ contains
   !> Coordinates of a point in the plane, projected along the normal.
   pure function to_plane(self, x) result(p)
     class(auxiliary_plane_t), intent(in) :: self
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Coordinates in the plane (2) [length].
-    real(dp) :: p(2)
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp) :: p(2)  !! Coordinates in the plane (2) [length].
     p = matmul(x - self%origin, self%axes(:, 1:2))
   end function to_plane
 
   !> Clip coordinates of a point of the plane.
   pure subroutine to_clip_coordinates(self, coefficient, p, s, ok)
     class(auxiliary_plane_t), intent(in) :: self
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: coefficient(3, 9)
-    !> Point of the plane (2) [length].
-    real(dp), intent(in) :: p(2)
-    !> Clip coordinates (2) [length or, if the facet is not a polygon, none].
-    real(dp), intent(out) :: s(2)
-    !> The clip coordinates are reliable.
-    logical, intent(out) :: ok
+    real(dp), intent(in) :: coefficient(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: p(2)  !! Point of the plane (2) [length].
+    real(dp), intent(out) :: s(2)  !! Clip coordinates (2) [length or, if the facet is not a polygon, none].
+    logical, intent(out) :: ok  !! The clip coordinates are reliable.
     real(dp) :: determinant
     s = p
     ok = .true.
@@ -174,32 +151,22 @@ contains
 
   !> Centre of the reference domain of a facet.
   pure function reference_centre(corners) result(xi)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Reference coordinates (2) [].
-    real(dp) :: xi(2)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp) :: xi(2)  !! Reference coordinates (2) [].
     xi = merge(1/3.0_dp, 0.0_dp, corners == 3)
   end function reference_centre
 
   !> Inverse isoparametric map along the normal of a plane: the point of a facet that is projected on a point of the
   !> plane, by Newton's method.
   pure subroutine inverse_map(coefficient, shift, axes, size, p, xi, determinant, ok)
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: coefficient(3, 9)
-    !> Origin of the facet polynomial in the plane (2) [length].
-    real(dp), intent(in) :: shift(2)
-    !> The first two columns span the plane (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Size of the facet [length].
-    real(dp), intent(in) :: size
-    !> Point of the plane (2) [length].
-    real(dp), intent(in) :: p(2)
-    !> Initial guess; reference coordinates on return (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Area in the plane per reference area at the result [length^2].
-    real(dp), intent(out) :: determinant
-    !> Newton's method converged.
-    logical, intent(out) :: ok
+    real(dp), intent(in) :: coefficient(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: shift(2)  !! Origin of the facet polynomial in the plane (2) [length].
+    real(dp), intent(in) :: axes(3, 3)  !! The first two columns span the plane (3, 3) [].
+    real(dp), intent(in) :: size  !! Size of the facet [length].
+    real(dp), intent(in) :: p(2)  !! Point of the plane (2) [length].
+    real(dp), intent(inout) :: xi(2)  !! Initial guess; reference coordinates on return (2) [].
+    real(dp), intent(out) :: determinant  !! Area in the plane per reference area at the result [length^2].
+    logical, intent(out) :: ok  !! Newton's method converged.
     real(dp), dimension(3) :: x, xu, xv, xuu, xuv, xvv
     real(dp) :: r(2), u(2), v(2), step(2)
     integer :: i

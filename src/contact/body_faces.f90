@@ -11,65 +11,47 @@ module dotyk_contact_body_faces
   implicit none
   private
 
-  !> Boundary facets of a body.
-  type, public :: body_faces_t
-    !> Number of facets.
-    integer :: n = 0
-    !> Number of corners of each facet, 2 to 4 (n).
-    integer, allocatable :: n_corners(:)
-    !> Corners; z = 0 in two dimensions (3, 4, n) [length].
-    real(dp), allocatable :: corner(:, :, :)
-    !> Unit outward normal of the polygon (3, n) [].
-    real(dp), allocatable :: normal(:, :)
+  type, public :: body_faces_t  !! Boundary facets of a body.
+    integer :: n = 0  !! Number of facets.
+    integer, allocatable :: n_corners(:)  !! Number of corners of each facet, 2 to 4 (n).
+    real(dp), allocatable :: corner(:, :, :)  !! Corners; z = 0 in two dimensions (3, 4, n) [length].
+    real(dp), allocatable :: normal(:, :)  !! Unit outward normal of the polygon (3, n) [].
     !> Greatest angle between this normal and those of the facet, estimated (n) [rad].
     real(dp), allocatable :: half_angle(:)
-    !> Greatest distance of the facet from its polygon, estimated (n) [length].
-    real(dp), allocatable :: bulge(:)
-    !> Mean spacing of the nodes along the edges (n) [length].
-    real(dp), allocatable :: spacing(:)
-    !> Lower corner of the box of all facets (3) [length].
-    real(dp) :: lo(3) = 0
-    !> Upper corner of that box (3) [length].
-    real(dp) :: hi(3) = 0
+    real(dp), allocatable :: bulge(:)  !! Greatest distance of the facet from its polygon, estimated (n) [length].
+    real(dp), allocatable :: spacing(:)  !! Mean spacing of the nodes along the edges (n) [length].
+    real(dp) :: lo(3) = 0  !! Lower corner of the box of all facets (3) [length].
+    real(dp) :: hi(3) = 0  !! Upper corner of that box (3) [length].
     !> Diameter: twice the greatest distance of a corner from the mean of all corners, invariant under
     !> rotations [length].
     real(dp) :: diameter = 0
-    !> Tree of the facets.
-    type(bounding_volume_tree_t) :: tree
+    type(bounding_volume_tree_t) :: tree  !! Tree of the facets.
   contains
     procedure :: init => faces_init
     procedure :: centre => faces_centre
     procedure :: cross_along => faces_cross_along
   end type body_faces_t
 
-  !> A part of a line.
-  type, extends(region_t) :: ray_t
-    !> Origin of the line (3) [length].
-    real(dp) :: origin(3) = 0
-    !> Unit direction (3) [].
-    real(dp) :: direction(3) = 0
-    !> Beginning of the part [length].
-    real(dp) :: from = 0
-    !> Its end [length].
-    real(dp) :: to = 0
+  type, extends(region_t) :: ray_t  !! A part of a line.
+    real(dp) :: origin(3) = 0  !! Origin of the line (3) [length].
+    real(dp) :: direction(3) = 0  !! Unit direction (3) [].
+    real(dp) :: from = 0  !! Beginning of the part [length].
+    real(dp) :: to = 0  !! Its end [length].
   contains
     procedure :: misses => ray_misses
   end type ray_t
 
   !> The face of an elevated or quadratic facet bulges beyond the node that is farthest from the polygon [].
   real(dp), parameter :: bulge_factor = 1.5_dp
-  !> Relative margin of the boxes for round-off [].
-  real(dp), parameter :: box_margin = 1.0e-9_dp
+  real(dp), parameter :: box_margin = 1.0e-9_dp  !! Relative margin of the boxes for round-off [].
 
 contains
 
   !> Set up from the boundary of a body.
   subroutine faces_init(self, x, boundary)
     class(body_faces_t), intent(out) :: self
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Boundary of the body.
-    type(surface_t), intent(in) :: boundary
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body.
     type(facet_set_t) :: set
     type(element_kind_t) :: kind
     real(dp) :: y(3, max_facet_nodes), mean(3), margin
@@ -114,20 +96,13 @@ contains
 
   !> Normal, curvature and size of a facet.
   pure subroutine shape_of(n_corners, n_nodes, y, normal, half_angle, bulge, spacing)
-    !> Number of corners.
-    integer, intent(in) :: n_corners
-    !> Number of nodes, the corners first.
-    integer, intent(in) :: n_nodes
-    !> Nodes (3, at least n_nodes) [length].
-    real(dp), intent(in) :: y(:, :)
-    !> Unit normal of the polygon (3) [].
-    real(dp), intent(out) :: normal(3)
-    !> Greatest angle of a normal of the facet to it, estimated [rad].
-    real(dp), intent(out) :: half_angle
-    !> Greatest distance from the polygon, estimated [length].
-    real(dp), intent(out) :: bulge
-    !> Mean spacing of the nodes along the edges [length].
-    real(dp), intent(out) :: spacing
+    integer, intent(in) :: n_corners  !! Number of corners.
+    integer, intent(in) :: n_nodes  !! Number of nodes, the corners first.
+    real(dp), intent(in) :: y(:, :)  !! Nodes (3, at least n_nodes) [length].
+    real(dp), intent(out) :: normal(3)  !! Unit normal of the polygon (3) [].
+    real(dp), intent(out) :: half_angle  !! Greatest angle of a normal of the facet to it, estimated [rad].
+    real(dp), intent(out) :: bulge  !! Greatest distance from the polygon, estimated [length].
+    real(dp), intent(out) :: spacing  !! Mean spacing of the nodes along the edges [length].
     real(dp) :: length
     integer :: i, edges
     if (n_corners == 2) then
@@ -157,8 +132,7 @@ contains
   !> Mean of the corners of a facet [length].
   pure function faces_centre(self, facet) result(centre)
     class(body_faces_t), intent(in) :: self
-    !> Facet.
-    integer, intent(in) :: facet
+    integer, intent(in) :: facet  !! Facet.
     real(dp) :: centre(3)
     centre = sum(self%corner(:, :self%n_corners(facet), facet), 2)/self%n_corners(facet)
   end function faces_centre
@@ -166,20 +140,14 @@ contains
   !> Where a part of a line first enters the body, and where it leaves the body after that.
   pure subroutine faces_cross_along(self, origin, direction, from, to, without, enters, leaves)
     class(body_faces_t), intent(in) :: self
-    !> Origin of the line (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Unit direction (3) [].
-    real(dp), intent(in) :: direction(3)
-    !> Beginning of the part [length].
-    real(dp), intent(in) :: from
-    !> Its end [length].
-    real(dp), intent(in) :: to
-    !> Facet that does not count, or 0.
-    integer, intent(in) :: without
+    real(dp), intent(in) :: origin(3)  !! Origin of the line (3) [length].
+    real(dp), intent(in) :: direction(3)  !! Unit direction (3) [].
+    real(dp), intent(in) :: from  !! Beginning of the part [length].
+    real(dp), intent(in) :: to  !! Its end [length].
+    integer, intent(in) :: without  !! Facet that does not count, or 0.
     !> First place where the line enters; `from` where it leaves first, huge where it meets nothing [length].
     real(dp), intent(out) :: enters
-    !> Next place where it leaves; huge where it does not [length].
-    real(dp), intent(out) :: leaves
+    real(dp), intent(out) :: leaves  !! Next place where it leaves; huge where it does not [length].
     type(ray_t) :: ray
     type(tree_walk_t) :: walk
     real(dp) :: first_leave, t
@@ -220,8 +188,7 @@ contains
   !> Whether the box of a volume lies beside a part of a line.
   pure logical function ray_misses(self, volume) result(misses)
     class(ray_t), intent(in) :: self
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
+    type(bounding_volume_t), intent(in) :: volume  !! Bounds of a node or facet.
     real(dp) :: near, far, a, b
     integer :: k
     near = self%from

@@ -9,34 +9,22 @@ module dotyk_contact_bounding_volume_tree
   implicit none
   private
 
-  !> Bounds of the positions and normals of some facets.
-  type, public :: bounding_volume_t
-    !> Lower corner of the box (3) [length].
-    real(dp) :: lo(3) = 0
-    !> Upper corner of the box (3) [length].
-    real(dp) :: hi(3) = 0
-    !> Axis of the cone of normals (3) [].
-    real(dp) :: axis(3) = 0
-    !> No normal n faces a direction m (m . n > facing_cosine) where m . axis is below this [].
-    real(dp) :: limit = 0
+  type, public :: bounding_volume_t  !! Bounds of the positions and normals of some facets.
+    real(dp) :: lo(3) = 0  !! Lower corner of the box (3) [length].
+    real(dp) :: hi(3) = 0  !! Upper corner of the box (3) [length].
+    real(dp) :: axis(3) = 0  !! Axis of the cone of normals (3) [].
+    real(dp) :: limit = 0  !! No normal n faces a direction m (m . n > facing_cosine) where m . axis is below this [].
   end type bounding_volume_t
 
   !> The tree. Node 1 is the root; an inner node has the children child and child + 1.
   type, public :: bounding_volume_tree_t
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Bounds of the facets of each node (n_nodes).
-    type(bounding_volume_t), allocatable :: volume(:)
-    !> First child of each node; 0 for a leaf (n_nodes).
-    integer, allocatable :: child(:)
-    !> Facets of node i are order(first(i):last(i)) (n_nodes).
-    integer, allocatable :: first(:)
-    !> End of these facets (n_nodes).
-    integer, allocatable :: last(:)
-    !> Facets in the order of the tree (number of facets).
-    integer, allocatable :: order(:)
-    !> Bounds of each facet (number of facets).
-    type(bounding_volume_t), allocatable :: facet_volume(:)
+    integer :: n_nodes = 0  !! Number of nodes.
+    type(bounding_volume_t), allocatable :: volume(:)  !! Bounds of the facets of each node (n_nodes).
+    integer, allocatable :: child(:)  !! First child of each node; 0 for a leaf (n_nodes).
+    integer, allocatable :: first(:)  !! Facets of node i are order(first(i):last(i)) (n_nodes).
+    integer, allocatable :: last(:)  !! End of these facets (n_nodes).
+    integer, allocatable :: order(:)  !! Facets in the order of the tree (number of facets).
+    type(bounding_volume_t), allocatable :: facet_volume(:)  !! Bounds of each facet (number of facets).
   contains
     procedure :: init => tree_init
   end type bounding_volume_tree_t
@@ -46,24 +34,20 @@ module dotyk_contact_bounding_volume_tree
   !> Nodes that may wait in a depth-first traversal: the tree halves the facets, so that its depth is below 32.
   integer, parameter, public :: stack_size = 128
 
-  !> Greatest number of facets in a leaf.
-  integer, parameter :: leaf_size = 4
+  integer, parameter :: leaf_size = 4  !! Greatest number of facets in a leaf.
   !> The mean of the axes of a node is no axis of a cone where it is shorter than this: normals in all directions.
   real(dp), parameter :: min_mean_axis = 0.01_dp
-  !> Margin of the limits for round-off of the arc cosine [rad].
-  real(dp), parameter :: angle_margin = 1.0e-6_dp
+  real(dp), parameter :: angle_margin = 1.0e-6_dp  !! Margin of the limits for round-off of the arc cosine [rad].
   !> Limit of a cone that contains a facing normal for every direction: below any cosine.
   real(dp), parameter :: no_limit = -2
-  !> The number pi.
-  real(dp), parameter :: pi = acos(-1.0_dp)
+  real(dp), parameter :: pi = acos(-1.0_dp)  !! The number pi.
 
 contains
 
   !> Build the tree.
   subroutine tree_init(self, set)
     class(bounding_volume_tree_t), intent(out) :: self
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     real(dp), allocatable :: centre(:, :)
     real(dp) :: low(3), high(3)
     integer :: i, n, node, max_nodes, middle
@@ -107,12 +91,9 @@ contains
 
   !> Bounds of a list of facets.
   pure subroutine bound_facets(set, list, volume)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facets to bound (n).
-    integer, intent(in) :: list(:)
-    !> Their box and their cone of normals.
-    type(bounding_volume_t), intent(out) :: volume
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: list(:)  !! Facets to bound (n).
+    type(bounding_volume_t), intent(out) :: volume  !! Their box and their cone of normals.
     real(dp) :: length, half_angle, angle, cosine, widest(2)
     integer :: i
     volume%lo = huge(1.0_dp)
@@ -147,8 +128,7 @@ contains
   !> Cosine of the greatest angle between a direction and the axis of a cone at which a normal of the cone may face that
   !> direction [].
   pure real(dp) function cone_limit(half_angle) result(limit)
-    !> Half angle of the cone [rad].
-    real(dp), intent(in) :: half_angle
+    real(dp), intent(in) :: half_angle  !! Half angle of the cone [rad].
     real(dp) :: angle
     angle = acos(facing_cosine) + half_angle + angle_margin
     limit = no_limit
@@ -158,18 +138,12 @@ contains
   !> Partition order(first:last) so that the facets up to `middle` precede the others in the order (coordinate, facet
   !> number): quickselect.
   pure subroutine split(order, first, last, middle, centre, axis)
-    !> Facet numbers (number of facets).
-    integer, intent(inout) :: order(:)
-    !> First position.
-    integer, intent(in) :: first
-    !> Last position.
-    integer, intent(in) :: last
-    !> Last position of the first part.
-    integer, intent(in) :: middle
-    !> Centres of the facets (3, n) [length].
-    real(dp), intent(in) :: centre(:, :)
-    !> Coordinate to compare, 1 to 3.
-    integer, intent(in) :: axis
+    integer, intent(inout) :: order(:)  !! Facet numbers (number of facets).
+    integer, intent(in) :: first  !! First position.
+    integer, intent(in) :: last  !! Last position.
+    integer, intent(in) :: middle  !! Last position of the first part.
+    real(dp), intent(in) :: centre(:, :)  !! Centres of the facets (3, n) [length].
+    integer, intent(in) :: axis  !! Coordinate to compare, 1 to 3.
     integer :: low, high, i, j, pivot, swap
     low = first
     high = last
@@ -205,10 +179,8 @@ contains
 
     !> Whether facet a precedes facet b.
     pure logical function precedes(a, b)
-      !> First facet.
-      integer, intent(in) :: a
-      !> Second facet.
-      integer, intent(in) :: b
+      integer, intent(in) :: a  !! First facet.
+      integer, intent(in) :: b  !! Second facet.
       precedes = centre(axis, a) < centre(axis, b)
       if (.not. precedes .and. .not. centre(axis, a) > centre(axis, b)) precedes = a < b
     end function precedes

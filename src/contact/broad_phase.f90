@@ -23,16 +23,11 @@ contains
   !> Facets whose bounding box is within a distance, and a margin for curved facets, of the box of a facet of another
   !> surface.
   subroutine candidate_facets(division, set, tree, distance, candidate)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Bounding-volume tree of the other surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Distance [length].
-    real(dp), intent(in) :: distance
-    !> Candidates (set%n).
-    logical, intent(out) :: candidate(:)
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the other surface.
+    real(dp), intent(in) :: distance  !! Distance [length].
+    logical, intent(out) :: candidate(:)  !! Candidates (set%n).
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
     integer :: f, near, first, last
@@ -51,16 +46,11 @@ contains
   !> Facets that may carry projections of the candidates of another surface: those in the common box of all candidates,
   !> widened by the distance and, for the neighbours that smooth normals depend on, by their own size.
   pure function facets_near_candidates(set, other, candidate, distance) result(near)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facets of the other surface.
-    type(facet_set_t), intent(in) :: other
-    !> Candidates of the other surface (other%n).
-    logical, intent(in) :: candidate(:)
-    !> Distance [length].
-    real(dp), intent(in) :: distance
-    !> Facets in the box (set%n).
-    logical :: near(set%n)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(facet_set_t), intent(in) :: other  !! Facets of the other surface.
+    logical, intent(in) :: candidate(:)  !! Candidates of the other surface (other%n).
+    real(dp), intent(in) :: distance  !! Distance [length].
+    logical :: near(set%n)  !! Facets in the box (set%n).
     real(dp) :: low(3), high(3)
     integer :: f
     low = huge(low)
@@ -77,12 +67,9 @@ contains
 
   !> Couples of boxes that overlap, and each box with itself, by their lower corners in x.
   pure subroutine overlapping_boxes(lo, hi, couple)
-    !> Lower corners (3, n) [length].
-    real(dp), intent(in) :: lo(:, :)
-    !> Upper corners (3, n) [length].
-    real(dp), intent(in) :: hi(:, :)
-    !> Numbers of the boxes, the lower one first (2, n_couples).
-    integer, allocatable, intent(out) :: couple(:, :)
+    real(dp), intent(in) :: lo(:, :)  !! Lower corners (3, n) [length].
+    real(dp), intent(in) :: hi(:, :)  !! Upper corners (3, n) [length].
+    integer, allocatable, intent(out) :: couple(:, :)  !! Numbers of the boxes, the lower one first (2, n_couples).
     integer, allocatable :: found(:, :), more(:, :)
     integer :: order(size(lo, 2)), i, j, n
     call sort_order(lo(1, :), order)

@@ -14,14 +14,10 @@ module dotyk_contact_clipping
   private
   public :: segments_of_facet, segments_of_line
 
-  !> Mortar segment: overlap of a master facet with a slave facet.
-  type, public :: mortar_segment_t
-    !> Master facet.
-    integer :: facet = 0
-    !> Overlap polygon in clip coordinates.
-    type(polygon_t) :: polygon
-    !> Area of the polygon [as the square of the clip coordinates].
-    real(dp) :: area = 0
+  type, public :: mortar_segment_t  !! Mortar segment: overlap of a master facet with a slave facet.
+    integer :: facet = 0  !! Master facet.
+    type(polygon_t) :: polygon  !! Overlap polygon in clip coordinates.
+    real(dp) :: area = 0  !! Area of the polygon [as the square of the clip coordinates].
   end type mortar_segment_t
 
   !> Overlap polygons below this fraction of the area of the slave facet are dropped.
@@ -41,31 +37,22 @@ module dotyk_contact_clipping
   !> a margin for round-off.
   real(dp), parameter :: no_fold = 2.001_dp
 
-  !> Marks half of an edge with a mid-side node.
-  integer, parameter :: half_edge = -1
+  integer, parameter :: half_edge = -1  !! Marks half of an edge with a mid-side node.
 
 contains
 
   !> Mortar segments of a slave facet in three dimensions.
   subroutine segments_of_facet(set, f, plane, x, surface, master, n, segment, ok)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Its auxiliary plane.
-    type(auxiliary_plane_t), intent(in) :: plane
-    !> Nodal coordinates of the master body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Master surface.
-    type(surface_t), intent(in) :: surface
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Number of mortar segments.
-    integer, intent(out) :: n
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    type(auxiliary_plane_t), intent(in) :: plane  !! Its auxiliary plane.
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the master body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Master surface.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    integer, intent(out) :: n  !! Number of mortar segments.
     !> Mortar segments; the first n are set (number of opposite facets).
     type(mortar_segment_t), allocatable, intent(out) :: segment(:)
-    !> All opposite facets could be projected.
-    logical, intent(out) :: ok
+    logical, intent(out) :: ok  !! All opposite facets could be projected.
     integer, allocatable :: list(:)
     type(polygon_t) :: polygon
     real(dp) :: low(3), high(3), area
@@ -98,21 +85,15 @@ contains
 
   !> Master facets above a box that lie near the one nearest to its centre, by the bounding-volume tree.
   subroutine opposite_facets(master, origin, axes, max_depth, low, high, list)
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Origin of the box (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Axes of the box, the third the outward normal of the slave facet (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Thickness of the slave body [length].
-    real(dp), intent(in) :: max_depth
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: origin(3)  !! Origin of the box (3) [length].
+    real(dp), intent(in) :: axes(3, 3)  !! Axes of the box, the third the outward normal of the slave facet (3, 3) [].
+    real(dp), intent(in) :: max_depth  !! Thickness of the slave body [length].
     !> Lower corner of the box along the axes, relative to the origin; on return with the range of the search along the
     !> normal (3) [length].
     real(dp), intent(inout) :: low(3)
-    !> Upper corner of the box, likewise (3) [length].
-    real(dp), intent(inout) :: high(3)
-    !> Master facets, ascending (n).
-    integer, allocatable, intent(out) :: list(:)
+    real(dp), intent(inout) :: high(3)  !! Upper corner of the box, likewise (3) [length].
+    integer, allocatable, intent(out) :: list(:)  !! Master facets, ascending (n).
     type(facing_box_t) :: box
     real(dp) :: size, centre(3), xi(2), square, z
     real(dp), dimension(3) :: position, normal, xu, xv
@@ -139,18 +120,12 @@ contains
   !>
   !> The projection of an edge depends on the edge alone, so that its two facets share the same projected line.
   pure subroutine project_facet(coefficient, plane, corners, x, polygon, ok)
-    !> Polynomial of the slave facet (3, 9) [length].
-    real(dp), intent(in) :: coefficient(3, 9)
-    !> Auxiliary plane of the slave facet.
-    type(auxiliary_plane_t), intent(in) :: plane
-    !> Number of corners of the master facet.
-    integer, intent(in) :: corners
-    !> Nodes of the master facet (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Projected facet in clip coordinates.
-    type(polygon_t), intent(out) :: polygon
-    !> The projection is reliable.
-    logical, intent(out) :: ok
+    real(dp), intent(in) :: coefficient(3, 9)  !! Polynomial of the slave facet (3, 9) [length].
+    type(auxiliary_plane_t), intent(in) :: plane  !! Auxiliary plane of the slave facet.
+    integer, intent(in) :: corners  !! Number of corners of the master facet.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the master facet (3, n_nodes) [length].
+    type(polygon_t), intent(out) :: polygon  !! Projected facet in clip coordinates.
+    logical, intent(out) :: ok  !! The projection is reliable.
     type(polygon_t) :: projected, unclipped, clip_window
     real(dp) :: low(2), high(2), current(2), next(2), middle(2), between(2)
     integer :: i, k, edge(max_corners)
@@ -208,14 +183,10 @@ contains
 
   !> Edge between two consecutive corners if clipping left it whole, `half_edge` for half of one; otherwise 0.
   pure integer function unclipped_edge(polygon, edge, first, last)
-    !> Polygon before clipping.
-    type(polygon_t), intent(in) :: polygon
-    !> Edge that begins at each of its corners, `half_edge` for halves (polygon%n).
-    integer, intent(in) :: edge(:)
-    !> First corner (2) [length].
-    real(dp), intent(in) :: first(2)
-    !> Second corner (2) [length].
-    real(dp), intent(in) :: last(2)
+    type(polygon_t), intent(in) :: polygon  !! Polygon before clipping.
+    integer, intent(in) :: edge(:)  !! Edge that begins at each of its corners, `half_edge` for halves (polygon%n).
+    real(dp), intent(in) :: first(2)  !! First corner (2) [length].
+    real(dp), intent(in) :: last(2)  !! Second corner (2) [length].
     integer :: i
     unclipped_edge = 0
     do i = 1, polygon%n
@@ -226,12 +197,9 @@ contains
 
   !> Whether a projected edge is not straight.
   pure logical function is_bent(first, middle, last)
-    !> First end (2) [any].
-    real(dp), intent(in) :: first(2)
-    !> Point between the ends (2) [any].
-    real(dp), intent(in) :: middle(2)
-    !> Second end (2) [any].
-    real(dp), intent(in) :: last(2)
+    real(dp), intent(in) :: first(2)  !! First end (2) [any].
+    real(dp), intent(in) :: middle(2)  !! Point between the ends (2) [any].
+    real(dp), intent(in) :: last(2)  !! Second end (2) [any].
     real(dp) :: along(2), off(2)
     along = last - first
     off = middle - (first + last)/2
@@ -240,22 +208,16 @@ contains
 
   !> Mortar segments of a slave facet in two dimensions.
   subroutine segments_of_line(set, f, master, n, facet, first, last, ok)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Number of mortar segments.
-    integer, intent(out) :: n
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    integer, intent(out) :: n  !! Number of mortar segments.
     !> Master facet of each segment; the first n are set (number of opposite facets).
     integer, allocatable, intent(out) :: facet(:)
     !> Beginning of each segment in the reference domain [-1, 1] (number of opposite facets) [].
     real(dp), allocatable, intent(out) :: first(:)
-    !> End of each segment (number of opposite facets) [].
-    real(dp), allocatable, intent(out) :: last(:)
-    !> The slave facet does not fold back along its mean normal.
-    logical, intent(out) :: ok
+    real(dp), allocatable, intent(out) :: last(:)  !! End of each segment (number of opposite facets) [].
+    logical, intent(out) :: ok  !! The slave facet does not fold back along its mean normal.
     real(dp) :: axes(3, 3), c(0:2), low(3), high(3), ends(2), a, b
     real(dp), dimension(3) :: x, normal, xu, xv
     integer :: i, k
@@ -290,12 +252,9 @@ contains
 
   !> Reference coordinate of the point of a line that is projected on p; its nearer end outside [].
   pure real(dp) function inverse_line_map(c, ends, p) result(xi)
-    !> Coefficients of the position along the plane (0:2) [length].
-    real(dp), intent(in) :: c(0:2)
-    !> Positions of the ends (2) [length].
-    real(dp), intent(in) :: ends(2)
-    !> Position along the plane [length].
-    real(dp), intent(in) :: p
+    real(dp), intent(in) :: c(0:2)  !! Coefficients of the position along the plane (0:2) [length].
+    real(dp), intent(in) :: ends(2)  !! Positions of the ends (2) [length].
+    real(dp), intent(in) :: p  !! Position along the plane [length].
     real(dp) :: tolerance
     tolerance = clip_tolerance*(ends(2) - ends(1))
     if (p <= ends(1) + tolerance) then

@@ -20,20 +20,13 @@ contains
 
   !> Point of a0 + a1 t + a2 t^2, first <= t <= 1, that is closest to the origin.
   pure subroutine closest_on_curve(a0, a1, a2, first, bound, t, square)
-    !> Coefficient of 1 (3) [length].
-    real(dp), intent(in) :: a0(3)
-    !> Coefficient of t (3) [length].
-    real(dp), intent(in) :: a1(3)
-    !> Coefficient of t^2 (3) [length].
-    real(dp), intent(in) :: a2(3)
-    !> Lower end of t [].
-    real(dp), intent(in) :: first
-    !> Squared distance beyond which the closest point does not matter [length^2].
-    real(dp), intent(in) :: bound
-    !> Parameter of the closest point [].
-    real(dp), intent(out) :: t
-    !> Squared distance; greater than `bound` where it does not matter [length^2].
-    real(dp), intent(out) :: square
+    real(dp), intent(in) :: a0(3)  !! Coefficient of 1 (3) [length].
+    real(dp), intent(in) :: a1(3)  !! Coefficient of t (3) [length].
+    real(dp), intent(in) :: a2(3)  !! Coefficient of t^2 (3) [length].
+    real(dp), intent(in) :: first  !! Lower end of t [].
+    real(dp), intent(in) :: bound  !! Squared distance beyond which the closest point does not matter [length^2].
+    real(dp), intent(out) :: t  !! Parameter of the closest point [].
+    real(dp), intent(out) :: square  !! Squared distance; greater than `bound` where it does not matter [length^2].
     real(dp) :: b(0:3), ends(4), discriminant, root, q, low, high
     integer :: n, i
     b = [dot_product(a0, a1), dot_product(a1, a1) + 2*dot_product(a0, a2), 3*dot_product(a1, a2), 2*dot_product(a2, a2)]
@@ -78,14 +71,10 @@ contains
 
   !> Whether no point of a curve is as near to the origin as a distance, by its chord.
   pure logical function is_beyond(first, last, height, square) result(beyond)
-    !> One end of the chord (3) [length].
-    real(dp), intent(in) :: first(3)
-    !> The other end (3) [length].
-    real(dp), intent(in) :: last(3)
-    !> Greatest distance of the curve from the chord [length].
-    real(dp), intent(in) :: height
-    !> Square of the distance [length^2].
-    real(dp), intent(in) :: square
+    real(dp), intent(in) :: first(3)  !! One end of the chord (3) [length].
+    real(dp), intent(in) :: last(3)  !! The other end (3) [length].
+    real(dp), intent(in) :: height  !! Greatest distance of the curve from the chord [length].
+    real(dp), intent(in) :: square  !! Square of the distance [length^2].
     real(dp) :: along(3), length, distance, t
     along = last - first
     length = dot_product(along, along)
@@ -97,27 +86,19 @@ contains
 
   !> Value of a cubic polynomial [length^2].
   pure real(dp) function cubic(b, t)
-    !> Coefficients (0:3) [length^2].
-    real(dp), intent(in) :: b(0:3)
-    !> Argument [].
-    real(dp), intent(in) :: t
+    real(dp), intent(in) :: b(0:3)  !! Coefficients (0:3) [length^2].
+    real(dp), intent(in) :: t  !! Argument [].
     cubic = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
   end function cubic
 
   !> Keep a point of a curve that is closer to the origin than the best one so far.
   pure subroutine keep_if_closer(a0, a1, a2, at, t, square)
-    !> Coefficient of 1 (3) [length].
-    real(dp), intent(in) :: a0(3)
-    !> Coefficient of t (3) [length].
-    real(dp), intent(in) :: a1(3)
-    !> Coefficient of t^2 (3) [length].
-    real(dp), intent(in) :: a2(3)
-    !> Parameter of the candidate [].
-    real(dp), intent(in) :: at
-    !> Parameter of the best point so far [].
-    real(dp), intent(inout) :: t
-    !> Its squared distance [length^2].
-    real(dp), intent(inout) :: square
+    real(dp), intent(in) :: a0(3)  !! Coefficient of 1 (3) [length].
+    real(dp), intent(in) :: a1(3)  !! Coefficient of t (3) [length].
+    real(dp), intent(in) :: a2(3)  !! Coefficient of t^2 (3) [length].
+    real(dp), intent(in) :: at  !! Parameter of the candidate [].
+    real(dp), intent(inout) :: t  !! Parameter of the best point so far [].
+    real(dp), intent(inout) :: square  !! Its squared distance [length^2].
     real(dp) :: value
     value = sum((a0 + at*(a1 + at*a2))**2)
     if (value < square) then
@@ -129,12 +110,9 @@ contains
   !> Root of a cubic that increases through zero between two points and is monotone there: Newton's method kept in the
   !> bracket [].
   pure real(dp) function root_between(b, first, last) result(t)
-    !> Coefficients (0:3) [length^2].
-    real(dp), intent(in) :: b(0:3)
-    !> Lower end of the bracket [].
-    real(dp), intent(in) :: first
-    !> Upper end of the bracket [].
-    real(dp), intent(in) :: last
+    real(dp), intent(in) :: b(0:3)  !! Coefficients (0:3) [length^2].
+    real(dp), intent(in) :: first  !! Lower end of the bracket [].
+    real(dp), intent(in) :: last  !! Upper end of the bracket [].
     real(dp) :: low, high, value, derivative, previous
     integer :: step
     low = first

@@ -12,8 +12,7 @@ module dotyk_contact_closest_point
   private
   public :: closest_point_on_facet, edges_at
 
-  !> Newton steps from one start; the method needs 3 to 6.
-  integer, parameter :: max_steps = 40
+  integer, parameter :: max_steps = 40  !! Newton steps from one start; the method needs 3 to 6.
   !> Halvings of one step in the line search, and steps that end at the boundary, before the edges take over.
   integer, parameter :: max_halvings = 30, max_clipped = 4
   !> The Hessian is positive definite enough for Newton's step where its determinant exceeds this fraction of the
@@ -31,16 +30,11 @@ contains
 
   !> Closest point of a facet to a given point.
   pure subroutine closest_point_on_facet(set, facet, x, xi, square)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Given point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(out) :: xi(2)
-    !> Squared distance [length^2].
-    real(dp), intent(out) :: square
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: x(3)  !! Given point (3) [length].
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(out) :: square  !! Squared distance [length^2].
     real(dp) :: q(3), farthest
     logical :: convex
     q = x - set%origin(:, facet)
@@ -57,20 +51,13 @@ contains
 
   !> Closest point of a triangle or quadrilateral.
   pure subroutine closest_on_face(corners, c, affine, convex, q, xi, square)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> The map is affine.
-    logical, intent(in) :: affine
-    !> The squared distance is convex on the facet: there is one minimum.
-    logical, intent(in) :: convex
-    !> Given point relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: q(3)
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(out) :: xi(2)
-    !> Squared distance [length^2].
-    real(dp), intent(out) :: square
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    logical, intent(in) :: affine  !! The map is affine.
+    logical, intent(in) :: convex  !! The squared distance is convex on the facet: there is one minimum.
+    real(dp), intent(in) :: q(3)  !! Given point relative to the origin of the facet (3) [length].
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(out) :: square  !! Squared distance [length^2].
     real(dp) :: trial(2), value, centre(2)
     integer :: edge, best_edge, i, j
     logical :: inside
@@ -109,18 +96,12 @@ contains
 
   !> Descend from one more start and keep the result if it is closer.
   pure subroutine descend_and_keep(corners, c, q, start, xi, square)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Given point relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: q(3)
-    !> Start in reference coordinates (2) [].
-    real(dp), intent(in) :: start(2)
-    !> Closest point so far in reference coordinates (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Its squared distance [length^2].
-    real(dp), intent(inout) :: square
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: q(3)  !! Given point relative to the origin of the facet (3) [length].
+    real(dp), intent(in) :: start(2)  !! Start in reference coordinates (2) [].
+    real(dp), intent(inout) :: xi(2)  !! Closest point so far in reference coordinates (2) [].
+    real(dp), intent(inout) :: square  !! Its squared distance [length^2].
     real(dp) :: trial_square, point(2)
     logical :: inside
     point = start
@@ -135,20 +116,13 @@ contains
   !> at the boundary if the step leads out (the closest points of the edges take over there). The distance never
   !> increases.
   pure subroutine descend(corners, c, affine, q, xi, square, inside)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> The map is affine: one step is exact.
-    logical, intent(in) :: affine
-    !> Given point relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: q(3)
-    !> Start on entry, last point on return, in reference coordinates (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Squared distance of the last point [length^2].
-    real(dp), intent(out) :: square
-    !> The last point is a stationary point.
-    logical, intent(out) :: inside
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    logical, intent(in) :: affine  !! The map is affine: one step is exact.
+    real(dp), intent(in) :: q(3)  !! Given point relative to the origin of the facet (3) [length].
+    real(dp), intent(inout) :: xi(2)  !! Start on entry, last point on return, in reference coordinates (2) [].
+    real(dp), intent(out) :: square  !! Squared distance of the last point [length^2].
+    logical, intent(out) :: inside  !! The last point is a stationary point.
     real(dp) :: x(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), g(2), a, b, d, a0, b0, d0, determinant, s(2), trial(2)
     real(dp) :: longest, fraction, value
     integer :: step, halving, n_clipped
@@ -210,26 +184,16 @@ contains
 
   !> As `evaluate_facet`, without the coefficients that vanish for triangles: searches spend most of their time here.
   pure subroutine evaluate(corners, c, u, v, x, xu, xv, xuu, xuv, xvv)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> First reference coordinate [].
-    real(dp), intent(in) :: u
-    !> Second reference coordinate [].
-    real(dp), intent(in) :: v
-    !> Position (3) [length].
-    real(dp), intent(out) :: x(3)
-    !> Derivative with respect to u (3) [length].
-    real(dp), intent(out) :: xu(3)
-    !> Derivative with respect to v (3) [length].
-    real(dp), intent(out) :: xv(3)
-    !> Second derivative with respect to u (3) [length].
-    real(dp), intent(out) :: xuu(3)
-    !> Mixed derivative (3) [length].
-    real(dp), intent(out) :: xuv(3)
-    !> Second derivative with respect to v (3) [length].
-    real(dp), intent(out) :: xvv(3)
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: u  !! First reference coordinate [].
+    real(dp), intent(in) :: v  !! Second reference coordinate [].
+    real(dp), intent(out) :: x(3)  !! Position (3) [length].
+    real(dp), intent(out) :: xu(3)  !! Derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xv(3)  !! Derivative with respect to v (3) [length].
+    real(dp), intent(out) :: xuu(3)  !! Second derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xuv(3)  !! Mixed derivative (3) [length].
+    real(dp), intent(out) :: xvv(3)  !! Second derivative with respect to v (3) [length].
     if (corners == 3) then
       x = c(:, 1) + v*(c(:, 4) + v*c(:, 7)) + u*(c(:, 2) + v*c(:, 5) + u*c(:, 3))
       xu = c(:, 2) + v*c(:, 5) + 2*u*c(:, 3)
@@ -244,12 +208,9 @@ contains
 
   !> Greatest fraction, at most 1, of a step that stays in the reference domain [].
   pure real(dp) function longest_step(corners, xi, s) result(fraction)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Step (2) [].
-    real(dp), intent(in) :: s(2)
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
+    real(dp), intent(in) :: s(2)  !! Step (2) [].
     integer :: i
     fraction = 1
     if (corners == 3) then
@@ -267,30 +228,21 @@ contains
 
     !> Stop at an edge. A point may be beyond it by rounding, and the step along it: only steps towards it count.
     pure subroutine stop_at(distance, approach)
-      !> Distance of the point from the edge, negative beyond it [].
-      real(dp), intent(in) :: distance
-      !> Part of the step towards the edge [].
-      real(dp), intent(in) :: approach
+      real(dp), intent(in) :: distance  !! Distance of the point from the edge, negative beyond it [].
+      real(dp), intent(in) :: approach  !! Part of the step towards the edge [].
       if (approach > max(distance, 0.0_dp)) fraction = min(fraction, max(distance, 0.0_dp)/approach)
     end subroutine stop_at
   end function longest_step
 
   !> Closest point of an edge. Edges are numbered as by gmsh: edge i goes from corner i to the next one.
   pure subroutine closest_on_edge(corners, edge, c, q, bound, xi, square)
-    !> Number of corners, 3 or 4.
-    integer, intent(in) :: corners
-    !> Edge number.
-    integer, intent(in) :: edge
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Given point relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: q(3)
-    !> Squared distance beyond which the closest point does not matter [length^2].
-    real(dp), intent(in) :: bound
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(out) :: xi(2)
-    !> Squared distance; greater than `bound` where it does not matter [length^2].
-    real(dp), intent(out) :: square
+    integer, intent(in) :: corners  !! Number of corners, 3 or 4.
+    integer, intent(in) :: edge  !! Edge number.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: q(3)  !! Given point relative to the origin of the facet (3) [length].
+    real(dp), intent(in) :: bound  !! Squared distance beyond which the closest point does not matter [length^2].
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(out) :: square  !! Squared distance; greater than `bound` where it does not matter [length^2].
     real(dp) :: t
     integer :: s
     if (corners == 3) then
@@ -321,16 +273,11 @@ contains
 
   !> Edges of a facet (for a line: end points, 1 first, 2 last) that contain a point, up to a tolerance.
   pure subroutine edges_at(corners, xi, tolerance, n, edges)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Reference coordinates (2) []; the second is 0 for lines.
-    real(dp), intent(in) :: xi(2)
-    !> Tolerance in reference coordinates [].
-    real(dp), intent(in) :: tolerance
-    !> Number of such edges: 0 inside, 2 at a corner.
-    integer, intent(out) :: n
-    !> Edge numbers, ascending (2); the first n are set.
-    integer, intent(out) :: edges(2)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) []; the second is 0 for lines.
+    real(dp), intent(in) :: tolerance  !! Tolerance in reference coordinates [].
+    integer, intent(out) :: n  !! Number of such edges: 0 inside, 2 at a corner.
+    integer, intent(out) :: edges(2)  !! Edge numbers, ascending (2); the first n are set.
     logical :: on(4)
     integer :: i
     on = .false.

@@ -21,20 +21,13 @@ contains
   !> layer deducted [energy].
   real(dp) function complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta) &
     result(total)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Displacements of body a (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_a(:, :)
-    !> Displacements of body b (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_b(:, :)
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Penalty parameters of the solution (n_rows) [length/pressure].
-    real(dp), intent(in) :: row_theta(:)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    real(dp), intent(in) :: u_a(:, :)  !! Displacements of body a (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_b(:, :)  !! Displacements of body b (dimension, n_nodes) [length].
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp), intent(in) :: row_theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
     real(dp), allocatable :: p(:), gap(:), work(:)
     integer :: first, last
     call gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
@@ -55,20 +48,13 @@ contains
 
   !> Pressures and gaps of the deformed bodies at the integration points.
   subroutine gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Displacements of body a (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_a(:, :)
-    !> Displacements of body b (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_b(:, :)
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Penalty parameters of the solution (n_rows) [length/pressure].
-    real(dp), intent(in) :: row_theta(:)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    real(dp), intent(in) :: u_a(:, :)  !! Displacements of body a (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_b(:, :)  !! Displacements of body b (dimension, n_nodes) [length].
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp), intent(in) :: row_theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
     !> Pressures, interpolated linearly between vertices (n_points) [pressure].
     real(dp), allocatable, intent(out) :: p(:)
     !> Gaps, the compression of the penalty layer deducted (n_points) [length].
@@ -102,16 +88,11 @@ contains
 
   !> Displacement at a point of a facet.
   pure function displacement(surface, facet, xi, u) result(value)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (dimension-1) [].
-    real(dp), intent(in) :: xi(:)
-    !> Nodal displacements of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Displacement (dimension) [length].
-    real(dp) :: value(size(u, 1))
+    type(surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dimension-1) [].
+    real(dp), intent(in) :: u(:, :)  !! Nodal displacements of the body (dimension, n_nodes) [length].
+    real(dp) :: value(size(u, 1))  !! Displacement (dimension) [length].
     real(dp) :: shape(max_facet_nodes)
     integer :: n, i
     n = kind_nodes(surface%kind(facet))

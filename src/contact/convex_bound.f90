@@ -9,12 +9,9 @@ module dotyk_contact_convex_bound
   implicit none
   private
 
-  !> What the convexity of the squared distance to one facet depends on.
-  type, public :: convex_bound_t
-    !> Whether there is a bound: for triangles that are not flat.
-    logical :: is_known = .false.
-    !> Lower bound of the eigenvalues of J^T J [length^2].
-    real(dp) :: stiffness = 0
+  type, public :: convex_bound_t  !! What the convexity of the squared distance to one facet depends on.
+    logical :: is_known = .false.  !! Whether there is a bound: for triangles that are not flat.
+    real(dp) :: stiffness = 0  !! Lower bound of the eigenvalues of J^T J [length^2].
     !> Scalar products of the control points and the second derivatives x_uu, x_uv, x_vv, which are constant (6, 3)
     !> [length^2].
     real(dp) :: product(6, 3) = 0
@@ -23,24 +20,18 @@ module dotyk_contact_convex_bound
     procedure :: is_beyond => bound_is_beyond
   end type convex_bound_t
 
-  !> Steps to the closest point.
-  integer, parameter :: max_steps = 4
-  !> Margin for round-off, relative to the squared distance.
-  real(dp), parameter :: margin = 1.0e-9_dp
+  integer, parameter :: max_steps = 4  !! Steps to the closest point.
+  real(dp), parameter :: margin = 1.0e-9_dp  !! Margin for round-off, relative to the squared distance.
 
 contains
 
   !> Set up from the polynomial of a facet.
   subroutine bound_init(self, corners, c, affine, reach)
     class(convex_bound_t), intent(out) :: self
-    !> Number of corners of the facet.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> The map is affine.
-    logical, intent(in) :: affine
-    !> Convexity radius, see `convexity` [length].
-    real(dp), intent(in) :: reach
+    integer, intent(in) :: corners  !! Number of corners of the facet.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    logical, intent(in) :: affine  !! The map is affine.
+    real(dp), intent(in) :: reach  !! Convexity radius, see `convexity` [length].
     real(dp) :: control(3, max_controls), second(3, 3)
     integer :: n
     self%is_known = corners == 3 .and. .not. affine
@@ -54,12 +45,9 @@ contains
   !> Whether no point of the facet is as near to a point as a distance; false where it is not known.
   pure logical function bound_is_beyond(self, c, q, square) result(beyond)
     class(convex_bound_t), intent(in) :: self
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> The point, relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: q(3)
-    !> Square of the distance [length^2].
-    real(dp), intent(in) :: square
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: q(3)  !! The point, relative to the origin of the facet (3) [length].
+    real(dp), intent(in) :: square  !! Square of the distance [length^2].
     real(dp), dimension(3) :: x, xu, xv
     real(dp) :: xi(2), g(2), a, b, d, own(3), value, bound
     integer :: step
@@ -88,8 +76,7 @@ contains
   !> Whether the squared distance is convex on the facet: J^T J + (x - q) . x'' is positive at all control points.
   pure logical function is_convex(self, own)
     class(convex_bound_t), intent(in) :: self
-    !> Scalar products of the point q and the second derivatives (3) [length^2].
-    real(dp), intent(in) :: own(3)
+    real(dp), intent(in) :: own(3)  !! Scalar products of the point q and the second derivatives (3) [length^2].
     real(dp) :: a, b, d
     integer :: i
     is_convex = .true.
@@ -103,16 +90,11 @@ contains
 
   !> Least point of the quadratic model of a convex function in the unit triangle.
   pure subroutine least_in_triangle(a, b, d, g, xi)
-    !> Second derivatives: uu [any].
-    real(dp), intent(in) :: a
-    !> uv [any].
-    real(dp), intent(in) :: b
-    !> vv [any].
-    real(dp), intent(in) :: d
-    !> Gradient at the present point (2) [any].
-    real(dp), intent(in) :: g(2)
-    !> Present point; least point of the model on return (2) [].
-    real(dp), intent(inout) :: xi(2)
+    real(dp), intent(in) :: a  !! Second derivatives: uu [any].
+    real(dp), intent(in) :: b  !! uv [any].
+    real(dp), intent(in) :: d  !! vv [any].
+    real(dp), intent(in) :: g(2)  !! Gradient at the present point (2) [any].
+    real(dp), intent(inout) :: xi(2)  !! Present point; least point of the model on return (2) [].
     real(dp), parameter :: start(2, 3) = reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp], [2, 3])
     real(dp), parameter :: along(2, 3) = reshape([1.0_dp, 0.0_dp, -1.0_dp, 1.0_dp, 0.0_dp, 1.0_dp], [2, 3])
     real(dp) :: s(2), slope(2), curvature, t, value, least, trial(2), determinant

@@ -8,25 +8,20 @@ module dotyk_contact_corner_interpolation
   implicit none
   private
 
-  !> Linear interpolation on one side of a pair.
-  type, public :: corner_interpolation_t
-    !> Number of corners: one for each vertex and sheet.
-    integer :: n = 0
+  type, public :: corner_interpolation_t  !! Linear interpolation on one side of a pair.
+    integer :: n = 0  !! Number of corners: one for each vertex and sheet.
     !> Body-local numbers of their nodes, ascending; repeated where sheets meet (n).
     integer, allocatable :: corner_node(:)
     !> Corners of the facet of each point as numbers 1..n, padded with 0 (4, n_points).
     integer, allocatable :: corner(:, :)
     !> Linear shape functions of these corners at the points, padded with 0 (4, n_points) [].
     real(dp), allocatable :: shape(:, :)
-    !> Body-local numbers of all nodes of those facets, ascending (n_nodes).
-    integer, allocatable :: node(:)
-    !> Position of `node` of each interpolated value (n_values).
-    integer, allocatable :: position(:)
+    integer, allocatable :: node(:)  !! Body-local numbers of all nodes of those facets, ascending (n_nodes).
+    integer, allocatable :: position(:)  !! Position of `node` of each interpolated value (n_values).
     !> Value i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its edge, or
     !> all corners of its face. A node of a sharp edge has one value for each sheet (4, n_values).
     integer, allocatable :: from(:, :)
-    !> Number of corners from which each value is taken (n_values).
-    integer, allocatable :: n_from(:)
+    integer, allocatable :: n_from(:)  !! Number of corners from which each value is taken (n_values).
   contains
     procedure :: init => corner_interpolation_init
     procedure :: at_points
@@ -39,12 +34,9 @@ contains
   !> Number the corners and evaluate the shape functions.
   subroutine corner_interpolation_init(self, surface, facet, xi)
     class(corner_interpolation_t), intent(out) :: self
-    !> Surface of this side.
-    type(surface_t), intent(in) :: surface
-    !> Facet of each point (n_points).
-    integer, intent(in) :: facet(:)
-    !> Reference coordinates of the points (dimension-1, n_points) [].
-    real(dp), intent(in) :: xi(:, :)
+    type(surface_t), intent(in) :: surface  !! Surface of this side.
+    integer, intent(in) :: facet(:)  !! Facet of each point (n_points).
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
     type(element_kind_t) :: kind(n_element_kinds)
     integer, allocatable :: first_corner(:), corner_number(:), node_number(:), sheet(:, :), value_of(:), next(:)
     integer :: i, k, n, f, previous, n_sheets
@@ -99,10 +91,8 @@ contains
 
   !> Replace marks by ascending numbers.
   pure subroutine number_marked(mark, n)
-    !> Positive where marked; numbers on return (n_nodes).
-    integer, intent(inout) :: mark(:)
-    !> Number of marked entries.
-    integer, intent(out) :: n
+    integer, intent(inout) :: mark(:)  !! Positive where marked; numbers on return (n_nodes).
+    integer, intent(out) :: n  !! Number of marked entries.
     integer :: i
     n = 0
     do i = 1, size(mark)
@@ -115,16 +105,11 @@ contains
   !> Add the values of the nodes of one facet that no facet before gave.
   pure subroutine add_node_values(self, n_corners, corner, node, n, value_of, next)
     class(corner_interpolation_t), intent(inout) :: self
-    !> Number of corners of the facet.
-    integer, intent(in) :: n_corners
-    !> Corner numbers of the facet (at least n_corners).
-    integer, intent(in) :: corner(:)
-    !> Positions of the nodes of the facet in the list of nodes (n_nodes of the facet).
-    integer, intent(in) :: node(:)
-    !> Number of values so far.
-    integer, intent(inout) :: n
-    !> Latest value of each node, 0 if none so far (n_nodes).
-    integer, intent(inout) :: value_of(:)
+    integer, intent(in) :: n_corners  !! Number of corners of the facet.
+    integer, intent(in) :: corner(:)  !! Corner numbers of the facet (at least n_corners).
+    integer, intent(in) :: node(:)  !! Positions of the nodes of the facet in the list of nodes (n_nodes of the facet).
+    integer, intent(inout) :: n  !! Number of values so far.
+    integer, intent(inout) :: value_of(:)  !! Latest value of each node, 0 if none so far (n_nodes).
     !> Value of the same node before each value, 0 if there is none (size of the list of values).
     integer, allocatable, intent(inout) :: next(:)
     integer :: from(4), j, k, edge, n_from
@@ -168,10 +153,8 @@ contains
   !> Interpolate at the contact points.
   pure subroutine at_points(self, value, interpolated)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the corners (n) [any].
-    real(dp), intent(in) :: value(:)
-    !> Values at the points (n_points) [any].
-    real(dp), intent(out) :: interpolated(:)
+    real(dp), intent(in) :: value(:)  !! Values at the corners (n) [any].
+    real(dp), intent(out) :: interpolated(:)  !! Values at the points (n_points) [any].
     integer :: i, j
     do i = 1, size(interpolated)
       interpolated(i) = 0
@@ -184,10 +167,8 @@ contains
   !> Interpolate at all nodes; where sheets meet, the value of greatest magnitude.
   pure subroutine at_nodes(self, value, interpolated)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the corners (n) [any].
-    real(dp), intent(in) :: value(:)
-    !> Values at the nodes (size(node)) [any].
-    real(dp), intent(out) :: interpolated(:)
+    real(dp), intent(in) :: value(:)  !! Values at the corners (n) [any].
+    real(dp), intent(out) :: interpolated(:)  !! Values at the nodes (size(node)) [any].
     real(dp) :: mean
     integer :: i
     interpolated = 0
@@ -200,10 +181,8 @@ contains
   !> Sums over the points of values times shape functions.
   pure subroutine moments(self, value, moment)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the points, weights included (n_points) [any].
-    real(dp), intent(in) :: value(:)
-    !> Sums at the corners (n) [any].
-    real(dp), intent(out) :: moment(:)
+    real(dp), intent(in) :: value(:)  !! Values at the points, weights included (n_points) [any].
+    real(dp), intent(out) :: moment(:)  !! Sums at the corners (n) [any].
     integer :: i, j, k
     moment = 0
     do i = 1, size(value)

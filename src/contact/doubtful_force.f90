@@ -14,22 +14,14 @@ module dotyk_contact_doubtful_force
   private
   public :: find_doubtful_force
 
-  !> Forces of a pair where its surfaces do not touch.
-  type, public :: doubtful_force_t
-    !> Name of the pair.
-    character(:), allocatable :: pair
-    !> Sum of the contact forces of all its rows [force].
-    real(dp) :: total = 0
-    !> Fraction of them where the surfaces do not touch [].
-    real(dp) :: share = 0
-    !> The greatest of these forces, on one row [force].
-    real(dp) :: force = 0
-    !> Position of this row (dimension) [length].
-    real(dp), allocatable :: position(:)
-    !> Length of the facets there [length].
-    real(dp) :: width = 0
-    !> Smallest gap of the deformed bodies there [length].
-    real(dp) :: gap = 0
+  type, public :: doubtful_force_t  !! Forces of a pair where its surfaces do not touch.
+    character(:), allocatable :: pair  !! Name of the pair.
+    real(dp) :: total = 0  !! Sum of the contact forces of all its rows [force].
+    real(dp) :: share = 0  !! Fraction of them where the surfaces do not touch [].
+    real(dp) :: force = 0  !! The greatest of these forces, on one row [force].
+    real(dp), allocatable :: position(:)  !! Position of this row (dimension) [length].
+    real(dp) :: width = 0  !! Length of the facets there [length].
+    real(dp) :: gap = 0  !! Smallest gap of the deformed bodies there [length].
   end type doubtful_force_t
 
   !> Surfaces touch where their smallest gap is below this fraction of the greatest one under the same row: rounding of
@@ -43,22 +35,14 @@ contains
 
   !> Find the forces of mortar rows on quadratic facets that no point touches.
   subroutine find_doubtful_force(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, doubtful)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Displacements of body a (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_a(:, :)
-    !> Displacements of body b (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_b(:, :)
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Penalty parameters of the solution (n_rows) [length/pressure].
-    real(dp), intent(in) :: row_theta(:)
-    !> Forces; the share is 0 where there are none.
-    type(doubtful_force_t), intent(out) :: doubtful
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    real(dp), intent(in) :: u_a(:, :)  !! Displacements of body a (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_b(:, :)  !! Displacements of body b (dimension, n_nodes) [length].
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp), intent(in) :: row_theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
+    type(doubtful_force_t), intent(out) :: doubtful  !! Forces; the share is 0 where there are none.
     real(dp), allocatable :: p(:), gap(:)
     real(dp) :: force, moved
     integer :: i, k
@@ -86,8 +70,7 @@ contains
 
   !> Whether a facet has mid-side nodes.
   pure logical function is_quadratic(kind)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind of the facet.
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     is_quadratic = kind_nodes(kind) > properties%n_corners

@@ -54,20 +54,15 @@ contains
   !> Dual mortar rows at all vertices of facets that carry integration points.
   subroutine dual_mortar_rows(division, corners, facet, weight, gap, normal, row_corner, &
                               row_weight, mortar)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
-    !> Slave facet of each point, ascending (n_points).
-    integer, intent(in) :: facet(:)
+    integer, intent(in) :: facet(:)  !! Slave facet of each point, ascending (n_points).
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Gaps of the points (n_points) [length].
-    real(dp), intent(in) :: gap(:)
-    !> Unit normals at the points (dimension, n_points) [].
-    real(dp), intent(in) :: normal(:, :)
-    !> Corner of each row, ascending (n_rows).
-    integer, allocatable, intent(out) :: row_corner(:)
+    real(dp), intent(in) :: gap(:)  !! Gaps of the points (n_points) [length].
+    real(dp), intent(in) :: normal(:, :)  !! Unit normals at the points (dimension, n_points) [].
+    integer, allocatable, intent(out) :: row_corner(:)  !! Corner of each row, ascending (n_rows).
     !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable, intent(out) :: row_weight(:)
     !> Coefficients w_q psi_i(x_q) / w_i of the points in the rows (n_rows x n_points) [].
@@ -143,16 +138,11 @@ contains
     integer, intent(in) :: first(:)
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Gaps of the points (n_points) [length].
-    real(dp), intent(in) :: gap(:)
-    !> Unit normals at the points (dimension, n_points) [].
-    real(dp), intent(in) :: normal(:, :)
-    !> Dual functions of the corners at the points (4, n_points) [].
-    real(dp), intent(in) :: dual(:, :)
-    !> Weights of the vertices (corners%n) [length^2; length in two dimensions].
-    real(dp), intent(in) :: total(:)
-    !> The facets (n_facets).
-    logical, allocatable, intent(out) :: extrapolates(:)
+    real(dp), intent(in) :: gap(:)  !! Gaps of the points (n_points) [length].
+    real(dp), intent(in) :: normal(:, :)  !! Unit normals at the points (dimension, n_points) [].
+    real(dp), intent(in) :: dual(:, :)  !! Dual functions of the corners at the points (4, n_points) [].
+    real(dp), intent(in) :: total(:)  !! Weights of the vertices (corners%n) [length^2; length in two dimensions].
+    logical, allocatable, intent(out) :: extrapolates(:)  !! The facets (n_facets).
     real(dp), dimension(corners%n) :: mean, least, greatest
     logical :: is_below(corners%n)
     real(dp) :: limit
@@ -192,8 +182,7 @@ contains
     type(corner_interpolation_t), intent(in) :: corners
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Vertices without a row (corners%n).
-    logical, allocatable, intent(out) :: dropped(:)
+    logical, allocatable, intent(out) :: dropped(:)  !! Vertices without a row (corners%n).
     real(dp), allocatable :: total(:), heaviest(:)
     integer :: i, n
     allocate (total(corners%n), heaviest(corners%n))
@@ -216,16 +205,12 @@ contains
 
   !> Dual shape functions of the corners of one facet that have rows; zero at the other corners.
   subroutine facet_functions(dropped, weight, shape, is_dual, dual)
-    !> Corners without a row (n_corners); at least one has a row.
-    logical, intent(in) :: dropped(:)
+    logical, intent(in) :: dropped(:)  !! Corners without a row (n_corners); at least one has a row.
     !> Quadrature weights of the points of the facet (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Linear shape functions at the points (n_corners, n_points) [].
-    real(dp), intent(in) :: shape(:, :)
-    !> Dual functions; phi if false.
-    logical, intent(in) :: is_dual
-    !> Dual shape functions at the points (n_corners, n_points) [].
-    real(dp), intent(out) :: dual(:, :)
+    real(dp), intent(in) :: shape(:, :)  !! Linear shape functions at the points (n_corners, n_points) [].
+    logical, intent(in) :: is_dual  !! Dual functions; phi if false.
+    real(dp), intent(out) :: dual(:, :)  !! Dual shape functions at the points (n_corners, n_points) [].
     real(dp) :: distribution(size(dropped), size(dropped))
     logical :: receiver(size(dropped))
     integer, allocatable :: kept(:)
@@ -254,10 +239,8 @@ contains
   function dual_functions(weight, shape) result(dual)
     !> Quadrature weights of the points of the facet (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Linear shape functions phi at the points (n, n_points) [].
-    real(dp), intent(in) :: shape(:, :)
-    !> Dual shape functions psi at the points (n, n_points) [].
-    real(dp) :: dual(size(shape, 1), size(shape, 2))
+    real(dp), intent(in) :: shape(:, :)  !! Linear shape functions phi at the points (n, n_points) [].
+    real(dp) :: dual(size(shape, 1), size(shape, 2))  !! Dual shape functions psi at the points (n, n_points) [].
     type(error_t), allocatable :: error
     real(dp), dimension(size(shape, 1), size(shape, 1)) :: mass, vectors
     real(dp), dimension(size(shape, 1)) :: root, values

@@ -15,15 +15,13 @@ module dotyk_contact_edge_contacts
   private
   public :: behind_edge, find_edge_contacts, is_first_convex, is_inclined, on_edge
 
-  !> Edges cross where the sine of their angle exceeds this.
-  real(dp), parameter, public :: min_crossing = 0.1_dp
+  real(dp), parameter, public :: min_crossing = 0.1_dp  !! Edges cross where the sine of their angle exceeds this.
   !> Steps to the closest points of curved edges, and the step below which they are found.
   integer, parameter :: max_steps = 20
   real(dp), parameter :: converged_step = 1.0e-12_dp
   !> Crossing edges are searched within this multiple of the size of their facets.
   real(dp), parameter, public :: edge_reach = 2
-  !> Facets at an edge may rise above the tangent plane by this sine.
-  real(dp), parameter :: max_slope = 0.02_dp
+  real(dp), parameter :: max_slope = 0.02_dp  !! Facets at an edge may rise above the tangent plane by this sine.
   !> Edges between facets that are inclined by less than this are flat: half a degree.
   real(dp), parameter :: flat_cosine = cos(0.5_dp*acos(-1.0_dp)/180)
 
@@ -31,18 +29,12 @@ contains
 
   !> Contacts of crossed edges of two surfaces in three dimensions, at least one of them sharp.
   subroutine find_edge_contacts(slave, master, sharp_a, sharp_b, radius, contact)
-    !> Slave surface.
-    type(master_surface_t), intent(in) :: slave
-    !> Master surface.
-    type(master_surface_t), intent(in) :: master
-    !> Sharp edges of the slave surface (4, n_facets).
-    logical, intent(in) :: sharp_a(:, :)
-    !> Sharp edges of the master surface (4, n_facets).
-    logical, intent(in) :: sharp_b(:, :)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Contacts; new ones are appended (n).
-    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(master_surface_t), intent(in) :: slave  !! Slave surface.
+    type(master_surface_t), intent(in) :: master  !! Master surface.
+    logical, intent(in) :: sharp_a(:, :)  !! Sharp edges of the slave surface (4, n_facets).
+    logical, intent(in) :: sharp_b(:, :)  !! Sharp edges of the master surface (4, n_facets).
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)  !! Contacts; new ones are appended (n).
     integer :: f, e
     do f = 1, slave%set%n
       do e = 1, slave%set%corners(f)
@@ -54,22 +46,14 @@ contains
 
   !> Contacts of one slave edge.
   subroutine contacts_of_edge(slave, f, e, is_sharp, master, sharp_b, radius, contact)
-    !> Slave surface.
-    type(master_surface_t), intent(in) :: slave
-    !> Facet of the edge.
-    integer, intent(in) :: f
-    !> Edge number.
-    integer, intent(in) :: e
-    !> The edge is sharp.
-    logical, intent(in) :: is_sharp
-    !> Master surface.
-    type(master_surface_t), intent(in) :: master
-    !> Sharp edges of the master surface (4, n_facets).
-    logical, intent(in) :: sharp_b(:, :)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Contacts; new ones are appended (n).
-    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(master_surface_t), intent(in) :: slave  !! Slave surface.
+    integer, intent(in) :: f  !! Facet of the edge.
+    integer, intent(in) :: e  !! Edge number.
+    logical, intent(in) :: is_sharp  !! The edge is sharp.
+    type(master_surface_t), intent(in) :: master  !! Master surface.
+    logical, intent(in) :: sharp_b(:, :)  !! Sharp edges of the master surface (4, n_facets).
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)  !! Contacts; new ones are appended (n).
     type(box_neighbourhood_t) :: region
     type(point_contact_t) :: new
     real(dp) :: ends(3, 2)
@@ -96,12 +80,9 @@ contains
 
   !> Whether an edge is the first of its two copies, and convex.
   pure logical function is_first_convex(surface, f, e)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet.
-    integer, intent(in) :: f
-    !> Edge of the facet.
-    integer, intent(in) :: e
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: f  !! Facet.
+    integer, intent(in) :: e  !! Edge of the facet.
     real(dp) :: r(3)
     integer :: g, k
     g = surface%adjacency%neighbour(e, f)
@@ -117,30 +98,18 @@ contains
 
   !> Closest points of two edges that cross, if both bodies lie behind them.
   subroutine cross_edges(slave, f, e, is_sharp_a, ends, master, g, k, is_sharp_b, reach, contact, found)
-    !> Slave surface.
-    type(master_surface_t), intent(in) :: slave
-    !> Facet of the slave edge.
-    integer, intent(in) :: f
-    !> Slave edge.
-    integer, intent(in) :: e
-    !> The slave edge is sharp.
-    logical, intent(in) :: is_sharp_a
-    !> Ends of the slave edge (3, 2) [length].
-    real(dp), intent(in) :: ends(3, 2)
-    !> Master surface.
-    type(master_surface_t), intent(in) :: master
-    !> Facet of the master edge.
-    integer, intent(in) :: g
-    !> Master edge.
-    integer, intent(in) :: k
-    !> The master edge is sharp.
-    logical, intent(in) :: is_sharp_b
-    !> Greatest distance [length].
-    real(dp), intent(in) :: reach
-    !> Contact.
-    type(point_contact_t), intent(out) :: contact
-    !> The edges cross, and bodies lie behind them.
-    logical, intent(out) :: found
+    type(master_surface_t), intent(in) :: slave  !! Slave surface.
+    integer, intent(in) :: f  !! Facet of the slave edge.
+    integer, intent(in) :: e  !! Slave edge.
+    logical, intent(in) :: is_sharp_a  !! The slave edge is sharp.
+    real(dp), intent(in) :: ends(3, 2)  !! Ends of the slave edge (3, 2) [length].
+    type(master_surface_t), intent(in) :: master  !! Master surface.
+    integer, intent(in) :: g  !! Facet of the master edge.
+    integer, intent(in) :: k  !! Master edge.
+    logical, intent(in) :: is_sharp_b  !! The master edge is sharp.
+    real(dp), intent(in) :: reach  !! Greatest distance [length].
+    type(point_contact_t), intent(out) :: contact  !! Contact.
+    logical, intent(out) :: found  !! The edges cross, and bodies lie behind them.
     real(dp), dimension(3) :: a, b, r, n, on_a, on_b
     real(dp) :: s, t, length, sine
     found = .false.
@@ -185,12 +154,9 @@ contains
 
     !> Closest points of edges that are curved, by the method of Gauss and Newton, and their common normal.
     subroutine refine(s, t, n)
-      !> Fraction of the slave edge (0 to 1) [].
-      real(dp), intent(inout) :: s
-      !> Fraction of the master edge (0 to 1) [].
-      real(dp), intent(inout) :: t
-      !> Unit normal from body a into body b (3) [].
-      real(dp), intent(inout) :: n(3)
+      real(dp), intent(inout) :: s  !! Fraction of the slave edge (0 to 1) [].
+      real(dp), intent(inout) :: t  !! Fraction of the master edge (0 to 1) [].
+      real(dp), intent(inout) :: n(3)  !! Unit normal from body a into body b (3) [].
       real(dp) :: aa, ab, bb, ra, rb, step(2)
       real(dp), dimension(3) :: common
       integer :: i
@@ -218,20 +184,13 @@ contains
 
   !> Point of an edge and its derivative along the edge.
   pure subroutine on_edge(set, f, e, s, xi, x, along)
-    !> Facets.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Edge number.
-    integer, intent(in) :: e
-    !> Fraction of the edge from its first corner [].
-    real(dp), intent(in) :: s
-    !> Reference coordinates of the point (2) [].
-    real(dp), intent(out) :: xi(2)
-    !> Position (3) [length].
-    real(dp), intent(out) :: x(3)
-    !> Derivative with respect to s (3) [length].
-    real(dp), intent(out) :: along(3)
+    type(facet_set_t), intent(in) :: set  !! Facets.
+    integer, intent(in) :: f  !! Facet number.
+    integer, intent(in) :: e  !! Edge number.
+    real(dp), intent(in) :: s  !! Fraction of the edge from its first corner [].
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the point (2) [].
+    real(dp), intent(out) :: x(3)  !! Position (3) [length].
+    real(dp), intent(out) :: along(3)  !! Derivative with respect to s (3) [length].
     real(dp) :: normal(3), xu(3), xv(3), whole(2)
     xi = edge_coordinates(set%corners(f), e, s)
     whole = edge_coordinates(set%corners(f), e, 1.0_dp) - edge_coordinates(set%corners(f), e, 0.0_dp)
@@ -241,14 +200,10 @@ contains
 
   !> Whether both facets at an edge are inclined to the tangent plane, so that they could not touch as a whole.
   pure logical function is_inclined(surface, f, e, normal)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet of the edge.
-    integer, intent(in) :: f
-    !> Edge of the facet.
-    integer, intent(in) :: e
-    !> Normal of the plane (3) [].
-    real(dp), intent(in) :: normal(3)
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: f  !! Facet of the edge.
+    integer, intent(in) :: e  !! Edge of the facet.
+    real(dp), intent(in) :: normal(3)  !! Normal of the plane (3) [].
     is_inclined = abs(dot_product(surface%set%axis(:, f), normal)) <= flank_cosine
     if (surface%adjacency%neighbour(e, f) > 0) is_inclined = is_inclined .and. &
       abs(dot_product(surface%set%axis(:, surface%adjacency%neighbour(e, f)), normal)) <= flank_cosine
@@ -256,14 +211,10 @@ contains
 
   !> Whether the facets at an edge lie behind the tangent plane with an outward normal, and face along it or lean over.
   pure logical function behind_edge(surface, f, e, normal)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet of the edge.
-    integer, intent(in) :: f
-    !> Edge of the facet.
-    integer, intent(in) :: e
-    !> Direction out of the body (3) [].
-    real(dp), intent(in) :: normal(3)
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: f  !! Facet of the edge.
+    integer, intent(in) :: e  !! Edge of the facet.
+    real(dp), intent(in) :: normal(3)  !! Direction out of the body (3) [].
     behind_edge = is_behind(f, e)
     if (behind_edge .and. surface%adjacency%neighbour(e, f) > 0) then
       associate (g => surface%adjacency%neighbour(e, f))
@@ -275,10 +226,8 @@ contains
 
     !> Whether one facet lies behind the plane.
     pure logical function is_behind(facet, edge)
-      !> Facet number.
-      integer, intent(in) :: facet
-      !> Its edge; 0 if the facets do not see each other.
-      integer, intent(in) :: edge
+      integer, intent(in) :: facet  !! Facet number.
+      integer, intent(in) :: edge  !! Its edge; 0 if the facets do not see each other.
       real(dp) :: r(3)
       integer :: i, n
       is_behind = edge > 0

@@ -21,29 +21,22 @@ module dotyk_contact_edge_penetration
   integer, parameter :: segment_length = 11, first_room = 64
   !> Work for a facet far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
-  !> Golden section.
-  real(dp), parameter :: golden = 0.381966011250105_dp
+  real(dp), parameter :: golden = 0.381966011250105_dp  !! Golden section.
 
 contains
 
   !> Edges that pass through another part, or run inside it between two nodes that are allowed.
   subroutine find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Depths that are allowed.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Nodes below the boundary (a%n_nodes).
-    logical, intent(in) :: is_below(:)
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    logical, intent(in) :: is_below(:)  !! Nodes below the boundary (a%n_nodes).
     !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
     real(dp), intent(in) :: clear(:)
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
-    !> The deepest point.
-    type(penetration_t), intent(inout) :: worst
+    type(penetration_t), intent(inout) :: worst  !! The deepest point.
     real(dp), allocatable :: found(:, :)
     integer :: f, e, n, other, corners, ends(3), n_found, first, last
     n = a%set%n
@@ -79,18 +72,15 @@ contains
 
     !> Whether a facet is outside of the box of the other part.
     pure logical function is_far(f)
-      !> Facet.
-      integer, intent(in) :: f
+      integer, intent(in) :: f  !! Facet.
       is_far = any(a%set%lo(:, f) > b%tree%volume(1)%hi .or. a%set%hi(:, f) < b%tree%volume(1)%lo)
     end function is_far
 
     !> Find the deepest point between two nodes of an edge. Its chord shows where it crosses the other part, depths are
     !> those of the edge itself.
     subroutine search_segment(f, nodes)
-      !> A facet at it.
-      integer, intent(in) :: f
-      !> Its ends, and of a curved edge the third node (2 or 3).
-      integer, intent(in) :: nodes(:)
+      integer, intent(in) :: f  !! A facet at it.
+      integer, intent(in) :: nodes(:)  !! Its ends, and of a curved edge the third node (2 or 3).
       real(dp) :: s(max_crossings), deepest, place, raw, own, at, length, unresolved, coarse, coarse_at(3)
       real(dp), allocatable :: more(:, :)
       integer :: k, n_crossings, facet, j
@@ -144,16 +134,11 @@ contains
 
     !> Search for the deepest point near a point by golden section.
     subroutine deepen(nodes, low, high, place, own, facet)
-      !> Its nodes (2 or 3).
-      integer, intent(in) :: nodes(:)
-      !> Bounds of the place [].
-      real(dp), intent(in) :: low, high
-      !> Place on the segment, from 0 to 1 [].
-      real(dp), intent(inout) :: place
-      !> Depth there that is not allowed [length].
-      real(dp), intent(inout) :: own
-      !> Facet of the closest point.
-      integer, intent(inout) :: facet
+      integer, intent(in) :: nodes(:)  !! Its nodes (2 or 3).
+      real(dp), intent(in) :: low, high  !! Bounds of the place [].
+      real(dp), intent(inout) :: place  !! Place on the segment, from 0 to 1 [].
+      real(dp), intent(inout) :: own  !! Depth there that is not allowed [length].
+      integer, intent(inout) :: facet  !! Facet of the closest point.
       real(dp) :: left, right, trial, raw, value, unresolved
       integer :: step, hit
       hit = facet
@@ -178,18 +163,12 @@ contains
 
     !> Depth of a point of a segment that is not allowed; 0 where it is.
     subroutine segment_depth(nodes, place, raw, own, unresolved, facet)
-      !> Its nodes (2 or 3).
-      integer, intent(in) :: nodes(:)
-      !> Place, from 0 to 1 [].
-      real(dp), intent(in) :: place
-      !> Depth, negative outside [length].
-      real(dp), intent(out) :: raw
-      !> Depth that is not allowed [length].
-      real(dp), intent(out) :: own
-      !> Depth if it is allowed, though notable; else 0 [length].
-      real(dp), intent(out) :: unresolved
-      !> Facet of the closest point; on entry one that is probably near, or 0.
-      integer, intent(inout) :: facet
+      integer, intent(in) :: nodes(:)  !! Its nodes (2 or 3).
+      real(dp), intent(in) :: place  !! Place, from 0 to 1 [].
+      real(dp), intent(out) :: raw  !! Depth, negative outside [length].
+      real(dp), intent(out) :: own  !! Depth that is not allowed [length].
+      real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
+      integer, intent(inout) :: facet  !! Facet of the closest point; on entry one that is probably near, or 0.
       real(dp) :: x(3), u(3), xi(2)
       integer :: hint
       x = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
@@ -203,8 +182,7 @@ contains
 
   !> Bound of the length of an edge between its first two nodes [length].
   pure real(dp) function longest_way(x) result(length)
-    !> Nodes of the edge (3, 2 or 3) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the edge (3, 2 or 3) [length].
     length = norm2(x(:, 2) - x(:, 1))
     ! The derivative is linear along the edge.
     if (size(x, 2) == 3) length = max(norm2(x(:, 3) - x(:, 1)), norm2(4*x(:, 2) - 3*x(:, 1) - x(:, 3)))/2
@@ -212,12 +190,9 @@ contains
 
   !> Shape functions of the nodes of an edge at a place between the first two; a third one is beyond the second.
   pure function edge_shape(n, place) result(shape)
-    !> Number of nodes, 2 or 3.
-    integer, intent(in) :: n
-    !> Place, from 0 at the first to 1 at the second node [].
-    real(dp), intent(in) :: place
-    !> Values (n) [].
-    real(dp) :: shape(n)
+    integer, intent(in) :: n  !! Number of nodes, 2 or 3.
+    real(dp), intent(in) :: place  !! Place, from 0 at the first to 1 at the second node [].
+    real(dp) :: shape(n)  !! Values (n) [].
     shape(1:2) = [1 - place, place]
     ! Nodes at 0, 1 and 2.
     if (n == 3) shape = [(1 - place)*(2 - place)/2, place*(2 - place), place*(place - 1)/2]
@@ -230,8 +205,7 @@ contains
     real(dp), intent(in) :: found(:, :)
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
-    !> The deepest point.
-    type(penetration_t), intent(inout) :: worst
+    type(penetration_t), intent(inout) :: worst  !! The deepest point.
     logical :: inside(size(depth))
     integer :: order(size(found, 2)), i
     inside = depth > 0

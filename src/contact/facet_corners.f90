@@ -10,14 +10,10 @@ contains
 
   !> Position of a corner of a facet [length].
   pure function corner_position(set, f, corner) result(x)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Corner number.
-    integer, intent(in) :: corner
-    !> Position (3) [length].
-    real(dp) :: x(3)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: f  !! Facet number.
+    integer, intent(in) :: corner  !! Corner number.
+    real(dp) :: x(3)  !! Position (3) [length].
     real(dp) :: xi(2)
     xi = corner_coordinates(set%corners(f), corner)
     associate (c => set%coefficient(:, :, f), u => xi(1), v => xi(2))
@@ -28,12 +24,9 @@ contains
 
   !> Reference coordinates of a corner (2) [].
   pure function corner_coordinates(corners, corner) result(xi)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Corner number.
-    integer, intent(in) :: corner
-    !> Coordinates (2) [].
-    real(dp) :: xi(2)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corner  !! Corner number.
+    real(dp) :: xi(2)  !! Coordinates (2) [].
     if (corners == 2) then
       xi = [real(2*corner - 3, dp), 0.0_dp]
     else
@@ -43,14 +36,10 @@ contains
 
   !> Reference coordinates of a point of an edge of a triangle or quadrilateral (2) [].
   pure function edge_coordinates(corners, edge, s) result(xi)
-    !> Number of corners of the facet: 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Edge number.
-    integer, intent(in) :: edge
-    !> Fraction of the edge from its first corner [].
-    real(dp), intent(in) :: s
-    !> Coordinates (2) [].
-    real(dp) :: xi(2)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: edge  !! Edge number.
+    real(dp), intent(in) :: s  !! Fraction of the edge from its first corner [].
+    real(dp) :: xi(2)  !! Coordinates (2) [].
     real(dp), parameter :: triangle(2, 3) = reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
     real(dp), parameter :: square(2, 4) = &
       reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])

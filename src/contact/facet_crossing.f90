@@ -7,29 +7,22 @@ module dotyk_contact_facet_crossing
   implicit none
   private
 
-  !> Crossings of one segment that are kept.
-  integer, parameter, public :: max_crossings = 32
+  integer, parameter, public :: max_crossings = 32  !! Crossings of one segment that are kept.
 
   public :: crossings
 
-  !> Margin of the borders of a triangle, in its coordinates [].
-  real(dp), parameter :: border = 1.0e-9_dp
+  real(dp), parameter :: border = 1.0e-9_dp  !! Margin of the borders of a triangle, in its coordinates [].
 
 contains
 
   !> Where a segment crosses the deformed boundary, ascending. Facets are passed over where both ends are nearer to
   !> their planes than they resolve.
   subroutine crossings(b, start, finish, slack, n, s, enters)
-    !> The part.
-    type(solid_t), intent(in) :: b
-    !> First end (3) [length].
-    real(dp), intent(in) :: start(3)
-    !> Second end (3) [length].
-    real(dp), intent(in) :: finish(3)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
-    !> Number of crossings.
-    integer, intent(out) :: n
+    type(solid_t), intent(in) :: b  !! The part.
+    real(dp), intent(in) :: start(3)  !! First end (3) [length].
+    real(dp), intent(in) :: finish(3)  !! Second end (3) [length].
+    real(dp), intent(in) :: slack  !! Error of the displacements and of rounding [length].
+    integer, intent(out) :: n  !! Number of crossings.
     !> Their places, from 0 at the first end to 1 at the second (max_crossings) [].
     real(dp), intent(out) :: s(max_crossings)
     !> Whether the segment enters the part there; otherwise it leaves it (max_crossings).
@@ -63,10 +56,8 @@ contains
 
     !> Keep a crossing.
     subroutine keep(place, is_entry)
-      !> Place on the segment [].
-      real(dp), intent(in) :: place
-      !> Whether the segment enters the part.
-      logical, intent(in) :: is_entry
+      real(dp), intent(in) :: place  !! Place on the segment [].
+      logical, intent(in) :: is_entry  !! Whether the segment enters the part.
       integer :: i
       if (n == max_crossings) return
       do i = n, 1, -1

@@ -8,8 +8,7 @@ module dotyk_contact_facet_distance
   private
   public :: polygon_distance, polygons_overlap, ray_meets_polygon
 
-  !> Barycentric coordinates that count as inside [].
-  real(dp), parameter :: inside_tolerance = 1.0e-9_dp
+  real(dp), parameter :: inside_tolerance = 1.0e-9_dp  !! Barycentric coordinates that count as inside [].
 
   !> Polygons that only touch each other, seen along their normals, do not overlap: they shrink by this fraction [].
   real(dp), parameter :: shrinkage = 0.01_dp
@@ -18,20 +17,13 @@ contains
 
   !> Smallest distance of two polygons, with a pair of closest points.
   pure subroutine polygon_distance(n_p, p, n_q, q, distance, at_p, at_q)
-    !> Number of corners of the first polygon, 2 to 4.
-    integer, intent(in) :: n_p
-    !> Its corners (3, n_p) [length].
-    real(dp), intent(in) :: p(3, n_p)
-    !> Number of corners of the second polygon, 2 to 4.
-    integer, intent(in) :: n_q
-    !> Its corners (3, n_q) [length].
-    real(dp), intent(in) :: q(3, n_q)
-    !> Distance; 0 where they intersect [length].
-    real(dp), intent(out) :: distance
-    !> Closest point of the first polygon (3) [length].
-    real(dp), intent(out) :: at_p(3)
-    !> Closest point of the second polygon (3) [length].
-    real(dp), intent(out) :: at_q(3)
+    integer, intent(in) :: n_p  !! Number of corners of the first polygon, 2 to 4.
+    real(dp), intent(in) :: p(3, n_p)  !! Its corners (3, n_p) [length].
+    integer, intent(in) :: n_q  !! Number of corners of the second polygon, 2 to 4.
+    real(dp), intent(in) :: q(3, n_q)  !! Its corners (3, n_q) [length].
+    real(dp), intent(out) :: distance  !! Distance; 0 where they intersect [length].
+    real(dp), intent(out) :: at_p(3)  !! Closest point of the first polygon (3) [length].
+    real(dp), intent(out) :: at_q(3)  !! Closest point of the second polygon (3) [length].
     real(dp) :: square, x(3), y(3), normal(3, 2)
     integer :: i, j
     square = huge(square)
@@ -70,16 +62,11 @@ contains
 
   !> Keep two points if they are closer to each other than the best ones so far.
   pure subroutine keep(x, y, square, at_p, at_q)
-    !> Point of the first polygon (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Point of the second polygon (3) [length].
-    real(dp), intent(in) :: y(3)
-    !> Least squared distance so far [length^2].
-    real(dp), intent(inout) :: square
-    !> Closest point of the first polygon so far (3) [length].
-    real(dp), intent(inout) :: at_p(3)
-    !> Closest point of the second polygon so far (3) [length].
-    real(dp), intent(inout) :: at_q(3)
+    real(dp), intent(in) :: x(3)  !! Point of the first polygon (3) [length].
+    real(dp), intent(in) :: y(3)  !! Point of the second polygon (3) [length].
+    real(dp), intent(inout) :: square  !! Least squared distance so far [length^2].
+    real(dp), intent(inout) :: at_p(3)  !! Closest point of the first polygon so far (3) [length].
+    real(dp), intent(inout) :: at_q(3)  !! Closest point of the second polygon so far (3) [length].
     if (.not. sum((x - y)**2) < square) return
     square = sum((x - y)**2)
     at_p = x
@@ -89,24 +76,15 @@ contains
   !> Closest points of a triangle and an edge in the triangle's interior: the projection of the first end, or the point
   !> where the edge pierces the triangle.
   pure subroutine corner_and_edge(first, second, a, b, c, normal, best, x, y)
-    !> First end of the edge (3) [length].
-    real(dp), intent(in) :: first(3)
-    !> Second end (3) [length].
-    real(dp), intent(in) :: second(3)
-    !> First corner of the triangle (3) [length].
-    real(dp), intent(in) :: a(3)
-    !> Second corner (3) [length].
-    real(dp), intent(in) :: b(3)
-    !> Third corner (3) [length].
-    real(dp), intent(in) :: c(3)
-    !> Normal (b - a) x (c - a) (3) [length^2].
-    real(dp), intent(in) :: normal(3)
-    !> Squared distance from which on points do not count [length^2].
-    real(dp), intent(in) :: best
-    !> Point of the edge (3) [length].
-    real(dp), intent(out) :: x(3)
-    !> Point of the triangle; huge where there is none, or none closer (3) [length].
-    real(dp), intent(out) :: y(3)
+    real(dp), intent(in) :: first(3)  !! First end of the edge (3) [length].
+    real(dp), intent(in) :: second(3)  !! Second end (3) [length].
+    real(dp), intent(in) :: a(3)  !! First corner of the triangle (3) [length].
+    real(dp), intent(in) :: b(3)  !! Second corner (3) [length].
+    real(dp), intent(in) :: c(3)  !! Third corner (3) [length].
+    real(dp), intent(in) :: normal(3)  !! Normal (b - a) x (c - a) (3) [length^2].
+    real(dp), intent(in) :: best  !! Squared distance from which on points do not count [length^2].
+    real(dp), intent(out) :: x(3)  !! Point of the edge (3) [length].
+    real(dp), intent(out) :: y(3)  !! Point of the triangle; huge where there is none, or none closer (3) [length].
     real(dp) :: square, height, other
     y = huge(y)
     x = first
@@ -128,18 +106,12 @@ contains
 
   !> Whether a point of the plane of a triangle is in the triangle.
   pure logical function in_triangle(x, a, b, c, normal, square)
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> First corner (3) [length].
-    real(dp), intent(in) :: a(3)
-    !> Second corner (3) [length].
-    real(dp), intent(in) :: b(3)
-    !> Third corner (3) [length].
-    real(dp), intent(in) :: c(3)
-    !> Normal (b - a) x (c - a) (3) [length^2].
-    real(dp), intent(in) :: normal(3)
-    !> Its squared length [length^4].
-    real(dp), intent(in) :: square
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp), intent(in) :: a(3)  !! First corner (3) [length].
+    real(dp), intent(in) :: b(3)  !! Second corner (3) [length].
+    real(dp), intent(in) :: c(3)  !! Third corner (3) [length].
+    real(dp), intent(in) :: normal(3)  !! Normal (b - a) x (c - a) (3) [length^2].
+    real(dp), intent(in) :: square  !! Its squared length [length^4].
     real(dp) :: least
     least = -inside_tolerance*square
     in_triangle = dot_product(across(a, b, x), normal) >= least .and. &
@@ -149,12 +121,9 @@ contains
 
   !> Normal (b - a) x (c - a) [length^2].
   pure function across(a, b, c) result(normal)
-    !> A point (3) [length].
-    real(dp), intent(in) :: a(3)
-    !> Another one (3) [length].
-    real(dp), intent(in) :: b(3)
-    !> A third one (3) [length].
-    real(dp), intent(in) :: c(3)
+    real(dp), intent(in) :: a(3)  !! A point (3) [length].
+    real(dp), intent(in) :: b(3)  !! Another one (3) [length].
+    real(dp), intent(in) :: c(3)  !! A third one (3) [length].
     real(dp) :: normal(3), u(3), v(3)
     u = b - a
     v = c - a
@@ -165,18 +134,12 @@ contains
 
   !> Closest points of two segments.
   pure subroutine closest_on_segments(a, b, c, d, x, y)
-    !> First end of the first segment (3) [length].
-    real(dp), intent(in) :: a(3)
-    !> Its second end (3) [length].
-    real(dp), intent(in) :: b(3)
-    !> First end of the second segment (3) [length].
-    real(dp), intent(in) :: c(3)
-    !> Its second end (3) [length].
-    real(dp), intent(in) :: d(3)
-    !> Closest point of the first segment (3) [length].
-    real(dp), intent(out) :: x(3)
-    !> Closest point of the second segment (3) [length].
-    real(dp), intent(out) :: y(3)
+    real(dp), intent(in) :: a(3)  !! First end of the first segment (3) [length].
+    real(dp), intent(in) :: b(3)  !! Its second end (3) [length].
+    real(dp), intent(in) :: c(3)  !! First end of the second segment (3) [length].
+    real(dp), intent(in) :: d(3)  !! Its second end (3) [length].
+    real(dp), intent(out) :: x(3)  !! Closest point of the first segment (3) [length].
+    real(dp), intent(out) :: y(3)  !! Closest point of the second segment (3) [length].
     real(dp) :: u(3), v(3), r(3), uu, vv, uv, ur, vr, s, t, det
     u = b - a
     v = d - c
@@ -202,16 +165,11 @@ contains
 
   !> Whether two polygons overlap, seen along a direction: no line separates their projections.
   pure logical function polygons_overlap(n_p, p, n_q, q, direction) result(overlap)
-    !> Number of corners of the first polygon, 2 to 4.
-    integer, intent(in) :: n_p
-    !> Its corners (3, n_p) [length].
-    real(dp), intent(in) :: p(3, n_p)
-    !> Number of corners of the second polygon, 2 to 4.
-    integer, intent(in) :: n_q
-    !> Its corners (3, n_q) [length].
-    real(dp), intent(in) :: q(3, n_q)
-    !> Direction of sight (3) [].
-    real(dp), intent(in) :: direction(3)
+    integer, intent(in) :: n_p  !! Number of corners of the first polygon, 2 to 4.
+    real(dp), intent(in) :: p(3, n_p)  !! Its corners (3, n_p) [length].
+    integer, intent(in) :: n_q  !! Number of corners of the second polygon, 2 to 4.
+    real(dp), intent(in) :: q(3, n_q)  !! Its corners (3, n_q) [length].
+    real(dp), intent(in) :: direction(3)  !! Direction of sight (3) [].
     real(dp) :: a(3, n_p), b(3, n_q), axis(3)
     integer :: i
     a = p - shrinkage*(p - spread(sum(p, 2)/n_p, 2, n_p))
@@ -234,20 +192,13 @@ contains
 
   !> Where a line meets a polygon.
   pure subroutine ray_meets_polygon(origin, direction, n, p, normal, meets, t)
-    !> A point of the line (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Its unit direction (3) [].
-    real(dp), intent(in) :: direction(3)
-    !> Number of corners of the polygon, 2 to 4.
-    integer, intent(in) :: n
-    !> Corners (3, n) [length].
-    real(dp), intent(in) :: p(3, n)
-    !> Unit normal of the polygon (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Whether the line meets the polygon.
-    logical, intent(out) :: meets
-    !> Place on the line, from its origin [length].
-    real(dp), intent(out) :: t
+    real(dp), intent(in) :: origin(3)  !! A point of the line (3) [length].
+    real(dp), intent(in) :: direction(3)  !! Its unit direction (3) [].
+    integer, intent(in) :: n  !! Number of corners of the polygon, 2 to 4.
+    real(dp), intent(in) :: p(3, n)  !! Corners (3, n) [length].
+    real(dp), intent(in) :: normal(3)  !! Unit normal of the polygon (3) [].
+    logical, intent(out) :: meets  !! Whether the line meets the polygon.
+    real(dp), intent(out) :: t  !! Place on the line, from its origin [length].
     real(dp) :: x(3), s, own(3)
     integer :: j
     !> Lines nearly in the plane of the polygon meet nothing: cosine of their angle to the normal [].

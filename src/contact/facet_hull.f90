@@ -9,18 +9,12 @@ module dotyk_contact_facet_hull
   implicit none
   private
 
-  !> Hull of one facet, relative to the origin of its polynomial.
-  type, public :: facet_hull_t
-    !> Number of sides of the prism.
-    integer :: n_sides = 0
-    !> Unit normal of the layer (3) [].
-    real(dp) :: normal(3) = 0
-    !> Bounds of the layer [length].
-    real(dp) :: low = 0, high = 0
-    !> Unit outward normals of the sides, in the plane of the layer (3, 4) [].
-    real(dp) :: side(3, 4) = 0
-    !> Distances of the sides from the origin (4) [length].
-    real(dp) :: limit(4) = 0
+  type, public :: facet_hull_t  !! Hull of one facet, relative to the origin of its polynomial.
+    integer :: n_sides = 0  !! Number of sides of the prism.
+    real(dp) :: normal(3) = 0  !! Unit normal of the layer (3) [].
+    real(dp) :: low = 0, high = 0  !! Bounds of the layer [length].
+    real(dp) :: side(3, 4) = 0  !! Unit outward normals of the sides, in the plane of the layer (3, 4) [].
+    real(dp) :: limit(4) = 0  !! Distances of the sides from the origin (4) [length].
   contains
     procedure :: init => hull_init
     procedure :: is_beyond => hull_is_beyond
@@ -28,22 +22,17 @@ module dotyk_contact_facet_hull
 
   !> Margin for round-off of the control points, relative to the size of the facet.
   real(dp), parameter :: margin = 1.0e-12_dp
-  !> Margin for round-off of squared distances, relative to them.
-  real(dp), parameter :: square_margin = 1.0e-9_dp
+  real(dp), parameter :: square_margin = 1.0e-9_dp  !! Margin for round-off of squared distances, relative to them.
 
 contains
 
   !> Set up from the polynomial of a facet.
   subroutine hull_init(self, corners, c, normal, size)
     class(facet_hull_t), intent(out) :: self
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Unit vector, about normal to the facet (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Size of the facet [length].
-    real(dp), intent(in) :: size
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: normal(3)  !! Unit vector, about normal to the facet (3) [].
+    real(dp), intent(in) :: size  !! Size of the facet [length].
     real(dp) :: control(3, max_controls), corner(3, 4), along(3)
     integer :: k, n
     call control_points(corners, c, n, control)
@@ -75,10 +64,8 @@ contains
   !> Whether no point of the facet is as near to a point as a distance.
   pure logical function hull_is_beyond(self, x, square) result(beyond)
     class(facet_hull_t), intent(in) :: self
-    !> The point, relative to the origin of the facet (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Square of the distance [length^2].
-    real(dp), intent(in) :: square
+    real(dp), intent(in) :: x(3)  !! The point, relative to the origin of the facet (3) [length].
+    real(dp), intent(in) :: square  !! Square of the distance [length^2].
     real(dp) :: above, beside
     integer :: k
     above = dot_product(self%normal, x)

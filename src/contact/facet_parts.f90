@@ -5,30 +5,23 @@ module dotyk_contact_facet_parts
   implicit none
   private
 
-  !> Greatest number of parts of a facet.
-  integer, parameter, public :: max_parts = 6
+  integer, parameter, public :: max_parts = 6  !! Greatest number of parts of a facet.
 
   public :: facet_parts, part_corners, place_at_part
 
-  !> Parts by local nodes, of facets of second order.
-  integer, parameter :: lines(2, 2) = reshape([1, 3, 3, 2], [2, 2])
+  integer, parameter :: lines(2, 2) = reshape([1, 3, 3, 2], [2, 2])  !! Parts by local nodes, of facets of second order.
   integer, parameter :: triangles(3, 4) = reshape([1, 4, 6, 4, 2, 5, 6, 5, 3, 4, 5, 6], [3, 4])
   integer, parameter :: sixths(3, 6) = reshape([1, 5, 8, 5, 2, 6, 6, 3, 7, 7, 4, 8, 5, 6, 7, 5, 7, 8], [3, 6])
-  !> Parts of a bilinear quadrilateral.
-  integer, parameter :: halves(3, 2) = reshape([1, 2, 3, 1, 3, 4], [3, 2])
+  integer, parameter :: halves(3, 2) = reshape([1, 2, 3, 1, 3, 4], [3, 2])  !! Parts of a bilinear quadrilateral.
 
 contains
 
   !> Nodes of the parts of a facet, oriented as the facet.
   pure subroutine facet_parts(node, corners, n, part)
-    !> Nodes of the facet; those after its own are 0 (max_facet_nodes).
-    integer, intent(in) :: node(:)
-    !> Number of its corners.
-    integer, intent(in) :: corners
-    !> Number of parts.
-    integer, intent(out) :: n
-    !> Nodes of each part; the third is 0 for lines (3, max_parts).
-    integer, intent(out) :: part(3, max_parts)
+    integer, intent(in) :: node(:)  !! Nodes of the facet; those after its own are 0 (max_facet_nodes).
+    integer, intent(in) :: corners  !! Number of its corners.
+    integer, intent(out) :: n  !! Number of parts.
+    integer, intent(out) :: part(3, max_parts)  !! Nodes of each part; the third is 0 for lines (3, max_parts).
     part = 0
     select case (corners)
     case (2)
@@ -48,10 +41,8 @@ contains
 
   !> Corners of a part; those of a line are followed by a point above the first one (3, 3) [length].
   pure function part_corners(x, node) result(corner)
-    !> Positions of the nodes (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes of the part; the third is 0 for lines.
-    integer, intent(in) :: node(3)
+    real(dp), intent(in) :: x(:, :)  !! Positions of the nodes (3, n_nodes) [length].
+    integer, intent(in) :: node(3)  !! Nodes of the part; the third is 0 for lines.
     real(dp) :: corner(3, 3)
     corner(:, 1:2) = x(:, node(1:2))
     if (node(3) > 0) then
@@ -64,10 +55,8 @@ contains
 
   !> Place of a point beside a part.
   pure subroutine place_at_part(corner, x, distance, inside)
-    !> Corners of the part (3, 3) [length].
-    real(dp), intent(in) :: corner(3, 3)
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
+    real(dp), intent(in) :: corner(3, 3)  !! Corners of the part (3, 3) [length].
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
     !> Distance from its plane, negative behind it; 0 for parts without extent [length].
     real(dp), intent(out) :: distance
     !> Least of the barycentric coordinates of its projection, negative beside the part [].

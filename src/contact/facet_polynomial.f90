@@ -9,15 +9,12 @@ module dotyk_contact_facet_polynomial
   private
   public :: bounding_box, control_points, convexity, evaluate_facet, normal_cone
 
-  !> Greatest number of Bernstein control points of a facet.
-  integer, parameter, public :: max_controls = 9
+  integer, parameter, public :: max_controls = 9  !! Greatest number of Bernstein control points of a facet.
 
-  !> The number pi.
-  real(dp), parameter :: pi = acos(-1.0_dp)
+  real(dp), parameter :: pi = acos(-1.0_dp)  !! The number pi.
   !> Margin of a bounding box for the round-off of its control points, relative to its diagonal.
   real(dp), parameter :: box_margin = 1.0e-12_dp
-  !> Margin of a normal cone for the round-off of the arc cosine [rad].
-  real(dp), parameter :: cone_margin = 1.0e-7_dp
+  real(dp), parameter :: cone_margin = 1.0e-7_dp  !! Margin of a normal cone for the round-off of the arc cosine [rad].
   !> Cones whose half angle has a smaller cosine are nearly half spaces, which exclude nothing.
   real(dp), parameter :: min_cone_cosine = 0.01_dp
   !> A map is affine where second derivatives are below this fraction of the least singular value of the Jacobian.
@@ -27,24 +24,15 @@ contains
 
   !> Position, relative to the origin, and derivatives of a facet.
   pure subroutine evaluate_facet(c, u, v, x, xu, xv, xuu, xuv, xvv)
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> First reference coordinate [].
-    real(dp), intent(in) :: u
-    !> Second reference coordinate [].
-    real(dp), intent(in) :: v
-    !> Position (3) [length].
-    real(dp), intent(out) :: x(3)
-    !> Derivative with respect to u (3) [length].
-    real(dp), intent(out) :: xu(3)
-    !> Derivative with respect to v (3) [length].
-    real(dp), intent(out) :: xv(3)
-    !> Second derivative with respect to u (3) [length].
-    real(dp), intent(out) :: xuu(3)
-    !> Mixed derivative (3) [length].
-    real(dp), intent(out) :: xuv(3)
-    !> Second derivative with respect to v (3) [length].
-    real(dp), intent(out) :: xvv(3)
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: u  !! First reference coordinate [].
+    real(dp), intent(in) :: v  !! Second reference coordinate [].
+    real(dp), intent(out) :: x(3)  !! Position (3) [length].
+    real(dp), intent(out) :: xu(3)  !! Derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xv(3)  !! Derivative with respect to v (3) [length].
+    real(dp), intent(out) :: xuu(3)  !! Second derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xuv(3)  !! Mixed derivative (3) [length].
+    real(dp), intent(out) :: xvv(3)  !! Second derivative with respect to v (3) [length].
     real(dp) :: a0, a1, a2, b0, b1, b2
     integer :: i
     do i = 1, 3
@@ -65,14 +53,10 @@ contains
 
   !> Box of the Bernstein control points, which contains the facet.
   pure subroutine bounding_box(corners, c, lo, hi)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Lower corner, relative to the origin (3) [length].
-    real(dp), intent(out) :: lo(3)
-    !> Upper corner, likewise (3) [length].
-    real(dp), intent(out) :: hi(3)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(out) :: lo(3)  !! Lower corner, relative to the origin (3) [length].
+    real(dp), intent(out) :: hi(3)  !! Upper corner, likewise (3) [length].
     real(dp) :: b(3, max_controls), margin
     integer :: n
     call control_points(corners, c, n, b)
@@ -86,12 +70,9 @@ contains
   !> Bernstein control points: those of the ends of a line at 1 and 3, of the corners of a triangle at 1 to 3, of a
   !> quadrilateral row by row.
   pure subroutine control_points(corners, c, n, b)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Number of control points.
-    integer, intent(out) :: n
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    integer, intent(out) :: n  !! Number of control points.
     !> Control points, relative to the origin; the first n are set (3, max_controls) [length].
     real(dp), intent(out) :: b(3, max_controls)
     real(dp) :: r(3, 9)
@@ -122,18 +103,12 @@ contains
 
   !> Bernstein control values on [-1,1] of c0 + c1 t + c2 t^2.
   elemental subroutine quadratic_controls(c0, c1, c2, b1, b2, b3)
-    !> Coefficient of 1 [any].
-    real(dp), intent(in) :: c0
-    !> Coefficient of t [any].
-    real(dp), intent(in) :: c1
-    !> Coefficient of t^2 [any].
-    real(dp), intent(in) :: c2
-    !> First control value [any].
-    real(dp), intent(out) :: b1
-    !> Second control value [any].
-    real(dp), intent(out) :: b2
-    !> Third control value [any].
-    real(dp), intent(out) :: b3
+    real(dp), intent(in) :: c0  !! Coefficient of 1 [any].
+    real(dp), intent(in) :: c1  !! Coefficient of t [any].
+    real(dp), intent(in) :: c2  !! Coefficient of t^2 [any].
+    real(dp), intent(out) :: b1  !! First control value [any].
+    real(dp), intent(out) :: b2  !! Second control value [any].
+    real(dp), intent(out) :: b3  !! Third control value [any].
     b1 = c0 - c1 + c2
     b2 = c0 - c2
     b3 = c0 + c1 + c2
@@ -142,14 +117,10 @@ contains
   !> Cone that contains all normals: x_u lies in the convex hull of control vectors a_i, x_v in that of b_j, hence x_u x
   !> x_v is a combination of the products a_i x b_j with non-negative coefficients.
   pure subroutine normal_cone(corners, c, axis, half_angle)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> Axis of the cone, a unit vector (3) [].
-    real(dp), intent(out) :: axis(3)
-    !> Half angle, pi where no cone narrower than a half space was found [rad].
-    real(dp), intent(out) :: half_angle
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(out) :: axis(3)  !! Axis of the cone, a unit vector (3) [].
+    real(dp), intent(out) :: half_angle  !! Half angle, pi where no cone narrower than a half space was found [rad].
     real(dp) :: a(3, 6), b(3, 6), product(3, 36), length, least
     integer :: i, j, n, m
     select case (corners)
@@ -206,14 +177,10 @@ contains
   !> abs(x - p) is below the least eigenvalue of J^T J over the greatest second derivative. The eigenvalue is sampled at
   !> nine points and halved.
   pure subroutine convexity(corners, c, affine, reach)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: c(3, 9)
-    !> The map is affine.
-    logical, intent(out) :: affine
-    !> Convexity radius [length].
-    real(dp), intent(out) :: reach
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    logical, intent(out) :: affine  !! The map is affine.
+    real(dp), intent(out) :: reach  !! Convexity radius [length].
     real(dp) :: x(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), least, second, u, v, a, b, g
     integer :: i, j
     affine = .false.

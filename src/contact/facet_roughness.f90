@@ -14,33 +14,23 @@ module dotyk_contact_facet_roughness
   private
   public :: corner_place, measure_roughness
 
-  !> Roughness over width times angle: twice the height of the arc.
-  real(dp), parameter :: roughness_factor = 0.25_dp
+  real(dp), parameter :: roughness_factor = 0.25_dp  !! Roughness over width times angle: twice the height of the arc.
 
 contains
 
   !> Normals, roughness and curvature of all facets.
   subroutine measure_roughness(surface, set, adjacency, x, x0, normal0, normal, roughness, curvature, stretch)
-    !> Facets.
-    type(surface_t), intent(in) :: surface
-    !> Deformed facets.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Nodes after deformation (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes before deformation (3, n_nodes) [length].
-    real(dp), intent(in) :: x0(:, :)
+    type(surface_t), intent(in) :: surface  !! Facets.
+    type(facet_set_t), intent(in) :: set  !! Deformed facets.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: x(:, :)  !! Nodes after deformation (3, n_nodes) [length].
+    real(dp), intent(in) :: x0(:, :)  !! Nodes before deformation (3, n_nodes) [length].
     !> Unit normals of the facets before deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: normal0(:, :)
-    !> The same after deformation (3, n_facets) [].
-    real(dp), allocatable, intent(out) :: normal(:, :)
-    !> Roughness (n_facets) [length].
-    real(dp), allocatable, intent(out) :: roughness(:)
-    !> Curvature before deformation (n_facets) [1/length].
-    real(dp), allocatable, intent(out) :: curvature(:)
-    !> Greatest change of length of the edges (n_facets) [length].
-    real(dp), allocatable, intent(out) :: stretch(:)
+    real(dp), allocatable, intent(out) :: normal(:, :)  !! The same after deformation (3, n_facets) [].
+    real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness (n_facets) [length].
+    real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].
+    real(dp), allocatable, intent(out) :: stretch(:)  !! Greatest change of length of the edges (n_facets) [length].
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
@@ -85,18 +75,12 @@ contains
 
   !> Normal at the centre of a facet, and its roughness and curvature by the normals at its corners.
   pure subroutine bulge(set, f, is_flat, normal, roughness, curvature)
-    !> Facets, deformed or not.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Whether it is flat: roughness and curvature are 0.
-    logical, intent(in) :: is_flat
-    !> Unit normal at the centre (3) [].
-    real(dp), intent(out) :: normal(3)
-    !> Roughness [length].
-    real(dp), intent(out) :: roughness
-    !> Curvature [1/length].
-    real(dp), intent(out) :: curvature
+    type(facet_set_t), intent(in) :: set  !! Facets, deformed or not.
+    integer, intent(in) :: f  !! Facet number.
+    logical, intent(in) :: is_flat  !! Whether it is flat: roughness and curvature are 0.
+    real(dp), intent(out) :: normal(3)  !! Unit normal at the centre (3) [].
+    real(dp), intent(out) :: roughness  !! Roughness [length].
+    real(dp), intent(out) :: curvature  !! Curvature [1/length].
     real(dp) :: centre(3), position(3), other(3), xu(3), xv(3), xi(2), turn, distance
     integer :: i
     xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
@@ -118,10 +102,8 @@ contains
 
   !> Reference coordinates of a corner of a line, triangle or quadrilateral (2) [].
   pure function corner_place(corners, i) result(xi)
-    !> Number of corners.
-    integer, intent(in) :: corners
-    !> Corner.
-    integer, intent(in) :: i
+    integer, intent(in) :: corners  !! Number of corners.
+    integer, intent(in) :: i  !! Corner.
     real(dp) :: xi(2)
     xi = [merge(1, 0, i == 2), merge(1, 0, i == 3)]
     if (corners == 2) xi = [2*i - 3, 0]
@@ -130,8 +112,7 @@ contains
 
   !> Unit normal of the plane, or chord, of the corners (3) []; zero where they are collinear.
   pure function corner_normal(x) result(normal)
-    !> Corners (3, 2 to 4) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, 2 to 4) [length].
     real(dp) :: normal(3)
     select case (size(x, 2))
     case (2)
@@ -147,16 +128,11 @@ contains
   !> Width of a facet across one of its edges: the distance of its farthest corner from the edge; in two dimensions its
   !> length [length].
   pure real(dp) function width_at(surface, set, x0, f, e) result(width)
-    !> Facets.
-    type(surface_t), intent(in) :: surface
-    !> Facets, for the numbers of corners.
-    type(facet_set_t), intent(in) :: set
-    !> Nodes (3, n_nodes) [length].
-    real(dp), intent(in) :: x0(:, :)
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Edge.
-    integer, intent(in) :: e
+    type(surface_t), intent(in) :: surface  !! Facets.
+    type(facet_set_t), intent(in) :: set  !! Facets, for the numbers of corners.
+    real(dp), intent(in) :: x0(:, :)  !! Nodes (3, n_nodes) [length].
+    integer, intent(in) :: f  !! Facet number.
+    integer, intent(in) :: e  !! Edge.
     real(dp) :: along(3), r(3)
     integer :: i, n
     n = set%corners(f)

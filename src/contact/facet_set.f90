@@ -14,29 +14,20 @@ module dotyk_contact_facet_set
   implicit none
   private
 
-  !> Facets of one surface.
-  type, public :: facet_set_t
-    !> Number of facets.
-    integer :: n = 0
-    !> Dimension of space, 2 or 3.
-    integer :: dimension = 0
-    !> Number of corners: 2 line, 3 triangle, 4 quadrilateral (n).
-    integer, allocatable :: corners(:)
-    !> Body-local node numbers of the corners, padded with 0 (4, n).
-    integer, allocatable :: corner_node(:, :)
+  type, public :: facet_set_t  !! Facets of one surface.
+    integer :: n = 0  !! Number of facets.
+    integer :: dimension = 0  !! Dimension of space, 2 or 3.
+    integer, allocatable :: corners(:)  !! Number of corners: 2 line, 3 triangle, 4 quadrilateral (n).
+    integer, allocatable :: corner_node(:, :)  !! Body-local node numbers of the corners, padded with 0 (4, n).
     !> First node (3, n) [length]. The polynomial is relative to it, so that scenes far from the global origin lose no
     !> digits.
     real(dp), allocatable :: origin(:, :)
     !> Coefficient of u^i v^j is coefficient(:, 1+i+3j, facet) (3, 9, n) [length].
     real(dp), allocatable :: coefficient(:, :, :)
-    !> Lower corner of the bounding box (3, n) [length].
-    real(dp), allocatable :: lo(:, :)
-    !> Upper corner of the bounding box (3, n) [length].
-    real(dp), allocatable :: hi(:, :)
-    !> Axis of a cone that contains all normals of the facet (3, n) [].
-    real(dp), allocatable :: axis(:, :)
-    !> Half angle of that cone, pi if unknown (n) [rad].
-    real(dp), allocatable :: half_angle(:)
+    real(dp), allocatable :: lo(:, :)  !! Lower corner of the bounding box (3, n) [length].
+    real(dp), allocatable :: hi(:, :)  !! Upper corner of the bounding box (3, n) [length].
+    real(dp), allocatable :: axis(:, :)  !! Axis of a cone that contains all normals of the facet (3, n) [].
+    real(dp), allocatable :: half_angle(:)  !! Half angle of that cone, pi if unknown (n) [rad].
     !> Diagonal of the box of the nodes: the size of the facet in tolerances (n) [length].
     real(dp), allocatable :: size(:)
     !> Convexity radius: the squared distance to a point is convex on the facet if no part of the facet is farther away
@@ -45,12 +36,9 @@ module dotyk_contact_facet_set
     !> Thickness of the body behind each facet as far as the surface has both of its sides, huge if not: no body
     !> overlaps deeper (n) [length]. Set by `find_depths`.
     real(dp), allocatable :: depth(:)
-    !> The map is affine (n).
-    logical, allocatable :: affine(:)
-    !> Convex hulls (n).
-    type(facet_hull_t), allocatable :: hull(:)
-    !> Bounds of distances by convexity (n).
-    type(convex_bound_t), allocatable :: convex(:)
+    logical, allocatable :: affine(:)  !! The map is affine (n).
+    type(facet_hull_t), allocatable :: hull(:)  !! Convex hulls (n).
+    type(convex_bound_t), allocatable :: convex(:)  !! Bounds of distances by convexity (n).
   contains
     procedure :: init => facet_set_init
     procedure :: init_polynomials => facet_set_init_polynomials
@@ -63,10 +51,8 @@ contains
   !> Set up from a surface and the nodes of its body.
   subroutine facet_set_init(self, x, surface)
     class(facet_set_t), intent(out) :: self
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
     integer :: f, n
     call self%init_polynomials(x, surface)
     n = self%n
@@ -89,10 +75,8 @@ contains
   !> Set up the polynomials alone, without the bounds for searches.
   subroutine facet_set_init_polynomials(self, x, surface)
     class(facet_set_t), intent(out) :: self
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
     real(dp), allocatable :: basis(:, :, :)
     integer, allocatable :: n_nodes(:), corners(:)
     integer :: f, k, n, d
@@ -117,12 +101,10 @@ contains
   !> Coefficients of the shape functions of every facet kind in monomials u^i v^j, by interpolation at {-1,0,1}^2, which
   !> determines a biquadratic polynomial: exact, and coefficients of higher order vanish exactly for linear functions.
   subroutine monomial_bases(basis, n_nodes, corners)
-    !> Coefficients (9, max_element_nodes, n_element_kinds) [].
-    real(dp), allocatable, intent(out) :: basis(:, :, :)
+    real(dp), allocatable, intent(out) :: basis(:, :, :)  !! Coefficients (9, max_element_nodes, n_element_kinds) [].
     !> Number of nodes of each kind; 0 for kinds that are not facets (n_element_kinds).
     integer, allocatable, intent(out) :: n_nodes(:)
-    !> Number of corners of each kind, likewise (n_element_kinds).
-    integer, allocatable, intent(out) :: corners(:)
+    integer, allocatable, intent(out) :: corners(:)  !! Number of corners of each kind, likewise (n_element_kinds).
     type(element_kind_t) :: kind
     real(dp) :: value(max_element_nodes, 3, 3), w(max_element_nodes, 3, 3)
     integer :: k, i, j, n
@@ -157,18 +139,12 @@ contains
 
   !> Values at -1, 0, 1 to coefficients of 1, t, t^2.
   elemental subroutine to_monomials(minus, centre, plus, c0, c1, c2)
-    !> Value at -1 [].
-    real(dp), intent(in) :: minus
-    !> Value at 0 [].
-    real(dp), intent(in) :: centre
-    !> Value at 1 [].
-    real(dp), intent(in) :: plus
-    !> Coefficient of 1 [].
-    real(dp), intent(out) :: c0
-    !> Coefficient of t [].
-    real(dp), intent(out) :: c1
-    !> Coefficient of t^2 [].
-    real(dp), intent(out) :: c2
+    real(dp), intent(in) :: minus  !! Value at -1 [].
+    real(dp), intent(in) :: centre  !! Value at 0 [].
+    real(dp), intent(in) :: plus  !! Value at 1 [].
+    real(dp), intent(out) :: c0  !! Coefficient of 1 [].
+    real(dp), intent(out) :: c1  !! Coefficient of t [].
+    real(dp), intent(out) :: c2  !! Coefficient of t^2 [].
     c0 = centre
     c1 = (plus - minus)/2
     c2 = (plus + minus)/2 - centre
@@ -176,18 +152,12 @@ contains
 
   !> Polynomial of one facet relative to its first node, and its size.
   pure subroutine facet_polynomial(d, n, basis, x, c, size)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Monomial coefficients of the shape functions (9, at least n) [].
-    real(dp), intent(in) :: basis(:, :)
-    !> Node coordinates (d, n) [length].
-    real(dp), intent(in) :: x(d, n)
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(out) :: c(3, 9)
-    !> Diagonal of the box of the nodes [length].
-    real(dp), intent(out) :: size
+    integer, intent(in) :: d  !! Dimension of space, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes.
+    real(dp), intent(in) :: basis(:, :)  !! Monomial coefficients of the shape functions (9, at least n) [].
+    real(dp), intent(in) :: x(d, n)  !! Node coordinates (d, n) [length].
+    real(dp), intent(out) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(out) :: size  !! Diagonal of the box of the nodes [length].
     integer :: j, m
     c = 0
     do j = 2, n
@@ -200,20 +170,14 @@ contains
 
   !> Position, unit outward normal and tangents at a point of a facet; the normal is zero where the map is singular.
   pure subroutine facet_position_and_normal(self, facet, xi, position, normal, xu, xv)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: self
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (2) []; the second is 0 for lines.
-    real(dp), intent(in) :: xi(2)
-    !> Position (3) [length].
-    real(dp), intent(out) :: position(3)
-    !> Unit outward normal (3) [].
-    real(dp), intent(out) :: normal(3)
+    type(facet_set_t), intent(in) :: self  !! Facets of the surface.
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) []; the second is 0 for lines.
+    real(dp), intent(out) :: position(3)  !! Position (3) [length].
+    real(dp), intent(out) :: normal(3)  !! Unit outward normal (3) [].
     !> Derivative of the position with respect to the first reference coordinate (3) [length].
     real(dp), intent(out) :: xu(3)
-    !> Derivative with respect to the second reference coordinate (3) [length].
-    real(dp), intent(out) :: xv(3)
+    real(dp), intent(out) :: xv(3)  !! Derivative with respect to the second reference coordinate (3) [length].
     real(dp) :: xuu(3), xuv(3), xvv(3), length
     call evaluate_facet(self%coefficient(:, :, facet), xi(1), xi(2), position, xu, xv, xuu, xuv, xvv)
     position = position + self%origin(:, facet)

@@ -14,46 +14,32 @@ module dotyk_contact_facing_facets
   real(dp), parameter :: facing_limit = -0.1_dp
   !> Greatest initial overlap, as a fraction of the diameter of the smaller body [].
   real(dp), parameter, public :: greatest_overlap = 0.05_dp
-  !> Overlaps below this fraction of the diameter are contact [].
-  real(dp), parameter :: round_off = 1.0e-9_dp
+  real(dp), parameter :: round_off = 1.0e-9_dp  !! Overlaps below this fraction of the diameter are contact [].
 contains
 
   !> Search distance of two bodies [length].
   pure real(dp) function search_distance(a, b, given) result(distance)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
+    type(body_faces_t), intent(in) :: a  !! First body.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    real(dp), intent(in) :: given  !! Distance that the user gives, or 0 [length].
     distance = given
     if (.not. given > 0) distance = default_fraction*min(a%diameter, b%diameter)
   end function search_distance
 
   !> Whether two facets face each other within the search distance, in front of each other or with a small overlap.
   pure subroutine compare_facets(a, f, b, g, reach, overlap, behind_a, behind_b, meets, distance, opposite)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Its facet.
-    integer, intent(in) :: f
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: g
-    !> Search distance [length].
-    real(dp), intent(in) :: reach
-    !> Greatest initial overlap [length].
-    real(dp), intent(in) :: overlap
+    type(body_faces_t), intent(in) :: a  !! First body.
+    integer, intent(in) :: f  !! Its facet.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    integer, intent(in) :: g  !! Its facet.
+    real(dp), intent(in) :: reach  !! Search distance [length].
+    real(dp), intent(in) :: overlap  !! Greatest initial overlap [length].
     !> Thickness of the first body behind its facets; negative where it is not known yet (a%n) [length].
     real(dp), intent(inout) :: behind_a(:)
-    !> The same of the second body (b%n) [length].
-    real(dp), intent(inout) :: behind_b(:)
-    !> Whether they do.
-    logical, intent(out) :: meets
-    !> Their distance; negative where they overlap [length].
-    real(dp), intent(out) :: distance
-    !> Whether they lie opposite each other, seen along their normals.
-    logical, intent(out) :: opposite
+    real(dp), intent(inout) :: behind_b(:)  !! The same of the second body (b%n) [length].
+    logical, intent(out) :: meets  !! Whether they do.
+    real(dp), intent(out) :: distance  !! Their distance; negative where they overlap [length].
+    logical, intent(out) :: opposite  !! Whether they lie opposite each other, seen along their normals.
     real(dp) :: toward(3), at_f(3), at_g(3), depth, cosine, angle
     meets = .false.
     opposite = .false.
@@ -87,10 +73,8 @@ contains
 
   !> Thickness of a body behind a facet, from the centre of the facet; huge where it is open [length].
   pure real(dp) function thickness(faces, facet)
-    !> The body.
-    type(body_faces_t), intent(in) :: faces
-    !> Its facet.
-    integer, intent(in) :: facet
+    type(body_faces_t), intent(in) :: faces  !! The body.
+    integer, intent(in) :: facet  !! Its facet.
     real(dp) :: enters, leaves
     call faces%cross_along(faces%centre(facet), -faces%normal(:, facet), 0.0_dp, 2*faces%diameter, facet, enters, &
                            leaves)

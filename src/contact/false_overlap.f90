@@ -15,14 +15,10 @@ contains
   !> Whether the overlap between a point of one surface and its projection on another is none: the way there leaves one
   !> of the bodies, or another face is much nearer.
   pure logical function is_false_overlap(surface, other, x, foot)
-    !> Surface of the point.
-    type(master_surface_t), intent(in) :: surface
-    !> The other surface.
-    type(master_surface_t), intent(in) :: other
-    !> The point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Its projection (3) [length].
-    real(dp), intent(in) :: foot(3)
+    type(master_surface_t), intent(in) :: surface  !! Surface of the point.
+    type(master_surface_t), intent(in) :: other  !! The other surface.
+    real(dp), intent(in) :: x(3)  !! The point (3) [length].
+    real(dp), intent(in) :: foot(3)  !! Its projection (3) [length].
     real(dp) :: depth
     depth = norm2(foot - x)
     is_false_overlap = depth > most_ratio*other%smallest_distance(x)

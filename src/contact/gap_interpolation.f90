@@ -24,8 +24,7 @@ module dotyk_contact_gap_interpolation
   private
   public :: add_vertices, interpolate_gaps
 
-  !> Quadratic functions on a facet at most, and its corners at most.
-  integer, parameter :: max_functions = 4
+  integer, parameter :: max_functions = 4  !! Quadratic functions on a facet at most, and its corners at most.
   !> Combinations of functions with a mean square below this are not determined by the points of a facet; a whole facet
   !> has about 0.1, a strip along an edge the fourth power of its relative width.
   real(dp), parameter :: min_mean_square = 1.0e-6_dp
@@ -41,8 +40,7 @@ contains
 
   !> Add the vertices of linear facets to their integration points, as the last ones and without weight.
   pure subroutine add_vertices(surface, rule)
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface
+    type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
     !> Rules of the facets; not allocated for those that are not examined here (n_facets).
     type(quadrature_rule_t), intent(inout) :: rule(:)
     real(dp) :: vertex(2, max_functions)
@@ -63,19 +61,15 @@ contains
   !> Replace the distances on linear facets by the interpolation of their values at the vertices, and remove the
   !> vertices from the points.
   subroutine interpolate_gaps(surface, offset, x, xi, weight, projection)
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface
+    type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
     !> Points of facet f, if any, are offset(f)+1 .. offset(f+1), the vertices of linear facets last; on return without
     !> these (n_facets+1).
     integer, intent(inout) :: offset(:)
-    !> Positions of the points (3, n_points) [length].
-    real(dp), allocatable, intent(inout) :: x(:, :)
-    !> Reference coordinates of the points (2, n_points) [].
-    real(dp), allocatable, intent(inout) :: xi(:, :)
+    real(dp), allocatable, intent(inout) :: x(:, :)  !! Positions of the points (3, n_points) [length].
+    real(dp), allocatable, intent(inout) :: xi(:, :)  !! Reference coordinates of the points (2, n_points) [].
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), allocatable, intent(inout) :: weight(:)
-    !> Projections of the points (n_points).
-    type(projection_t), allocatable, intent(inout) :: projection(:)
+    type(projection_t), allocatable, intent(inout) :: projection(:)  !! Projections of the points (n_points).
     integer, allocatable :: list(:)
     integer :: n_vertices(size(offset) - 1), f, i, n
     logical :: is_kept(size(weight))
@@ -108,8 +102,7 @@ contains
 
   !> Number of corners of a linear facet; 0 for others.
   pure integer function linear_corners(kind)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind of the facet.
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     linear_corners = merge(properties%n_corners, 0, kind_nodes(kind) == properties%n_corners)
@@ -117,18 +110,13 @@ contains
 
   !> Take r off the distances on one facet.
   subroutine straighten(corners, kind, x, xi, area, projection)
-    !> Number of corners of the facet, the last points.
-    integer, intent(in) :: corners
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Positions of the points (3, n_points) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Reference coordinates of the points (dimension-1, n_points) [].
-    real(dp), intent(in) :: xi(:, :)
+    integer, intent(in) :: corners  !! Number of corners of the facet, the last points.
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n_points) [length].
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: area(:)
-    !> Projections of the points (n_points).
-    type(projection_t), intent(inout) :: projection(:)
+    type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n_points).
     real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :)
     real(dp), allocatable :: coefficient(:), rest(:), r(:)
     real(dp) :: weight(size(area)), gap(size(area))
@@ -165,14 +153,10 @@ contains
 
   !> Coefficients of a least-squares approximation; 0 for combinations that the points do not determine.
   function fitted(functions, weight, value) result(coefficient)
-    !> Functions at the points (n, n_points) [].
-    real(dp), intent(in) :: functions(:, :)
-    !> Weights of the points (n_points) [].
-    real(dp), intent(in) :: weight(:)
-    !> Values to be approximated (n_points) [any].
-    real(dp), intent(in) :: value(:)
-    !> Coefficients (n) [as `value`].
-    real(dp) :: coefficient(size(functions, 1))
+    real(dp), intent(in) :: functions(:, :)  !! Functions at the points (n, n_points) [].
+    real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [].
+    real(dp), intent(in) :: value(:)  !! Values to be approximated (n_points) [any].
+    real(dp) :: coefficient(size(functions, 1))  !! Coefficients (n) [as `value`].
     type(error_t), allocatable :: error
     real(dp) :: matrix(size(functions, 1), size(functions, 1)), vectors(size(functions, 1), size(functions, 1))
     real(dp) :: values(size(functions, 1)), right(size(functions, 1)), weighted(size(functions, 1), size(functions, 2))
@@ -192,10 +176,8 @@ contains
 
   !> Quadratic functions that vanish at the corners: those of the mid-side nodes of the quadratic facet.
   pure subroutine vanishing_functions(linear, curved)
-    !> Linear shape functions (corners) [].
-    real(dp), intent(in) :: linear(:)
-    !> Functions: one on a line, else as many as corners (n) [].
-    real(dp), intent(out) :: curved(:)
+    real(dp), intent(in) :: linear(:)  !! Linear shape functions (corners) [].
+    real(dp), intent(out) :: curved(:)  !! Functions: one on a line, else as many as corners (n) [].
     integer :: i
     associate (n => size(linear), phi => linear)
       do i = 1, size(curved)

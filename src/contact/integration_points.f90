@@ -23,14 +23,10 @@ contains
   !> Quadrature rules on whole facets of the kinds in use. Where integration points are rows: twice the order of the
   !> element, one degree more with the radius in the weights.
   subroutine whole_facet_rules(kinds, mortar, axisymmetric, rule)
-    !> Element kinds of the facets (n_facets).
-    integer, intent(in) :: kinds(:)
-    !> The rows are dual mortar rows; otherwise the integration points are rows.
-    logical, intent(in) :: mortar
-    !> Weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Rules, by element kind (n_element_kinds).
-    type(quadrature_rule_t), intent(inout) :: rule(:)
+    integer, intent(in) :: kinds(:)  !! Element kinds of the facets (n_facets).
+    logical, intent(in) :: mortar  !! The rows are dual mortar rows; otherwise the integration points are rows.
+    logical, intent(in) :: axisymmetric  !! Weights include the circumference 2 pi r.
+    type(quadrature_rule_t), intent(inout) :: rule(:)  !! Rules, by element kind (n_element_kinds).
     type(element_kind_t) :: kind
     integer :: k, degree
     do k = 1, n_element_kinds
@@ -45,34 +41,21 @@ contains
   !> Integration points of one slave facet and their projections.
   pure subroutine points_of_facet(kind, d, x_nodes, points, weights, axisymmetric, master, candidate, radius, &
                                   max_depth, x, xi, weight, projection)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: d
-    !> Coordinates of the nodes of the facet (d, n_nodes) [length].
-    real(dp), intent(in) :: x_nodes(:, :)
-    !> Points of the rule (d-1, n) [].
-    real(dp), intent(in) :: points(:, :)
-    !> Weights of the rule (n) [].
-    real(dp), intent(in) :: weights(:)
-    !> Weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> The other surface.
-    type(master_surface_t), intent(in) :: master
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: d  !! Dimension of space, 2 or 3.
+    real(dp), intent(in) :: x_nodes(:, :)  !! Coordinates of the nodes of the facet (d, n_nodes) [length].
+    real(dp), intent(in) :: points(:, :)  !! Points of the rule (d-1, n) [].
+    real(dp), intent(in) :: weights(:)  !! Weights of the rule (n) [].
+    logical, intent(in) :: axisymmetric  !! Weights include the circumference 2 pi r.
+    type(master_surface_t), intent(in) :: master  !! The other surface.
     !> The facet is within the search radius of the master surface, from the broad phase.
     logical, intent(in) :: candidate
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Thickness of the slave body at the facet [length].
-    real(dp), intent(in) :: max_depth
-    !> Positions (3, n) [length].
-    real(dp), intent(out) :: x(:, :)
-    !> Reference coordinates (2, n) [].
-    real(dp), intent(out) :: xi(:, :)
-    !> Weights: areas of the points (n) [length^2; length in two dimensions].
-    real(dp), intent(out) :: weight(:)
-    !> Projections on the master surface (n).
-    type(projection_t), intent(out) :: projection(:)
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: max_depth  !! Thickness of the slave body at the facet [length].
+    real(dp), intent(out) :: x(:, :)  !! Positions (3, n) [length].
+    real(dp), intent(out) :: xi(:, :)  !! Reference coordinates (2, n) [].
+    real(dp), intent(out) :: weight(:)  !! Weights: areas of the points (n) [length^2; length in two dimensions].
+    type(projection_t), intent(out) :: projection(:)  !! Projections on the master surface (n).
     real(dp) :: normal(3), jacobian
     integer :: i, hint
     hint = 0
@@ -95,32 +78,20 @@ contains
   !> Integration points of all slave facets and their closest-point projections on the master surface.
   subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, master, candidate, radius, depth, x, xi, &
                             weight, projection)
-    !> Body of the slave surface.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Quadrature rules of the facets (n_facets).
-    type(quadrature_rule_t), intent(in) :: rule(:)
-    !> Points of facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
-    integer, intent(in) :: offset(:)
-    !> Weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
+    type(body_mesh_t), intent(in) :: mesh_a  !! Body of the slave surface.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(quadrature_rule_t), intent(in) :: rule(:)  !! Quadrature rules of the facets (n_facets).
+    integer, intent(in) :: offset(:)  !! Points of facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
+    logical, intent(in) :: axisymmetric  !! Weights include the circumference 2 pi r.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
     !> Facets within the search radius of the master surface, from the broad phase (n_facets).
     logical, intent(in) :: candidate(:)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Thickness of the slave body at the facets (n_facets) [length].
-    real(dp), intent(in) :: depth(:)
-    !> Positions (3, n) [length].
-    real(dp), intent(out) :: x(:, :)
-    !> Reference coordinates (2, n) [].
-    real(dp), intent(out) :: xi(:, :)
-    !> Weights: areas of the points (n) [length^2; length in two dimensions].
-    real(dp), intent(out) :: weight(:)
-    !> Projections on the master surface (n).
-    type(projection_t), intent(out) :: projection(:)
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: depth(:)  !! Thickness of the slave body at the facets (n_facets) [length].
+    real(dp), intent(out) :: x(:, :)  !! Positions (3, n) [length].
+    real(dp), intent(out) :: xi(:, :)  !! Reference coordinates (2, n) [].
+    real(dp), intent(out) :: weight(:)  !! Weights: areas of the points (n) [length^2; length in two dimensions].
+    type(projection_t), intent(out) :: projection(:)  !! Projections on the master surface (n).
     integer :: f
     !$omp parallel do default(none) schedule(dynamic, 64) &
     !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, master, candidate, radius, depth, x, xi, weight) &
@@ -137,14 +108,10 @@ contains
 
   !> Area of a surface [length^2; length in two dimensions, with 2 pi r in axisymmetry length^2].
   real(dp) function surface_area(mesh, surface, rule, axisymmetric) result(area)
-    !> Body of the surface.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Rules on whole facets, by element kind (n_element_kinds).
-    type(quadrature_rule_t), intent(in) :: rule(:)
-    !> Whether areas include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
+    type(body_mesh_t), intent(in) :: mesh  !! Body of the surface.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(quadrature_rule_t), intent(in) :: rule(:)  !! Rules on whole facets, by element kind (n_element_kinds).
+    logical, intent(in) :: axisymmetric  !! Whether areas include the circumference 2 pi r.
     real(dp) :: x(mesh%dimension), normal(mesh%dimension), jacobian
     integer :: f, i
     area = 0

@@ -16,8 +16,7 @@ module dotyk_contact_local_depth
   private
   public :: find_depths, leaves_body
 
-  !> A ray begins at this distance behind the facet, relative to its size.
-  real(dp), parameter :: start = 1.0e-6_dp
+  real(dp), parameter :: start = 1.0e-6_dp  !! A ray begins at this distance behind the facet, relative to its size.
   !> A ray meets a facet where it comes closer to it than this, relative to the size of that facet.
   real(dp), parameter :: hit_tolerance = 0.05_dp
   !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
@@ -25,21 +24,16 @@ module dotyk_contact_local_depth
   !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the
   !> way may leave the body soon after it began.
   real(dp), parameter :: first_margin = 1.0e-6_dp, last_margin = 0.05_dp
-  !> Steps to the intersection of a ray with a curved facet.
-  integer, parameter :: n_steps = 4
+  integer, parameter :: n_steps = 4  !! Steps to the intersection of a ray with a curved facet.
 
 contains
 
   !> Set the depths of the facets of a surface.
   subroutine find_depths(division, tree, neighbour, limit, set)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facet across each edge, 0 at the boundary of the surface (4, n_facets).
-    integer, intent(in) :: neighbour(:, :)
-    !> Greatest depth of interest [length].
-    real(dp), intent(in) :: limit
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    integer, intent(in) :: neighbour(:, :)  !! Facet across each edge, 0 at the boundary of the surface (4, n_facets).
+    real(dp), intent(in) :: limit  !! Greatest depth of interest [length].
     !> Facets of the surface; `depth` is set, to a huge number where no facet of the surface lies behind.
     type(facet_set_t), intent(inout) :: set
     real(dp), allocatable :: depth(:)
@@ -65,14 +59,10 @@ contains
   !> Distance from the middle of a facet against its normal to the nearest facet seen from inside; huge if there is none
   !> [length].
   pure real(dp) function depth_behind(tree, set, f, limit) result(depth)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Greatest depth of interest [length].
-    real(dp), intent(in) :: limit
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: f  !! Facet number.
+    real(dp), intent(in) :: limit  !! Greatest depth of interest [length].
     real(dp), dimension(3) :: centre, normal, xu, xv
     real(dp) :: xi(2)
     xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
@@ -83,14 +73,10 @@ contains
 
   !> Whether the straight way from one point to another leaves the body of a surface in between.
   pure logical function leaves_body(tree, set, from, to)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> First point (3) [length].
-    real(dp), intent(in) :: from(3)
-    !> Second point (3) [length].
-    real(dp), intent(in) :: to(3)
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    real(dp), intent(in) :: from(3)  !! First point (3) [length].
+    real(dp), intent(in) :: to(3)  !! Second point (3) [length].
     real(dp) :: length
     length = norm2(to - from)
     leaves_body = .false.
@@ -101,18 +87,12 @@ contains
 
   !> Distance along a ray to the first facet that it leaves the body through; huge if there is none [length].
   pure real(dp) function first_exit(tree, set, origin, direction, low, high) result(distance)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Origin of the ray (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Its direction, a unit vector (3) [].
-    real(dp), intent(in) :: direction(3)
-    !> Beginning of the part of the ray that counts [length].
-    real(dp), intent(in) :: low
-    !> Its end [length].
-    real(dp), intent(in) :: high
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    real(dp), intent(in) :: origin(3)  !! Origin of the ray (3) [length].
+    real(dp), intent(in) :: direction(3)  !! Its direction, a unit vector (3) [].
+    real(dp), intent(in) :: low  !! Beginning of the part of the ray that counts [length].
+    real(dp), intent(in) :: high  !! Its end [length].
     type(oriented_box_t) :: beam
     integer, allocatable :: list(:)
     real(dp), dimension(3) :: position, normal, xu, xv

@@ -15,12 +15,9 @@ contains
   !> Local origin: zero, except for a surface that is far from the origin, where sums of coordinates would lose the
   !> significant digits of the gaps; differences of coordinates do not.
   pure subroutine choose_origin(x, surface, origin)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> A node of the surface, or zero (dimension) [length].
-    real(dp), intent(out) :: origin(:)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    real(dp), intent(out) :: origin(:)  !! A node of the surface, or zero (dimension) [length].
     real(dp) :: low(size(origin)), high(size(origin))
     integer :: f, i
     low = huge(1.0_dp)
@@ -38,10 +35,8 @@ contains
 
   !> Subtract an origin from coordinates.
   pure subroutine shift_origin(x, origin)
-    !> Coordinates (dimension, n) [length].
-    real(dp), intent(inout) :: x(:, :)
-    !> Origin (3) [length].
-    real(dp), intent(in) :: origin(3)
+    real(dp), intent(inout) :: x(:, :)  !! Coordinates (dimension, n) [length].
+    real(dp), intent(in) :: origin(3)  !! Origin (3) [length].
     integer :: i
     do i = 1, size(x, 2)
       x(:, i) = x(:, i) - origin(1:size(x, 1))

@@ -17,18 +17,12 @@ contains
 
   !> Make one pair for each component: a row for each node.
   subroutine discretize_matching_tie(mesh_a, surface_a, mesh_b, surface_b, settings, tie, normal)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface: the same facets.
-    type(surface_t), intent(in) :: surface_b
-    !> Name and bodies.
-    type(pair_settings_t), intent(in) :: settings
-    !> One pair for each component (dimension).
-    type(contact_pair_t), allocatable, intent(out) :: tie(:)
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface: the same facets.
+    type(pair_settings_t), intent(in) :: settings  !! Name and bodies.
+    type(contact_pair_t), allocatable, intent(out) :: tie(:)  !! One pair for each component (dimension).
     !> Mean normal of the slave surface; of length 1 where it is flat (dimension) [].
     real(dp), intent(out) :: normal(:)
     type(contact_pair_t) :: pair
@@ -103,8 +97,7 @@ contains
 
   !> Area times normal of a facet from its corners; in two dimensions its length.
   pure function area_vector(x) result(vector)
-    !> Corners (dimension, n_corners) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Corners (dimension, n_corners) [length].
     real(dp) :: vector(size(x, 1))
     integer :: i
     if (size(x, 1) == 2) then
@@ -119,12 +112,9 @@ contains
 
   !> Reference coordinates of a node of a facet (dimension - 1) [].
   pure function reference_node(d, kind, j) result(xi)
-    !> Dimension of the facet.
-    integer, intent(in) :: d
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> The node.
-    integer, intent(in) :: j
+    integer, intent(in) :: d  !! Dimension of the facet.
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: j  !! The node.
     real(dp) :: xi(d), all_of_them(d, max_facet_nodes)
     call reference_nodes(kind, all_of_them(:, :kind_nodes(kind)))
     xi = all_of_them(:, j)
@@ -132,10 +122,8 @@ contains
 
   !> Number of the nearest of some points.
   pure integer function closest_of(x, points) result(k)
-    !> A point (dimension) [length].
-    real(dp), intent(in) :: x(:)
-    !> The points (dimension, n_points) [length].
-    real(dp), intent(in) :: points(:, :)
+    real(dp), intent(in) :: x(:)  !! A point (dimension) [length].
+    real(dp), intent(in) :: points(:, :)  !! The points (dimension, n_points) [length].
     k = minloc(norm2(points - spread(x, 2, size(points, 2)), dim=1), dim=1)
   end function closest_of
 end module dotyk_contact_matching_tie

@@ -16,14 +16,10 @@ contains
 
   !> Whether two facets in three dimensions meet along edges that are parallel, side by side at least in part.
   pure logical function meet_along_edges(a, f, b, g) result(meet)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Its facet.
-    integer, intent(in) :: f
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: g
+    type(body_faces_t), intent(in) :: a  !! First body.
+    integer, intent(in) :: f  !! Its facet.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    integer, intent(in) :: g  !! Its facet.
     real(dp), dimension(3) :: p, along, q, other
     real(dp) :: first, last, length, reach
     integer :: i, j

@@ -21,21 +21,18 @@ module dotyk_contact_moment_fitting
   !> A function whose component orthogonal to the others is below this fraction of the longest is nearly dependent on
   !> them.
   real(dp), parameter :: near_dependence = 1.0e-8_dp
-  !> Orthogonal components below this fraction are round-off.
-  real(dp), parameter :: round_off_part = 1.0e-13_dp
+  real(dp), parameter :: round_off_part = 1.0e-13_dp  !! Orthogonal components below this fraction are round-off.
   !> Integration errors below this fraction of the area are round-off.
   real(dp), parameter :: integral_round_off = 3.0e-15_dp
   !> Greatest relative change of the weights to integrate a nearly dependent function.
   real(dp), parameter :: max_dependent_change = 0.05_dp
-  !> Greatest relative change of a weight: the fitted weights stay positive.
-  real(dp), parameter :: max_change = 0.5_dp
+  real(dp), parameter :: max_change = 0.5_dp  !! Greatest relative change of a weight: the fitted weights stay positive.
   !> Upper limit of `distortion`, where the area per reference area vanishes at a corner: the degree of the reference
   !> rule stays finite.
   real(dp), parameter :: max_distortion = 0.9_dp
   !> Lower limit of the distortion seen by a segment: below it the rule of least degree is exact to round-off.
   real(dp), parameter :: min_distortion = 1.0e-3_dp
-  !> Degree of the reference rule for polynomials.
-  integer, parameter :: base_degree = 6
+  integer, parameter :: base_degree = 6  !! Degree of the reference rule for polynomials.
   !> n more degrees for a singularity on the Bernstein ellipse rho make the error rho^(-n) = exp(-round_off_exponent) =
   !> 1e-14.
   integer, parameter :: round_off_exponent = 32
@@ -45,10 +42,8 @@ contains
   !> Variation of the area per reference area over a facet, (max - min)/(max + min) of its corners; 0 for other facets
   !> than quadrilaterals [].
   pure real(dp) function distortion(set, facet) result(ratio)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facet number.
-    integer, intent(in) :: facet
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: facet  !! Facet number.
     real(dp), parameter :: corner(2, 4) = &
       reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
     real(dp) :: area(4)
@@ -67,28 +62,17 @@ contains
   !> Fit the weights of a mortar segment between two flat parallel facets.
   pure subroutine fit_segment_weights(plane, set_a, facet_a, kind_a, set_b, facet_b, kind_b, polygon, table, xi, &
                                       weight, fits)
-    !> Auxiliary plane of the slave facet, which is a plane polygon.
-    type(auxiliary_plane_t), intent(in) :: plane
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set_a
-    !> Facets of the master surface.
-    type(facet_set_t), intent(in) :: set_b
-    !> Slave facet.
-    integer, intent(in) :: facet_a
-    !> Element kind of the slave facet.
-    integer, intent(in) :: kind_a
-    !> Master facet.
-    integer, intent(in) :: facet_b
-    !> Element kind of the master facet.
-    integer, intent(in) :: kind_b
-    !> Mortar segment in the auxiliary plane.
-    type(polygon_t), intent(in) :: polygon
-    !> Quadrature rules on reference domains, by degree.
-    type(rule_table_t), intent(in) :: table
-    !> Quadrature points in reference coordinates of the slave facet (2, n) [].
-    real(dp), intent(in) :: xi(:, :)
-    !> Quadrature weights there, fitted on return (n) [].
-    real(dp), intent(inout) :: weight(:)
+    type(auxiliary_plane_t), intent(in) :: plane  !! Auxiliary plane of the slave facet, which is a plane polygon.
+    type(facet_set_t), intent(in) :: set_a  !! Facets of the slave surface.
+    type(facet_set_t), intent(in) :: set_b  !! Facets of the master surface.
+    integer, intent(in) :: facet_a  !! Slave facet.
+    integer, intent(in) :: kind_a  !! Element kind of the slave facet.
+    integer, intent(in) :: facet_b  !! Master facet.
+    integer, intent(in) :: kind_b  !! Element kind of the master facet.
+    type(polygon_t), intent(in) :: polygon  !! Mortar segment in the auxiliary plane.
+    type(rule_table_t), intent(in) :: table  !! Quadrature rules on reference domains, by degree.
+    real(dp), intent(in) :: xi(:, :)  !! Quadrature points in reference coordinates of the slave facet (2, n) [].
+    real(dp), intent(inout) :: weight(:)  !! Quadrature weights there, fitted on return (n) [].
     !> A small change was enough; otherwise the weights are unchanged, and a rule with more points is needed.
     logical, intent(out) :: fits
     real(dp), allocatable :: points(:, :), weights(:), values(:, :), integrals(:), fitted(:), projected(:, :), scale(:)
@@ -128,12 +112,10 @@ contains
 
     !> Shape functions of both facets at points of the auxiliary plane.
     pure subroutine shapes_in_plane(p, shape, ok)
-      !> Points (2, n) [length].
-      real(dp), intent(in) :: p(:, :)
+      real(dp), intent(in) :: p(:, :)  !! Points (2, n) [length].
       !> Shape functions of the slave facet, then of the master facet (n_functions, n) [].
       real(dp), intent(out) :: shape(:, :)
-      !> The inverse maps of all points were found.
-      logical, intent(out) :: ok
+      logical, intent(out) :: ok  !! The inverse maps of all points were found.
       real(dp) :: a(2), b(2), shift(2), determinant
       integer :: k
       a = reference_centre(set_a%corners(facet_a))
@@ -155,14 +137,10 @@ contains
   !> Smallest relative change of weights that gives functions prescribed integrals. Dependent functions are allowed;
   !> nothing changes where a weight would change by more than `max_change`.
   pure subroutine fit_weights(values, integrals, weights, fits)
-    !> Values of the functions at the points (n_functions, n_points) [].
-    real(dp), intent(in) :: values(:, :)
-    !> Prescribed integrals (n_functions) [length^2].
-    real(dp), intent(in) :: integrals(:)
-    !> Weights (n_points) [length^2].
-    real(dp), intent(inout) :: weights(:)
-    !> The integrals are met.
-    logical, intent(out) :: fits
+    real(dp), intent(in) :: values(:, :)  !! Values of the functions at the points (n_functions, n_points) [].
+    real(dp), intent(in) :: integrals(:)  !! Prescribed integrals (n_functions) [length^2].
+    real(dp), intent(inout) :: weights(:)  !! Weights (n_points) [length^2].
+    logical, intent(out) :: fits  !! The integrals are met.
     real(dp) :: v(size(weights), size(integrals)), residual(size(integrals)), length(size(integrals)), q(size(weights))
     real(dp) :: change(size(weights)), scale, coefficient, total
     logical :: remaining(size(integrals))

@@ -33,8 +33,7 @@ module dotyk_contact_mortar_segments
   real(dp), parameter :: area_tolerance = 1.0e-9_dp
   !> One segment covers the whole slave facet up to this fraction of its area.
   real(dp), parameter :: whole_tolerance = 1.0e-13_dp
-  !> Greatest degree that is tried for moment fitting.
-  integer, parameter :: max_fit_degree = 12
+  integer, parameter :: max_fit_degree = 12  !! Greatest degree that is tried for moment fitting.
   !> Points within this distance of a segment, relative to the size of the slave facet, lie in it.
   real(dp), parameter :: boundary_tolerance = 1.0e-6_dp
   !> Least degree of mortar rules on curved or distorted slave facets, whose map is not affine; and where one segment
@@ -51,28 +50,17 @@ contains
   !> Quadrature rules of all slave facets that are segmented; the other facets get none.
   subroutine build_segment_rules(mesh_a, surface_a, set, candidate, mesh_b, surface_b, master, radius, mortar, &
                                  axisymmetric, whole_rule, rule)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facets to segment, from the broad phase (n_facets).
-    logical, intent(in) :: candidate(:)
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> The rows are dual mortar rows; otherwise the integration points are rows.
-    logical, intent(in) :: mortar
-    !> Weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Rules on whole facets, by facet kind (n_element_kinds).
-    type(quadrature_rule_t), intent(in) :: whole_rule(:)
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    logical, intent(in) :: candidate(:)  !! Facets to segment, from the broad phase (n_facets).
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    logical, intent(in) :: mortar  !! The rows are dual mortar rows; otherwise the integration points are rows.
+    logical, intent(in) :: axisymmetric  !! Weights include the circumference 2 pi r.
+    type(quadrature_rule_t), intent(in) :: whole_rule(:)  !! Rules on whole facets, by facet kind (n_element_kinds).
     !> Rules of the slave facets; not allocated where there is no segmentation (n_facets).
     type(quadrature_rule_t), allocatable, intent(out) :: rule(:)
     type(rule_table_t) :: table
@@ -105,12 +93,9 @@ contains
   !> are linear. Integration points as rows: twice the order of the slave element, and at least the shape functions of
   !> the master facet.
   pure integer function segment_degree(kind_a, kind_b, mortar) result(degree)
-    !> Element kind of the slave facet.
-    integer, intent(in) :: kind_a
-    !> Element kind of the master facet.
-    integer, intent(in) :: kind_b
-    !> The rows are dual mortar rows.
-    logical, intent(in) :: mortar
+    integer, intent(in) :: kind_a  !! Element kind of the slave facet.
+    integer, intent(in) :: kind_b  !! Element kind of the master facet.
+    logical, intent(in) :: mortar  !! The rows are dual mortar rows.
     type(element_kind_t) :: kind
     kind = element_kind(kind_a)
     degree = max(shape_degree(kind_a), shape_degree(kind_b))
@@ -123,30 +108,18 @@ contains
 
   !> Quadrature rule of a slave facet in three dimensions.
   subroutine segment_rule_3d(set, f, kind, x, mesh_b, surface_b, master, table, radius, mortar, whole_rule, rule)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Coordinates of the nodes of the slave facet (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Body of the master surface.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Quadrature rules on reference domains, by degree.
-    type(rule_table_t), intent(in) :: table
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> The rows are dual mortar rows.
-    logical, intent(in) :: mortar
-    !> Rule on the whole facet.
-    type(quadrature_rule_t), intent(in) :: whole_rule
-    !> Rule; not allocated where segmentation fails.
-    type(quadrature_rule_t), intent(inout) :: rule
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Coordinates of the nodes of the slave facet (3, n_nodes) [length].
+    type(body_mesh_t), intent(in) :: mesh_b  !! Body of the master surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    type(rule_table_t), intent(in) :: table  !! Quadrature rules on reference domains, by degree.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    logical, intent(in) :: mortar  !! The rows are dual mortar rows.
+    type(quadrature_rule_t), intent(in) :: whole_rule  !! Rule on the whole facet.
+    type(quadrature_rule_t), intent(inout) :: rule  !! Rule; not allocated where segmentation fails.
     type(auxiliary_plane_t) :: plane
     type(mortar_segment_t), allocatable :: segment(:)
     real(dp), allocatable :: points(:, :), weights(:)
@@ -209,16 +182,12 @@ contains
 
   !> Transform a rule from clip coordinates to reference coordinates of the slave facet.
   pure subroutine to_reference(plane, coefficient, points, weights, ok)
-    !> Auxiliary plane of the slave facet.
-    type(auxiliary_plane_t), intent(in) :: plane
-    !> Coefficients of the facet polynomial (3, 9) [length].
-    real(dp), intent(in) :: coefficient(3, 9)
+    type(auxiliary_plane_t), intent(in) :: plane  !! Auxiliary plane of the slave facet.
+    real(dp), intent(in) :: coefficient(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
     !> Points in clip coordinates; in reference coordinates on return (2, n) [length, then none].
     real(dp), intent(inout) :: points(:, :)
-    !> Weights, transformed on return (n) [length^2, then none].
-    real(dp), intent(inout) :: weights(:)
-    !> All inverse maps were found.
-    logical, intent(out) :: ok
+    real(dp), intent(inout) :: weights(:)  !! Weights, transformed on return (n) [length^2, then none].
+    logical, intent(out) :: ok  !! All inverse maps were found.
     real(dp) :: xi(2), determinant
     integer :: i
     ok = .true.
@@ -234,20 +203,13 @@ contains
 
   !> Whether a point of the rule on the whole facet that lies in no segment has a projection.
   pure logical function has_uncovered_projection(set, f, plane, segment, master, radius, whole_rule) result(found)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Auxiliary plane of the slave facet.
-    type(auxiliary_plane_t), intent(in) :: plane
-    !> Mortar segments of the facet (n_segments).
-    type(mortar_segment_t), intent(in) :: segment(:)
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Rule on the whole facet.
-    type(quadrature_rule_t), intent(in) :: whole_rule
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    type(auxiliary_plane_t), intent(in) :: plane  !! Auxiliary plane of the slave facet.
+    type(mortar_segment_t), intent(in) :: segment(:)  !! Mortar segments of the facet (n_segments).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    type(quadrature_rule_t), intent(in) :: whole_rule  !! Rule on the whole facet.
     type(projection_t) :: projection
     real(dp), dimension(3) :: x, normal, xu, xv
     real(dp) :: s(2)
@@ -273,28 +235,17 @@ contains
 
   !> Quadrature rule of a slave facet in two dimensions.
   subroutine segment_rule_2d(set, f, kind, surface_b, master, table, radius, mortar, axisymmetric, whole_rule, rule)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Quadrature rules on reference domains, by degree.
-    type(rule_table_t), intent(in) :: table
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> The rows are dual mortar rows.
-    logical, intent(in) :: mortar
-    !> Weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Rule on the whole facet.
-    type(quadrature_rule_t), intent(in) :: whole_rule
-    !> Rule; not allocated where segmentation fails.
-    type(quadrature_rule_t), intent(inout) :: rule
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    type(rule_table_t), intent(in) :: table  !! Quadrature rules on reference domains, by degree.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    logical, intent(in) :: mortar  !! The rows are dual mortar rows.
+    logical, intent(in) :: axisymmetric  !! Weights include the circumference 2 pi r.
+    type(quadrature_rule_t), intent(in) :: whole_rule  !! Rule on the whole facet.
+    type(quadrature_rule_t), intent(inout) :: rule  !! Rule; not allocated where segmentation fails.
     integer, allocatable :: facet(:)
     real(dp), allocatable :: first(:), last(:)
     real(dp), dimension(3) :: x, normal, xu, xv
@@ -341,20 +292,13 @@ contains
   !> facet. Where the master surface ends above a slave facet along the mean normal of the slave facet, it may still be
   !> reached along its own normal: with a gap s and an angle h/(2R) segments end too early by s h/(2R).
   pure subroutine extend_to_end(set, f, master, radius, facet_b, end_of_facet, end_of_segment)
-    !> Facets of the slave surface.
-    type(facet_set_t), intent(in) :: set
-    !> Slave facet.
-    integer, intent(in) :: f
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Master facet of the segment next to the end.
-    integer, intent(in) :: facet_b
-    !> End of the slave facet, -1 or 1 [].
-    real(dp), intent(in) :: end_of_facet
-    !> End of the segment, `end_of_facet` on return if it was extended [].
-    real(dp), intent(inout) :: end_of_segment
+    type(facet_set_t), intent(in) :: set  !! Facets of the slave surface.
+    integer, intent(in) :: f  !! Slave facet.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    integer, intent(in) :: facet_b  !! Master facet of the segment next to the end.
+    real(dp), intent(in) :: end_of_facet  !! End of the slave facet, -1 or 1 [].
+    real(dp), intent(inout) :: end_of_segment  !! End of the segment, `end_of_facet` on return if it was extended [].
     !> Positions between the ends of the segment and the facet that are projected.
     real(dp), parameter :: fraction(3) = [0.05_dp, 0.5_dp, 0.95_dp]
     type(projection_t) :: projection

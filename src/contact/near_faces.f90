@@ -24,8 +24,7 @@ module dotyk_contact_near_faces
 
   !> Sample points of a facet lie at this fraction of the way from its centre to its corners [].
   real(dp), parameter :: to_corner = 0.9_dp
-  !> From so many pairs of bodies on, threads share the pairs.
-  integer, parameter :: many_pairs = 32
+  integer, parameter :: many_pairs = 32  !! From so many pairs of bodies on, threads share the pairs.
   !> From this number of facets of two bodies on, ranks divide them: below, the exchanges take as long.
   real(dp), parameter :: least_divided = 1000
 
@@ -33,16 +32,13 @@ contains
 
   !> Find all faces that may come into contact.
   subroutine find_near_faces(faces, given, near, named, named_reach)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Search distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    real(dp), intent(in) :: given  !! Search distance that the user gives, or 0 [length].
     !> Facets that may come into contact, by pairs of bodies in ascending order (n_pairs).
     type(near_faces_t), allocatable, intent(out) :: near(:)
     !> Pairs of bodies of which facets farther apart than `named_reach` may be omitted (2, n_named).
     integer, intent(in), optional :: named(:, :)
-    !> Distance, as a fraction of the diameter of the smaller body [].
-    real(dp), intent(in), optional :: named_reach
+    real(dp), intent(in), optional :: named_reach  !! Distance, as a fraction of the diameter of the smaller body [].
     type(near_faces_t), allocatable :: found(:)
     logical, allocatable :: kept(:)
     real(dp), allocatable :: most(:)
@@ -78,16 +74,11 @@ contains
 
   !> Find the faces of two bodies that may come into contact.
   subroutine find_between(faces, given, most, division, near)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Search distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
-    !> Bound of the search distance [length].
-    real(dp), intent(in) :: most
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> The two bodies; their facets are set.
-    type(near_faces_t), intent(inout) :: near
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    real(dp), intent(in) :: given  !! Search distance that the user gives, or 0 [length].
+    real(dp), intent(in) :: most  !! Bound of the search distance [length].
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    type(near_faces_t), intent(inout) :: near  !! The two bodies; their facets are set.
     call find_facets(faces(near%body_a), faces(near%body_b), given, near, most, division)
     if (.not. most < huge(most) .or. any(near%opposite)) return
     ! Bodies that do not lie opposite each other may meet along edges.
@@ -96,14 +87,10 @@ contains
 
   !> Bound the search distance of named pairs of bodies that are near no other body: their far facets decide nothing.
   subroutine limit_named(faces, near, named, named_reach, most)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Pairs of bodies that are near each other (n_pairs).
-    type(near_faces_t), intent(in) :: near(:)
-    !> Named pairs of bodies (2, n_named).
-    integer, intent(in) :: named(:, :)
-    !> Distance, as a fraction of the diameter of the smaller body [].
-    real(dp), intent(in) :: named_reach
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    type(near_faces_t), intent(in) :: near(:)  !! Pairs of bodies that are near each other (n_pairs).
+    integer, intent(in) :: named(:, :)  !! Named pairs of bodies (2, n_named).
+    real(dp), intent(in) :: named_reach  !! Distance, as a fraction of the diameter of the smaller body [].
     !> Bounds of the search distance; those of such pairs are set (n_pairs) [length].
     real(dp), intent(inout) :: most(:)
     integer :: k, n_near(size(faces))
@@ -124,10 +111,8 @@ contains
   !> Mark the facets of bodies that meet along edges only. Where other bodies lie opposite the flanks, as where four
   !> bricks meet, these carry the contact.
   subroutine add_edges(faces, near)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Facets that are near each other, by pairs of bodies (n_pairs).
-    type(near_faces_t), intent(inout) :: near(:)
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    type(near_faces_t), intent(inout) :: near(:)  !! Facets that are near each other, by pairs of bodies (n_pairs).
     integer :: offset(size(faces) + 1), b, i, k
     logical, allocatable :: is_covered(:)
     offset(1) = 0
@@ -155,12 +140,9 @@ contains
 
   !> Pairs of bodies whose boxes are within the search distance.
   subroutine near_bodies(faces, given, near)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Search distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
-    !> Pairs of bodies, ascending, without facets (n_pairs).
-    type(near_faces_t), allocatable, intent(out) :: near(:)
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    real(dp), intent(in) :: given  !! Search distance that the user gives, or 0 [length].
+    type(near_faces_t), allocatable, intent(out) :: near(:)  !! Pairs of bodies, ascending, without facets (n_pairs).
     type(near_faces_t), allocatable :: longer(:)
     type(facet_set_t) :: set
     type(bounding_volume_tree_t) :: tree
@@ -203,8 +185,7 @@ contains
 
   !> Drop pairs of facets with another body in between.
   subroutine drop_hidden(faces, near)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
     !> Facets that are near each other, by pairs of bodies; hidden ones are dropped (n_pairs).
     type(near_faces_t), intent(inout) :: near(:)
     integer, allocatable :: start(:), neighbour(:), fill(:), first(:), offset(:)
@@ -255,12 +236,9 @@ contains
 
     !> Mark the facets of one side of a pair of bodies.
     subroutine mark(before, facet, pair)
-      !> Number of the facets of the bodies before.
-      integer, intent(in) :: before
-      !> Facets of the side (n).
-      integer, intent(in) :: facet(:)
-      !> The pair of bodies.
-      integer, intent(in) :: pair
+      integer, intent(in) :: before  !! Number of the facets of the bodies before.
+      integer, intent(in) :: facet(:)  !! Facets of the side (n).
+      integer, intent(in) :: pair  !! The pair of bodies.
       integer :: j
       do j = 1, size(facet)
         associate (known => first(before + facet(j)))
@@ -273,18 +251,13 @@ contains
 
   !> Keep those facets of two bodies that can see each other from one side at least.
   subroutine keep_visible(faces, several_a, several_b, neighbour_a, neighbour_b, near)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
     !> Whether a facet of the first body has several partner bodies (number of its facets).
     logical, intent(in) :: several_a(:)
-    !> The same of the second body (number of its facets).
-    logical, intent(in) :: several_b(:)
-    !> Bodies near the first one (n_near).
-    integer, intent(in) :: neighbour_a(:)
-    !> Bodies near the second one (n_near).
-    integer, intent(in) :: neighbour_b(:)
-    !> The two bodies; hidden facets are dropped.
-    type(near_faces_t), intent(inout) :: near
+    logical, intent(in) :: several_b(:)  !! The same of the second body (number of its facets).
+    integer, intent(in) :: neighbour_a(:)  !! Bodies near the first one (n_near).
+    integer, intent(in) :: neighbour_b(:)  !! Bodies near the second one (n_near).
+    type(near_faces_t), intent(inout) :: near  !! The two bodies; hidden facets are dropped.
     real(dp), allocatable :: sight_a(:), sight_b(:)
     logical :: kept(near%n)
     integer :: i, a, b
@@ -313,16 +286,11 @@ contains
   !> How far a facet sees in the direction of its normal, from the best of its sample points, before the middle of a
   !> body other than its own and the one that it looks for [length].
   real(dp) function sight(faces, body, facet, neighbour, target)
-    !> Boundary facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Body of the facet.
-    integer, intent(in) :: body
-    !> The facet.
-    integer, intent(in) :: facet
-    !> Bodies near that body (n_near).
-    integer, intent(in) :: neighbour(:)
-    !> Body that it looks for.
-    integer, intent(in) :: target
+    type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
+    integer, intent(in) :: body  !! Body of the facet.
+    integer, intent(in) :: facet  !! The facet.
+    integer, intent(in) :: neighbour(:)  !! Bodies near that body (n_near).
+    integer, intent(in) :: target  !! Body that it looks for.
     real(dp) :: point(3), centre(3), enters, leaves, free
     integer :: s, i
     sight = 0

@@ -11,18 +11,12 @@ module dotyk_contact_near_facets
   implicit none
   private
 
-  !> Facets of two bodies that may come into contact.
-  type, public :: near_faces_t
-    !> Index of the first body, the lower one.
-    integer :: body_a = 0
-    !> Index of the second body.
-    integer :: body_b = 0
-    !> Number of pairs of facets.
-    integer :: n = 0
-    !> Facets of the first body (n).
-    integer, allocatable :: facet_a(:)
-    !> Facets of the second body opposite them (n).
-    integer, allocatable :: facet_b(:)
+  type, public :: near_faces_t  !! Facets of two bodies that may come into contact.
+    integer :: body_a = 0  !! Index of the first body, the lower one.
+    integer :: body_b = 0  !! Index of the second body.
+    integer :: n = 0  !! Number of pairs of facets.
+    integer, allocatable :: facet_a(:)  !! Facets of the first body (n).
+    integer, allocatable :: facet_b(:)  !! Facets of the second body opposite them (n).
     !> Smallest distance of each pair of facets; negative where they overlap (n) [length].
     real(dp), allocatable :: distance(:)
     !> Whether they lie opposite each other, seen along their normals, and not just beside each other; of bodies without
@@ -32,27 +26,19 @@ module dotyk_contact_near_facets
 
   public :: find_facets, share_near
 
-  !> Parts of the facets of two bodies that threads compare, at most.
-  integer, parameter :: most_parts = 64
-  !> Facets of a part, at least.
-  integer, parameter :: least_part = 8
+  integer, parameter :: most_parts = 64  !! Parts of the facets of two bodies that threads compare, at most.
+  integer, parameter :: least_part = 8  !! Facets of a part, at least.
 
 contains
 
   !> Find the facets of two bodies that may come into contact, without regard to other bodies.
   subroutine find_facets(a, b, given, near, most, division)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Search distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
-    !> The two bodies; their facets are set.
-    type(near_faces_t), intent(inout) :: near
-    !> Bound of the search distance [length].
-    real(dp), intent(in), optional :: most
-    !> How ranks divide the facets; not if absent.
-    type(division_t), intent(in), optional :: division
+    type(body_faces_t), intent(in) :: a  !! First body.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    real(dp), intent(in) :: given  !! Search distance that the user gives, or 0 [length].
+    type(near_faces_t), intent(inout) :: near  !! The two bodies; their facets are set.
+    real(dp), intent(in), optional :: most  !! Bound of the search distance [length].
+    type(division_t), intent(in), optional :: division  !! How ranks divide the facets; not if absent.
     type(box_neighbourhood_t) :: region
     type(near_faces_t) :: part(most_parts)
     integer, allocatable :: list(:)
@@ -102,10 +88,8 @@ contains
 
   !> Put the facets that all ranks have found together, in the order of the ranks.
   subroutine append_near(division, near)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> Those of this rank in, of all out.
-    type(near_faces_t), intent(inout) :: near
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    type(near_faces_t), intent(inout) :: near  !! Those of this rank in, of all out.
     real(dp), allocatable :: list(:, :)
     if (.not. division%is_divided) return
     allocate (list(4, near%n))
@@ -116,10 +100,8 @@ contains
 
   !> Make the facets of pairs of bodies that one rank each has found known to all.
   subroutine share_near(owner, near)
-    !> Ranks, or `all_ranks` where all of them have the facets (n_pairs).
-    integer, intent(in) :: owner(:)
-    !> Those of this rank in, of all out (n_pairs).
-    type(near_faces_t), intent(inout) :: near(:)
+    integer, intent(in) :: owner(:)  !! Ranks, or `all_ranks` where all of them have the facets (n_pairs).
+    type(near_faces_t), intent(inout) :: near(:)  !! Those of this rank in, of all out (n_pairs).
     type(item_t), allocatable :: item(:)
     real(dp), allocatable :: list(:, :)
     integer, allocatable :: dealt(:)
@@ -143,8 +125,7 @@ contains
 
   !> Facets as numbers.
   pure subroutine put(near, list)
-    !> The facets.
-    type(near_faces_t), intent(in) :: near
+    type(near_faces_t), intent(in) :: near  !! The facets.
     !> First facet, second facet, distance, whether they are opposite (4, n) [1, 1, length, 1].
     real(dp), intent(out) :: list(:, :)
     list(1, :) = near%facet_a(:near%n)
@@ -155,10 +136,8 @@ contains
 
   !> Facets from numbers.
   pure subroutine take(list, near)
-    !> As from `put` (4, n) [1, 1, length, 1].
-    real(dp), intent(in) :: list(:, :)
-    !> The facets.
-    type(near_faces_t), intent(inout) :: near
+    real(dp), intent(in) :: list(:, :)  !! As from `put` (4, n) [1, 1, length, 1].
+    type(near_faces_t), intent(inout) :: near  !! The facets.
     near%n = size(list, 2)
     near%facet_a = nint(list(1, :))
     near%facet_b = nint(list(2, :))
@@ -168,35 +147,24 @@ contains
 
   !> End of a part of a list in equal parts.
   pure integer function part_end(part, n_parts, n) result(last)
-    !> The part.
-    integer, intent(in) :: part
-    !> Number of parts.
-    integer, intent(in) :: n_parts
-    !> Length of the list.
-    integer, intent(in) :: n
+    integer, intent(in) :: part  !! The part.
+    integer, intent(in) :: n_parts  !! Number of parts.
+    integer, intent(in) :: n  !! Length of the list.
     last = int(int(part, int64)*n/n_parts)
   end function part_end
 
   !> Compare some facets of the body with fewer of them with those of the other one.
   subroutine compare_some(a, b, swapped, reach, overlap, list, behind_a, behind_b, near)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Whether the facets are those of the second body.
-    logical, intent(in) :: swapped
-    !> Search distance [length].
-    real(dp), intent(in) :: reach
-    !> Greatest initial overlap [length].
-    real(dp), intent(in) :: overlap
-    !> The facets (n).
-    integer, intent(in) :: list(:)
+    type(body_faces_t), intent(in) :: a  !! First body.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    logical, intent(in) :: swapped  !! Whether the facets are those of the second body.
+    real(dp), intent(in) :: reach  !! Search distance [length].
+    real(dp), intent(in) :: overlap  !! Greatest initial overlap [length].
+    integer, intent(in) :: list(:)  !! The facets (n).
     !> Thickness of the first body behind its facets; negative where it is not known yet (a%n) [length].
     real(dp), intent(inout) :: behind_a(:)
-    !> The same of the second body (b%n) [length].
-    real(dp), intent(inout) :: behind_b(:)
-    !> Facets that are near each other; there may be room for more.
-    type(near_faces_t), intent(inout) :: near
+    real(dp), intent(inout) :: behind_b(:)  !! The same of the second body (b%n) [length].
+    type(near_faces_t), intent(inout) :: near  !! Facets that are near each other; there may be room for more.
     type(box_neighbourhood_t) :: region
     integer, allocatable :: opposite(:)
     real(dp) :: distance
@@ -232,10 +200,8 @@ contains
 
   !> Give the arrays another size.
   subroutine resize(near, n)
-    !> The facets.
-    type(near_faces_t), intent(inout) :: near
-    !> The size, not below the number of facets.
-    integer, intent(in) :: n
+    type(near_faces_t), intent(inout) :: near  !! The facets.
+    integer, intent(in) :: n  !! The size, not below the number of facets.
     integer, allocatable :: facet(:)
     real(dp), allocatable :: distance(:)
     logical, allocatable :: opposite(:)

@@ -11,8 +11,7 @@ module dotyk_contact_normal_fit
   private
   public :: fit_normal
 
-  !> Number of fits, each in the frame of the previous normal.
-  integer, parameter :: n_fits = 3
+  integer, parameter :: n_fits = 3  !! Number of fits, each in the frame of the previous normal.
   !> With a pivot of the scaled normal equations below this the vertices hardly determine a coefficient: two layers of
   !> them tell no curvature from a slope.
   real(dp), parameter :: min_pivot = 0.02_dp
@@ -25,8 +24,7 @@ contains
 
   !> Fit the normal.
   pure subroutine fit_normal(dimension, point, normal, n_left_out)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
     !> Vertices of the patch relative to the vertex itself, which is not among them (3, n) [length].
     real(dp), intent(in) :: point(:, :)
     !> Unit normal: on entry a guess, in whose frame all heights are functions of the tangential coordinates; the fit on
@@ -46,12 +44,9 @@ contains
 
   !> Two unit vectors normal to a direction; in two dimensions one, and zero.
   pure subroutine tangents(dimension, normal, axis)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Direction (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Unit vectors (3, 2) [].
-    real(dp), intent(out) :: axis(3, 2)
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
+    real(dp), intent(in) :: normal(3)  !! Direction (3) [].
+    real(dp), intent(out) :: axis(3, 2)  !! Unit vectors (3, 2) [].
     integer :: i
     axis = 0
     if (dimension == 2) then
@@ -69,18 +64,12 @@ contains
 
   !> Slopes of the surface at the vertex along the two tangential axes.
   pure subroutine fit_slope(dimension, point, normal, axis, slope, n_left_out)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Vertices relative to the vertex (3, n) [length].
-    real(dp), intent(in) :: point(:, :)
-    !> Normal of the frame (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Tangential axes of the frame (3, 2) [].
-    real(dp), intent(in) :: axis(3, 2)
-    !> Slopes along the axes (2) [].
-    real(dp), intent(out) :: slope(2)
-    !> As in `fit_normal`.
-    integer, intent(out) :: n_left_out
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
+    real(dp), intent(in) :: point(:, :)  !! Vertices relative to the vertex (3, n) [length].
+    real(dp), intent(in) :: normal(3)  !! Normal of the frame (3) [].
+    real(dp), intent(in) :: axis(3, 2)  !! Tangential axes of the frame (3, 2) [].
+    real(dp), intent(out) :: slope(2)  !! Slopes along the axes (2) [].
+    integer, intent(out) :: n_left_out  !! As in `fit_normal`.
     real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2)
     real(dp) :: square, curvature_factor
     integer :: i, n
@@ -120,10 +109,8 @@ contains
   !> Principal axes of points and the origin about their mean, which follow the layers of a mesh, divided by the
   !> root-mean-square coordinates along them. An axis along which the points have no extent is zero.
   pure subroutine principal_axes(p, axes)
-    !> Points (2, n) [length].
-    real(dp), intent(in) :: p(:, :)
-    !> Axes as columns (2, 2) [1/length].
-    real(dp), intent(out) :: axes(2, 2)
+    real(dp), intent(in) :: p(:, :)  !! Points (2, n) [length].
+    real(dp), intent(out) :: axes(2, 2)  !! Axes as columns (2, 2) [1/length].
     real(dp) :: xx, xy, yy, angle, extent(2), mean(2)
     integer :: i
     mean = sum(p, dim=2)/(size(p, 2) + 1)
@@ -148,12 +135,9 @@ contains
 
   !> Solve by Cholesky factorization, without the unknowns that those before them determine already: they are zero.
   pure subroutine solve_determined(a, b, n_left_out)
-    !> Symmetric matrix with diagonal 1, or 0 of unknowns that are zero (n, n) [].
-    real(dp), intent(in) :: a(:, :)
-    !> Right-hand side; solution on return (n) [any].
-    real(dp), intent(inout) :: b(:)
-    !> Number of unknowns that are left out.
-    integer, intent(out) :: n_left_out
+    real(dp), intent(in) :: a(:, :)  !! Symmetric matrix with diagonal 1, or 0 of unknowns that are zero (n, n) [].
+    real(dp), intent(inout) :: b(:)  !! Right-hand side; solution on return (n) [any].
+    integer, intent(out) :: n_left_out  !! Number of unknowns that are left out.
     real(dp) :: l(size(b), size(b)), y(size(b)), pivot
     integer :: i, j
     n_left_out = 0

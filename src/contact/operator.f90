@@ -15,43 +15,32 @@ module dotyk_contact_operator
   implicit none
   private
 
-  !> Columns of B that belong to one body.
-  type, public :: contact_block_t
-    !> Number of contact nodes.
-    integer :: n_nodes = 0
-    !> Body-local numbers of the contact nodes, ascending (n_nodes).
-    integer, allocatable :: contact_node(:)
+  type, public :: contact_block_t  !! Columns of B that belong to one body.
+    integer :: n_nodes = 0  !! Number of contact nodes.
+    integer, allocatable :: contact_node(:)  !! Body-local numbers of the contact nodes, ascending (n_nodes).
     !> Their numbers in the whole body, the same for congruent bodies; not allocated where this rank holds all bodies
     !> wholly (n_nodes).
     integer, allocatable :: whole_node(:)
-    !> Rows of the operator that involve the body, ascending (matrix%n_rows).
-    integer, allocatable :: row(:)
+    integer, allocatable :: row(:)  !! Rows of the operator that involve the body, ascending (matrix%n_rows).
     !> These rows; column (i-1)*dimension + component of contact node i (size(row) x dimension*n_nodes) [].
     type(sparse_rows_t) :: matrix
   contains
     procedure :: node_numbers => block_node_numbers
   end type contact_block_t
 
-  !> The operator.
-  type, public :: contact_operator_t
-    !> Number of rows.
-    integer :: n_rows = 0
-    !> Dimension of space, 2 or 3.
-    integer :: dimension = 0
+  type, public :: contact_operator_t  !! The operator.
+    integer :: n_rows = 0  !! Number of rows.
+    integer :: dimension = 0  !! Dimension of space, 2 or 3.
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Weights w (n_rows) [length^2; length in two dimensions].
-    real(dp), allocatable :: weight(:)
-    !> Weighted gaps d (n_rows) [length].
-    real(dp), allocatable :: gap(:)
+    real(dp), allocatable :: weight(:)  !! Weights w (n_rows) [length^2; length in two dimensions].
+    real(dp), allocatable :: gap(:)  !! Weighted gaps d (n_rows) [length].
     !> Blocks of the bodies; empty for bodies without contact (n_bodies).
     type(contact_block_t), allocatable :: block(:)
   end type contact_operator_t
 
-  !> Rows of one body.
-  type :: body_sides_t
-    !> Those of each side of a pair that the body is (n_sides).
-    type(sparse_rows_t), allocatable :: rows(:)
+  type :: body_sides_t  !! Rows of one body.
+    type(sparse_rows_t), allocatable :: rows(:)  !! Those of each side of a pair that the body is (n_sides).
   end type body_sides_t
 
   public :: build_operator
@@ -68,20 +57,13 @@ contains
 
   !> Build the operator of all pairs.
   subroutine build_operator(dimension, n_bodies, pairs, surfaces_a, surfaces_b, operator, divided)
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pairs(:)
-    !> Slave surfaces of the pairs (n_pairs).
-    type(surface_t), intent(in) :: surfaces_a(:)
-    !> Master surfaces of the pairs (n_pairs).
-    type(surface_t), intent(in) :: surfaces_b(:)
-    !> Operator.
-    type(contact_operator_t), intent(out) :: operator
-    !> Whether ranks divide the rows; not if absent.
-    logical, intent(in), optional :: divided
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    type(contact_pair_t), intent(in) :: pairs(:)  !! Pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_a(:)  !! Slave surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_b(:)  !! Master surfaces of the pairs (n_pairs).
+    type(contact_operator_t), intent(out) :: operator  !! Operator.
+    logical, intent(in), optional :: divided  !! Whether ranks divide the rows; not if absent.
     type(division_t) :: by
     type(body_sides_t), allocatable :: side(:)
     integer :: before(n_bodies + 1), k, b, first, last
@@ -129,22 +111,14 @@ contains
 
   !> Contact nodes and rows of one body, side by side of its pairs.
   subroutine build_sides(body, pairs, surfaces_a, surfaces_b, pair_first_row, first, last, block, side)
-    !> Index of the body.
-    integer, intent(in) :: body
-    !> Pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pairs(:)
-    !> Slave surfaces of the pairs (n_pairs).
-    type(surface_t), intent(in) :: surfaces_a(:)
-    !> Master surfaces of the pairs (n_pairs).
-    type(surface_t), intent(in) :: surfaces_b(:)
-    !> First row of each pair (n_pairs+1).
-    integer, intent(in) :: pair_first_row(:)
-    !> First of the rows of all sides, one side after the other, that is wanted.
-    integer, intent(in) :: first
-    !> Last one.
-    integer, intent(in) :: last
-    !> Block; its matrix is not set.
-    type(contact_block_t), intent(inout) :: block
+    integer, intent(in) :: body  !! Index of the body.
+    type(contact_pair_t), intent(in) :: pairs(:)  !! Pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_a(:)  !! Slave surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_b(:)  !! Master surfaces of the pairs (n_pairs).
+    integer, intent(in) :: pair_first_row(:)  !! First row of each pair (n_pairs+1).
+    integer, intent(in) :: first  !! First of the rows of all sides, one side after the other, that is wanted.
+    integer, intent(in) :: last  !! Last one.
+    type(contact_block_t), intent(inout) :: block  !! Block; its matrix is not set.
     !> Rows of each side; empty where they are not wanted (n_sides).
     type(sparse_rows_t), allocatable, intent(out) :: side(:)
     integer, allocatable :: column_of(:)
@@ -181,28 +155,17 @@ contains
   !> Rows of one side of a pair, or of both where these are of one body: means over the points q of each row of
   !> n_q . N_j, with the sign of the side.
   subroutine side_rows(is_slave, is_master, pair, surface_a, surface_b, column_of, n_nodes, first, last, matrix)
-    !> Whether the body has the slave side.
-    logical, intent(in) :: is_slave
-    !> Whether it has the master side.
-    logical, intent(in) :: is_master
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Contact node number of each node, 0 if none (greatest node number).
-    integer, intent(in) :: column_of(:)
-    !> Number of contact nodes.
-    integer, intent(in) :: n_nodes
-    !> First row that is wanted.
-    integer, intent(in) :: first
-    !> Last one; the others are empty.
-    integer, intent(in) :: last
-    !> The rows (pair%n_rows x dimension*n_nodes) [].
-    type(sparse_rows_t), intent(inout) :: matrix
-    !> Entries that there is room for at first.
-    integer, parameter :: first_room = 1024
+    logical, intent(in) :: is_slave  !! Whether the body has the slave side.
+    logical, intent(in) :: is_master  !! Whether it has the master side.
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    integer, intent(in) :: column_of(:)  !! Contact node number of each node, 0 if none (greatest node number).
+    integer, intent(in) :: n_nodes  !! Number of contact nodes.
+    integer, intent(in) :: first  !! First row that is wanted.
+    integer, intent(in) :: last  !! Last one; the others are empty.
+    type(sparse_rows_t), intent(inout) :: matrix  !! The rows (pair%n_rows x dimension*n_nodes) [].
+    integer, parameter :: first_room = 1024  !! Entries that there is room for at first.
     real(dp), allocatable :: value(:, :), more_values(:)
     integer, allocatable :: place(:), node(:), order(:), more(:)
     real(dp) :: shape(max_facet_nodes)
@@ -250,12 +213,9 @@ contains
 
     !> Add what the nodes of a facet contribute to a point.
     subroutine add_point(surface, facet, xi, direction)
-      !> Surface of the facet.
-      type(surface_t), intent(in) :: surface
-      !> The facet.
-      integer, intent(in) :: facet
-      !> Reference coordinates of the point (dimension-1) [].
-      real(dp), intent(in) :: xi(:)
+      type(surface_t), intent(in) :: surface  !! Surface of the facet.
+      integer, intent(in) :: facet  !! The facet.
+      real(dp), intent(in) :: xi(:)  !! Reference coordinates of the point (dimension-1) [].
       !> Component of the displacement that counts; that of the slave side if absent (dimension) [].
       real(dp), intent(in), optional :: direction(:)
       integer :: m, at, j
@@ -280,8 +240,7 @@ contains
 
   !> Make the rows of all ranks known to all.
   subroutine share_rows(division, side)
-    !> How ranks divide the rows.
-    type(division_t), intent(in) :: division
+    type(division_t), intent(in) :: division  !! How ranks divide the rows.
     !> Rows of the sides of all bodies, one side after the other; those of this rank in, all out (n_bodies).
     type(body_sides_t), intent(inout) :: side(:)
     real(dp), allocatable :: length(:), entries(:, :)
@@ -325,12 +284,9 @@ contains
 
   !> Mark the nodes of facets that carry contact points.
   pure subroutine mark_nodes(surface, facet, mark)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Facets of the points (n_points).
-    integer, intent(in) :: facet(:)
-    !> 1 at marked nodes (greatest node number).
-    integer, intent(inout) :: mark(:)
+    type(surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: facet(:)  !! Facets of the points (n_points).
+    integer, intent(inout) :: mark(:)  !! 1 at marked nodes (greatest node number).
     integer :: i
     do i = 1, size(facet)
       mark(surface%node(1:kind_nodes(surface%kind(facet(i))), facet(i))) = 1
@@ -339,10 +295,8 @@ contains
 
   !> Number the marked nodes in ascending order.
   pure subroutine number_nodes(mark, node)
-    !> 1 at marked nodes on entry, their numbers on return (greatest node number).
-    integer, intent(inout) :: mark(:)
-    !> Marked nodes (n_nodes).
-    integer, intent(out) :: node(:)
+    integer, intent(inout) :: mark(:)  !! 1 at marked nodes on entry, their numbers on return (greatest node number).
+    integer, intent(out) :: node(:)  !! Marked nodes (n_nodes).
     integer :: i, n
     n = 0
     do i = 1, size(mark)

@@ -14,91 +14,57 @@ module dotyk_contact_pair
   implicit none
   private
 
-  !> Settings of a pair, from the input and for the search.
-  type, public :: pair_settings_t
-    !> Name of the pair.
-    character(:), allocatable :: name
-    !> Index of body a, the slave body.
-    integer :: body_a = 0
-    !> Index of body b, the master body.
-    integer :: body_b = 0
-    !> Weights include the circumference 2 pi r.
-    logical :: axisymmetric = .false.
-    !> One of `gap_*`.
-    integer :: gap_kind = default_gap
-    !> Given gap [length].
-    real(dp) :: gap = 0
+  type, public :: pair_settings_t  !! Settings of a pair, from the input and for the search.
+    character(:), allocatable :: name  !! Name of the pair.
+    integer :: body_a = 0  !! Index of body a, the slave body.
+    integer :: body_b = 0  !! Index of body b, the master body.
+    logical :: axisymmetric = .false.  !! Weights include the circumference 2 pi r.
+    integer :: gap_kind = default_gap  !! One of `gap_*`.
+    real(dp) :: gap = 0  !! Given gap [length].
     !> Greatest distance of a projection; not positive: the size of the smaller body [length].
     real(dp) :: search_radius = 0
-    !> Penalty parameter [length/pressure].
-    real(dp) :: theta = 0
-    !> One of `discretization_*`.
-    integer :: discretization = default_discretization
-    !> Surface from which gaps and normals are taken, one of `geometry_*`.
-    integer :: geometry = default_geometry
-    !> One of `quadrature_*`.
-    integer :: quadrature = default_quadrature
-    !> Whether ranks divide the search.
-    type(division_t) :: division
-    !> Group of the input, for messages.
-    character(13) :: group = '&contact'
-    !> Whether vertices and edges that face nothing touch in points.
-    logical :: touches_in_points = .true.
+    real(dp) :: theta = 0  !! Penalty parameter [length/pressure].
+    integer :: discretization = default_discretization  !! One of `discretization_*`.
+    integer :: geometry = default_geometry  !! Surface from which gaps and normals are taken, one of `geometry_*`.
+    integer :: quadrature = default_quadrature  !! One of `quadrature_*`.
+    type(division_t) :: division  !! Whether ranks divide the search.
+    character(13) :: group = '&contact'  !! Group of the input, for messages.
+    logical :: touches_in_points = .true.  !! Whether vertices and edges that face nothing touch in points.
   end type pair_settings_t
 
-  !> Discretized contact pair.
-  type, public :: contact_pair_t
-    !> Name of the pair.
-    character(:), allocatable :: name
-    !> Index of body a, the slave body.
-    integer :: body_a = 0
-    !> Index of body b, the master body.
-    integer :: body_b = 0
-    !> Dimension of space, 2 or 3.
-    integer :: dimension = 0
-    !> Form of the rows, one of `discretization_*`.
-    integer :: discretization = default_discretization
-    !> Number of integration points that have a projection.
-    integer :: n_points = 0
-    !> Number of integration points without projection.
-    integer :: n_unprojected = 0
-    !> Number of these that no master facet faces.
-    integer :: n_not_facing = 0
-    !> Number of these that project beside the master surface.
-    integer :: n_outside = 0
-    !> Number of these that are farther away than the search radius.
-    integer :: n_too_far = 0
+  type, public :: contact_pair_t  !! Discretized contact pair.
+    character(:), allocatable :: name  !! Name of the pair.
+    integer :: body_a = 0  !! Index of body a, the slave body.
+    integer :: body_b = 0  !! Index of body b, the master body.
+    integer :: dimension = 0  !! Dimension of space, 2 or 3.
+    integer :: discretization = default_discretization  !! Form of the rows, one of `discretization_*`.
+    integer :: n_points = 0  !! Number of integration points that have a projection.
+    integer :: n_unprojected = 0  !! Number of integration points without projection.
+    integer :: n_not_facing = 0  !! Number of these that no master facet faces.
+    integer :: n_outside = 0  !! Number of these that project beside the master surface.
+    integer :: n_too_far = 0  !! Number of these that are farther away than the search radius.
     !> Fractions of the area of the slave surface without projection: not facing, beside the master surface, too far [].
     real(dp) :: lost_not_facing = 0, lost_outside = 0, lost_too_far = 0
-    !> Penalty parameter, weighted mean of the rows [length/pressure].
-    real(dp) :: theta = 0
-    !> Origin of the gaps, one of `gap_*`.
-    integer :: gap_kind = default_gap
-    !> Whether theta is the compliance of a real elastic layer, not a penalty.
-    logical :: is_layer = .false.
+    real(dp) :: theta = 0  !! Penalty parameter, weighted mean of the rows [length/pressure].
+    integer :: gap_kind = default_gap  !! Origin of the gaps, one of `gap_*`.
+    logical :: is_layer = .false.  !! Whether theta is the compliance of a real elastic layer, not a penalty.
     !> Integration points x on the slave surface (dimension, n_points) [length].
     real(dp), allocatable :: position(:, :)
-    !> Unit normals from body a into body b (dimension, n_points) [].
-    real(dp), allocatable :: normal(:, :)
+    real(dp), allocatable :: normal(:, :)  !! Unit normals from body a into body b (dimension, n_points) [].
     !> Weights: areas of the points (n_points) [length^2; length in two dimensions, with 2 pi r in axisymmetry
     !> length^2].
     real(dp), allocatable :: weight(:)
-    !> Gaps d (n_points) [length].
-    real(dp), allocatable :: gap(:)
+    real(dp), allocatable :: gap(:)  !! Gaps d (n_points) [length].
     !> Slave facets of the points, ascending among the mortar points and among those after them (n_points).
     integer, allocatable :: facet_a(:)
-    !> Reference coordinates on them (dimension-1, n_points) [].
-    real(dp), allocatable :: xi_a(:, :)
-    !> Master facets of the projections (n_points).
-    integer, allocatable :: facet_b(:)
+    real(dp), allocatable :: xi_a(:, :)  !! Reference coordinates on them (dimension-1, n_points) [].
+    integer, allocatable :: facet_b(:)  !! Master facets of the projections (n_points).
     !> Reference coordinates of the projections x' on them (dimension-1, n_points) [].
     real(dp), allocatable :: xi_b(:, :)
-    !> Number of rows: mortar rows first, then points that are rows by themselves.
-    integer :: n_rows = 0
+    integer :: n_rows = 0  !! Number of rows: mortar rows first, then points that are rows by themselves.
     !> Number of point contacts, of vertices and edges: the last integration points, each a row by itself.
     integer :: n_point_contacts = 0
-    !> Number of mortar rows.
-    integer :: n_mortar_rows = 0
+    integer :: n_mortar_rows = 0  !! Number of mortar rows.
     !> Number of integration points of the mortar rows; the points after them are rows by themselves, in the same order.
     integer :: n_mortar_points = 0
     !> Mortar matrix: the rows as weighted means of the points; the sum of each row is 1 (n_rows x n_points) [].
@@ -109,12 +75,10 @@ module dotyk_contact_pair
     real(dp), allocatable :: row_covered(:)
     !> Position of each row, a vertex or an integration point (dimension, n_rows) [length].
     real(dp), allocatable :: row_position(:, :)
-    !> Weighted mean of the normals, normalized (dimension, n_rows) [].
-    real(dp), allocatable :: row_normal(:, :)
+    real(dp), allocatable :: row_normal(:, :)  !! Weighted mean of the normals, normalized (dimension, n_rows) [].
     !> Weights of the rows, with the same sum as those of the points (n_rows) [as `weight`].
     real(dp), allocatable :: row_weight(:)
-    !> Weighted gaps (n_rows) [length].
-    real(dp), allocatable :: row_gap(:)
+    real(dp), allocatable :: row_gap(:)  !! Weighted gaps (n_rows) [length].
     !> Penalty parameters of the rows, initially `theta` (n_rows) [length/pressure].
     real(dp), allocatable :: row_theta(:)
     !> Of ties only (`dotyk_contact_tie`), for each node of the slave facet of a point: derivative of its shape function
@@ -137,14 +101,10 @@ contains
   !> function, for ties the component of the displacement at the end of the arm.
   pure function pair_slave_part(self, q, j, shape) result(part)
     class(contact_pair_t), intent(in) :: self
-    !> The point.
-    integer, intent(in) :: q
-    !> Number of the node in the facet.
-    integer, intent(in) :: j
-    !> Shape function of the node at the point [].
-    real(dp), intent(in) :: shape
-    !> By components of the displacement (dimension) [].
-    real(dp) :: part(self%dimension)
+    integer, intent(in) :: q  !! The point.
+    integer, intent(in) :: j  !! Number of the node in the facet.
+    real(dp), intent(in) :: shape  !! Shape function of the node at the point [].
+    real(dp) :: part(self%dimension)  !! By components of the displacement (dimension) [].
     part = self%normal(:, q)*shape
     if (.not. allocated(self%arm_shape)) return
     part = part + self%normal(:, q)*self%arm_shape(j, q) - &
@@ -154,8 +114,7 @@ contains
   !> The normal of a point as the master side has it, which a tie may turn.
   pure function pair_master_normal(self, q) result(normal)
     class(contact_pair_t), intent(in) :: self
-    !> The point.
-    integer, intent(in) :: q
+    integer, intent(in) :: q  !! The point.
     real(dp) :: normal(self%dimension)
     normal = self%normal(:, q)
     if (allocated(self%turn)) normal = matmul(normal, self%turn)
@@ -164,8 +123,7 @@ contains
   !> To other ranks.
   subroutine pair_carry(self, parcel)
     class(contact_pair_t), intent(inout) :: self
-    !> Gets the pair, or has it.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! Gets the pair, or has it.
     call parcel%carry(self%name)
     call parcel%carry(self%body_a)
     call parcel%carry(self%body_b)
@@ -211,12 +169,9 @@ contains
   !> Resultant of the contact pressure on body a: the forces of the rows, distributed to their points, along the normals
   !> there.
   pure function pair_force(pair, pressure) result(force)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Resultant, z = 0 in two dimensions (3) [force].
-    real(dp) :: force(3)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp) :: force(3)  !! Resultant, z = 0 in two dimensions (3) [force].
     real(dp), allocatable :: at_points(:)
     allocate (at_points(pair%n_points))
     call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)

@@ -35,20 +35,13 @@ contains
 
   !> Discretize a pair.
   subroutine discretize_pair(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> What the user says.
-    type(pair_settings_t), intent(in) :: settings
-    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
-    type(formula_t), intent(inout) :: formula
-    !> Discretized pair.
-    type(contact_pair_t), intent(out) :: pair
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(pair_settings_t), intent(in) :: settings  !! What the user says.
+    type(formula_t), intent(inout) :: formula  !! Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(contact_pair_t), intent(out) :: pair  !! Discretized pair.
     !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
     type(surface_t) :: part
@@ -68,22 +61,14 @@ contains
 
   !> Discretize a pair with coordinates relative to a local origin where it is far from the global one.
   subroutine discretize_surfaces(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b), or the part of it that matters.
-    type(surface_t), intent(in) :: surface_b
-    !> What the user says.
-    type(pair_settings_t), intent(in) :: settings
-    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
-    type(formula_t), intent(inout) :: formula
-    !> Discretized pair.
-    type(contact_pair_t), intent(out) :: pair
-    !> As in `discretize_pair`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b), or the part of it that matters.
+    type(pair_settings_t), intent(in) :: settings  !! What the user says.
+    type(formula_t), intent(inout) :: formula  !! Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(contact_pair_t), intent(out) :: pair  !! Discretized pair.
+    type(error_t), allocatable, intent(out) :: error  !! As in `discretize_pair`.
     type(body_mesh_t) :: shifted_a, shifted_b
     real(dp) :: origin(3)
     origin = 0
@@ -102,22 +87,14 @@ contains
 
   !> Discretize a pair with coordinates relative to a local origin.
   subroutine discretize_shifted(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
-    !> Mesh of the slave body, in shifted coordinates.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body, in shifted coordinates.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Local origin (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Settings of the pair.
-    type(pair_settings_t), intent(in) :: settings
-    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
-    type(formula_t), intent(inout) :: formula
-    !> Discretized pair, in global coordinates.
-    type(contact_pair_t), intent(out) :: pair
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body, in shifted coordinates.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body, in shifted coordinates.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    real(dp), intent(in) :: origin(3)  !! Local origin (3) [length].
+    type(pair_settings_t), intent(in) :: settings  !! Settings of the pair.
+    type(formula_t), intent(inout) :: formula  !! Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(contact_pair_t), intent(out) :: pair  !! Discretized pair, in global coordinates.
     !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
     type(master_surface_t) :: slave, master
@@ -160,22 +137,14 @@ contains
 
   !> Point contacts of vertices and edges.
   subroutine find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Slave surface, prepared for projections.
-    type(master_surface_t), intent(in) :: slave
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Contacts (n).
-    type(point_contact_t), allocatable, intent(out) :: contact(:)
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(master_surface_t), intent(in) :: slave  !! Slave surface, prepared for projections.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    type(point_contact_t), allocatable, intent(out) :: contact(:)  !! Contacts (n).
     logical, allocatable :: sharp_a(:, :), sharp_b(:, :)
     allocate (contact(0))
     call find_vertex_contacts(slave, kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, master, &
@@ -193,12 +162,9 @@ contains
 
   !> Replace the distance between the surfaces by a given gap.
   subroutine set_given_gap(settings, formula, pair, error)
-    !> Settings of the pair.
-    type(pair_settings_t), intent(in) :: settings
-    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
-    type(formula_t), intent(inout) :: formula
-    !> Pair; its gaps are set.
-    type(contact_pair_t), intent(inout) :: pair
+    type(pair_settings_t), intent(in) :: settings  !! Settings of the pair.
+    type(formula_t), intent(inout) :: formula  !! Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(contact_pair_t), intent(inout) :: pair  !! Pair; its gaps are set.
     !> Set if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(3)
@@ -226,22 +192,14 @@ contains
 
   !> Error for a pair without projections: a distance beyond the search radius, or the most frequent reason; and advice.
   subroutine explain_no_projection(settings, pair, name_a, name_b, master, x, radius, error)
-    !> What the user says.
-    type(pair_settings_t), intent(in) :: settings
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Name of the slave surface.
-    character(*), intent(in) :: name_a
-    !> Name of the master surface.
-    character(*), intent(in) :: name_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> All integration points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> Allocated on return: the commonest reason, and advice.
-    type(error_t), allocatable, intent(out) :: error
+    type(pair_settings_t), intent(in) :: settings  !! What the user says.
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    character(*), intent(in) :: name_a  !! Name of the slave surface.
+    character(*), intent(in) :: name_b  !! Name of the master surface.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: x(:, :)  !! All integration points (3, n) [length].
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return: the commonest reason, and advice.
     character(:), allocatable :: reason, advice
     real(dp) :: smallest
     logical :: is_far

@@ -15,8 +15,7 @@ contains
   subroutine share_pairs(owner, pair)
     !> Rank of each pair, or `all_ranks` where all have it; the same on all ranks (n_pairs).
     integer, intent(in) :: owner(:)
-    !> Those of this rank in, all out (n_pairs).
-    type(contact_pair_t), intent(inout) :: pair(:)
+    type(contact_pair_t), intent(inout) :: pair(:)  !! Those of this rank in, all out (n_pairs).
     type(parcel_t) :: parcel
     integer(int64), allocatable :: word(:)
     integer :: k, rank
@@ -32,8 +31,7 @@ contains
 
     !> The pairs of a rank, into the parcel or out of it.
     subroutine carry_pairs(of_rank)
-      !> The rank.
-      integer, intent(in) :: of_rank
+      integer, intent(in) :: of_rank  !! The rank.
       do k = 1, size(pair)
         if (owner(k) == of_rank) call pair(k)%carry(parcel)
       end do

@@ -11,12 +11,9 @@ module dotyk_contact_pair_resultant
   implicit none
   private
 
-  !> Resultant on body a.
-  type, public :: pair_resultant_t
-    !> Force; along the axis in axisymmetric analyses (3) [force].
-    real(dp) :: force(3) = 0
-    !> Moment about the origin; 0 in axisymmetric analyses (3) [force length].
-    real(dp) :: moment(3) = 0
+  type, public :: pair_resultant_t  !! Resultant on body a.
+    real(dp) :: force(3) = 0  !! Force; along the axis in axisymmetric analyses (3) [force].
+    real(dp) :: moment(3) = 0  !! Moment about the origin; 0 in axisymmetric analyses (3) [force length].
     !> Radial components in axisymmetric analyses, summed around the circumference: no resultant; 0 in others [force].
     real(dp) :: radial = 0
     !> Where the resultant acts: the point of its line of action that is nearest to the mean of the positions, weighted
@@ -33,12 +30,9 @@ contains
 
   !> Resultant of pressures.
   pure type(pair_resultant_t) function pair_resultant(pair, axisymmetric, pressure) result(resultant)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Whether forces are those on the full circumference.
-    logical, intent(in) :: axisymmetric
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    logical, intent(in) :: axisymmetric  !! Whether forces are those on the full circumference.
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
     real(dp), allocatable :: at_points(:)
     real(dp) :: x(3), f(3), mean(3), total
     integer :: q

@@ -21,12 +21,9 @@ contains
 
   !> Keep some integration points of a pair, and append point contacts.
   subroutine replace_points(kept, contact, pair)
-    !> Points to keep (n_points).
-    logical, intent(in) :: kept(:)
-    !> Point contacts (n).
-    type(point_contact_t), intent(in) :: contact(:)
-    !> Pair; its points are replaced.
-    type(contact_pair_t), intent(inout) :: pair
+    logical, intent(in) :: kept(:)  !! Points to keep (n_points).
+    type(point_contact_t), intent(in) :: contact(:)  !! Point contacts (n).
+    type(contact_pair_t), intent(inout) :: pair  !! Pair; its points are replaced.
     integer, allocatable :: list(:)
     integer :: d, i
     d = pair%dimension
@@ -49,20 +46,13 @@ contains
   !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
   !> weighted mean of the gap before it is squared.
   subroutine set_rows(division, axisymmetric, mesh_a, surface_a, origin, n_contacts, pair)
-    !> How ranks divide the slave facets.
-    type(division_t), intent(in) :: division
-    !> Whether weights include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Mesh of the slave body, in shifted coordinates.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Local origin (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Number of point contacts, the last integration points.
-    integer, intent(in) :: n_contacts
-    !> Pair; its points are given, its rows are set.
-    type(contact_pair_t), intent(inout) :: pair
+    type(division_t), intent(in) :: division  !! How ranks divide the slave facets.
+    logical, intent(in) :: axisymmetric  !! Whether weights include the circumference 2 pi r.
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body, in shifted coordinates.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    real(dp), intent(in) :: origin(3)  !! Local origin (3) [length].
+    integer, intent(in) :: n_contacts  !! Number of point contacts, the last integration points.
+    type(contact_pair_t), intent(inout) :: pair  !! Pair; its points are given, its rows are set.
     type(corner_interpolation_t) :: corners
     type(sparse_rows_t) :: mortar
     real(dp), allocatable :: covered(:)
@@ -111,12 +101,9 @@ contains
   !> Gaps that the rows would have if they were made for the gaps of the points: mortar functions on facets that are
   !> covered in part depend on the gap.
   subroutine row_gaps(surface_a, pair, row_gap)
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Pair with its rows, made for other gaps.
-    type(contact_pair_t), intent(in) :: pair
-    !> The gaps (n_rows) [length].
-    real(dp), allocatable, intent(out) :: row_gap(:)
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(contact_pair_t), intent(in) :: pair  !! Pair with its rows, made for other gaps.
+    real(dp), allocatable, intent(out) :: row_gap(:)  !! The gaps (n_rows) [length].
     type(corner_interpolation_t) :: corners
     type(sparse_rows_t) :: mortar
     integer, allocatable :: row_corner(:)
@@ -134,12 +121,9 @@ contains
 
   !> Rows of a matrix, and after them rows that each have a one in one of as many further columns.
   subroutine append_identity(matrix, n, extended)
-    !> Matrix (n_rows x n_columns) [any].
-    type(sparse_rows_t), intent(in) :: matrix
-    !> Number of further rows and columns.
-    integer, intent(in) :: n
-    !> Extended matrix (n_rows+n x n_columns+n) [any].
-    type(sparse_rows_t), intent(inout) :: extended
+    type(sparse_rows_t), intent(in) :: matrix  !! Matrix (n_rows x n_columns) [any].
+    integer, intent(in) :: n  !! Number of further rows and columns.
+    type(sparse_rows_t), intent(inout) :: extended  !! Extended matrix (n_rows+n x n_columns+n) [any].
     integer :: i
     extended%n_rows = matrix%n_rows + n
     extended%n_columns = matrix%n_columns + n

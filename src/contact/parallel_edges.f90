@@ -26,27 +26,19 @@ module dotyk_contact_parallel_edges
   real(dp), parameter :: least_agreement = 0.906_dp
   !> Faces beside an edge have no mean direction where the sum of their normals is shorter than this.
   real(dp), parameter :: no_direction = 1.0e-3_dp
-  !> Steps to the nearest point of a curved edge.
-  integer, parameter :: max_steps = 10
+  integer, parameter :: max_steps = 10  !! Steps to the nearest point of a curved edge.
 
 contains
 
   !> Contacts of parallel edges of two surfaces in three dimensions.
   subroutine find_parallel_edges(slave, master, sharp_a, sharp_b, has_mid_nodes, radius, contact)
-    !> Slave surface.
-    type(master_surface_t), intent(in) :: slave
-    !> Master surface.
-    type(master_surface_t), intent(in) :: master
-    !> Sharp edges of the slave surface (4, n_facets).
-    logical, intent(in) :: sharp_a(:, :)
-    !> Sharp edges of the master surface (4, n_facets).
-    logical, intent(in) :: sharp_b(:, :)
-    !> Slave facets with mid-side nodes (n_facets).
-    logical, intent(in) :: has_mid_nodes(:)
-    !> Search radius: greatest distance of a contact [length].
-    real(dp), intent(in) :: radius
-    !> Contacts; new ones are appended (n).
-    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(master_surface_t), intent(in) :: slave  !! Slave surface.
+    type(master_surface_t), intent(in) :: master  !! Master surface.
+    logical, intent(in) :: sharp_a(:, :)  !! Sharp edges of the slave surface (4, n_facets).
+    logical, intent(in) :: sharp_b(:, :)  !! Sharp edges of the master surface (4, n_facets).
+    logical, intent(in) :: has_mid_nodes(:)  !! Slave facets with mid-side nodes (n_facets).
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a contact [length].
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)  !! Contacts; new ones are appended (n).
     type(point_contact_t) :: new
     integer :: row_a(size(slave%adjacency%start)), row_b(size(master%adjacency%start))
     integer :: f, e, i, k, n_before
@@ -102,42 +94,30 @@ contains
 
   !> Whether a point has a contact already.
   pure logical function has_contact(x, reach, contact)
-    !> The point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Distance within which two points are the same [length].
-    real(dp), intent(in) :: reach
-    !> Contacts (n).
-    type(point_contact_t), intent(in) :: contact(:)
+    real(dp), intent(in) :: x(3)  !! The point (3) [length].
+    real(dp), intent(in) :: reach  !! Distance within which two points are the same [length].
+    type(point_contact_t), intent(in) :: contact(:)  !! Contacts (n).
     integer :: i
     has_contact = any([(norm2(contact(i)%position - x) <= reach, i=1, size(contact))])
   end function has_contact
 
   !> Whether an edge is sharp and convex, the first of its two copies.
   pure logical function is_ridge(surface, sharp, f, e)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Its sharp edges (4, n_facets).
-    logical, intent(in) :: sharp(:, :)
-    !> Facet.
-    integer, intent(in) :: f
-    !> Edge of the facet.
-    integer, intent(in) :: e
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    logical, intent(in) :: sharp(:, :)  !! Its sharp edges (4, n_facets).
+    integer, intent(in) :: f  !! Facet.
+    integer, intent(in) :: e  !! Edge of the facet.
     is_ridge = sharp(e, f)
     if (is_ridge) is_ridge = is_first_convex(surface, f, e)
   end function is_ridge
 
   !> Whether a ridge goes on beyond one of its ends.
   pure logical function goes_on(surface, sharp, f, e, corner)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Its sharp edges (4, n_facets).
-    logical, intent(in) :: sharp(:, :)
-    !> Facet.
-    integer, intent(in) :: f
-    !> Edge of the facet.
-    integer, intent(in) :: e
-    !> Corner at the end.
-    integer, intent(in) :: corner
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    logical, intent(in) :: sharp(:, :)  !! Its sharp edges (4, n_facets).
+    integer, intent(in) :: f  !! Facet.
+    integer, intent(in) :: e  !! Edge of the facet.
+    integer, intent(in) :: corner  !! Corner at the end.
     real(dp) :: xi(2), x(3), along(3), other(3)
     integer :: v, i, k, g, edges(2)
     call on_edge(surface%set, f, e, 0.5_dp, xi, x, along)
@@ -156,26 +136,16 @@ contains
 
   !> The nearest contact of a point of an edge with the edges of another surface, the first one as slave.
   subroutine nearest_contact(surface, f, e, s, other, sharp, radius, contact, place, found)
-    !> Surface of the point.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet of its edge.
-    integer, intent(in) :: f
-    !> Edge.
-    integer, intent(in) :: e
-    !> Fraction of the edge (0 to 1) [].
-    real(dp), intent(in) :: s
-    !> The other surface.
-    type(master_surface_t), intent(in) :: other
-    !> Its sharp edges (4, n_facets).
-    logical, intent(in) :: sharp(:, :)
-    !> Search radius [length].
-    real(dp), intent(in) :: radius
-    !> Contact.
-    type(point_contact_t), intent(out) :: contact
-    !> Fraction of the other edge (0 to 1) [].
-    real(dp), intent(out) :: place
-    !> There is one.
-    logical, intent(out) :: found
+    type(master_surface_t), intent(in) :: surface  !! Surface of the point.
+    integer, intent(in) :: f  !! Facet of its edge.
+    integer, intent(in) :: e  !! Edge.
+    real(dp), intent(in) :: s  !! Fraction of the edge (0 to 1) [].
+    type(master_surface_t), intent(in) :: other  !! The other surface.
+    logical, intent(in) :: sharp(:, :)  !! Its sharp edges (4, n_facets).
+    real(dp), intent(in) :: radius  !! Search radius [length].
+    type(point_contact_t), intent(out) :: contact  !! Contact.
+    real(dp), intent(out) :: place  !! Fraction of the other edge (0 to 1) [].
+    logical, intent(out) :: found  !! There is one.
     type(box_neighbourhood_t) :: region
     type(point_contact_t) :: new
     real(dp) :: x(3), along(3), t
@@ -209,30 +179,18 @@ contains
 
   !> Contact of a point of one edge with another edge, if that is parallel and both bodies lie behind the plane between.
   subroutine lay_on_edge(surface, f, e, x, along, other, g, k, reach, contact, t, touches)
-    !> Surface of the point.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet of its edge.
-    integer, intent(in) :: f
-    !> Edge.
-    integer, intent(in) :: e
-    !> The point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Direction of its edge (3) [length].
-    real(dp), intent(in) :: along(3)
-    !> The other surface.
-    type(master_surface_t), intent(in) :: other
-    !> Facet of its edge.
-    integer, intent(in) :: g
-    !> Edge.
-    integer, intent(in) :: k
-    !> Greatest distance [length].
-    real(dp), intent(in) :: reach
-    !> Contact; its partner is set.
-    type(point_contact_t), intent(inout) :: contact
-    !> Fraction of the other edge [].
-    real(dp), intent(out) :: t
-    !> There is a contact.
-    logical, intent(out) :: touches
+    type(master_surface_t), intent(in) :: surface  !! Surface of the point.
+    integer, intent(in) :: f  !! Facet of its edge.
+    integer, intent(in) :: e  !! Edge.
+    real(dp), intent(in) :: x(3)  !! The point (3) [length].
+    real(dp), intent(in) :: along(3)  !! Direction of its edge (3) [length].
+    type(master_surface_t), intent(in) :: other  !! The other surface.
+    integer, intent(in) :: g  !! Facet of its edge.
+    integer, intent(in) :: k  !! Edge.
+    real(dp), intent(in) :: reach  !! Greatest distance [length].
+    type(point_contact_t), intent(inout) :: contact  !! Contact; its partner is set.
+    real(dp), intent(out) :: t  !! Fraction of the other edge [].
+    logical, intent(out) :: touches  !! There is a contact.
     real(dp), dimension(3) :: foot, b, mean, d, n
     integer :: i
     touches = .false.
@@ -271,21 +229,16 @@ contains
 
   !> Mean of the normals of the two facets at an edge, not of unit length [].
   pure function mean_normal(surface, f, e) result(mean)
-    !> Surface.
-    type(master_surface_t), intent(in) :: surface
-    !> Facet.
-    integer, intent(in) :: f
-    !> Edge of the facet, inside the surface.
-    integer, intent(in) :: e
-    !> Mean (3) [].
-    real(dp) :: mean(3)
+    type(master_surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: f  !! Facet.
+    integer, intent(in) :: e  !! Edge of the facet, inside the surface.
+    real(dp) :: mean(3)  !! Mean (3) [].
     mean = (surface%set%axis(:, f) + surface%set%axis(:, surface%adjacency%neighbour(e, f)))/2
   end function mean_normal
 
   !> A contact with slave and master exchanged.
   pure function swapped(contact) result(other)
-    !> Contact.
-    type(point_contact_t), intent(in) :: contact
+    type(point_contact_t), intent(in) :: contact  !! Contact.
     type(point_contact_t) :: other
     other = contact
     other%facet_a = contact%facet_b

@@ -14,43 +14,33 @@ module dotyk_contact_passage_search
   implicit none
   private
 
-  !> Facets of a part in motion.
-  type, public :: swept_facets_t
-    !> Displacement that is common to the part: motions are relative to it (3) [length].
-    real(dp) :: shift(3) = 0
-    !> Largest displacement of its nodes relative to it [length].
-    real(dp) :: farthest = 0
-    !> Bounding-volume tree of the facets on their way.
-    type(bounding_volume_tree_t) :: tree
+  type, public :: swept_facets_t  !! Facets of a part in motion.
+    real(dp) :: shift(3) = 0  !! Displacement that is common to the part: motions are relative to it (3) [length].
+    real(dp) :: farthest = 0  !! Largest displacement of its nodes relative to it [length].
+    type(bounding_volume_tree_t) :: tree  !! Bounding-volume tree of the facets on their way.
   contains
     procedure :: init => swept_init
   end type swept_facets_t
 
-  !> Way of a node through a part.
-  type, public :: passage_t
+  type, public :: passage_t  !! Way of a node through a part.
     !> Thickness of the part on the way: twice the lesser distance from the faces where it entered and left, in the
     !> middle between them [length].
     real(dp) :: through = 0
-    !> Depth below that face in the end [length].
-    real(dp) :: depth = 0
-    !> Facet that it entered through; 0 if it did not.
-    integer :: facet = 0
+    real(dp) :: depth = 0  !! Depth below that face in the end [length].
+    integer :: facet = 0  !! Facet that it entered through; 0 if it did not.
   end type passage_t
 
   public :: find_passage
 
-  !> Steps of the search for the time of a crossing.
-  integer, parameter :: n_steps = 4
-  !> Margin of the borders of a triangle, in its coordinates [].
-  real(dp), parameter :: border = 1.0e-6_dp
+  integer, parameter :: n_steps = 4  !! Steps of the search for the time of a crossing.
+  real(dp), parameter :: border = 1.0e-6_dp  !! Margin of the borders of a triangle, in its coordinates [].
 
 contains
 
   !> Bound the facets of a part on their way.
   subroutine swept_init(self, b)
     class(swept_facets_t), intent(out) :: self
-    !> The part.
-    type(solid_t), intent(in) :: b
+    type(solid_t), intent(in) :: b  !! The part.
     type(facet_set_t) :: bounds
     integer :: f, k, n
     self%shift = sum(b%x - b%x0, dim=2)/b%n_nodes
@@ -78,18 +68,12 @@ contains
 
   !> Way of a node through a part.
   subroutine find_passage(a, i, b, swept, least, passage)
-    !> The part of the node.
-    type(solid_t), intent(in) :: a
-    !> Its node.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facets in motion.
-    type(swept_facets_t), intent(in) :: swept
-    !> Depth that counts as none, beside the roughness of facets [length].
-    real(dp), intent(in) :: least
-    !> The way; facet 0 where it leads through nothing.
-    type(passage_t), intent(out) :: passage
+    type(solid_t), intent(in) :: a  !! The part of the node.
+    integer, intent(in) :: i  !! Its node.
+    type(solid_t), intent(in) :: b  !! The other part.
+    type(swept_facets_t), intent(in) :: swept  !! Its facets in motion.
+    real(dp), intent(in) :: least  !! Depth that counts as none, beside the roughness of facets [length].
+    type(passage_t), intent(out) :: passage  !! The way; facet 0 where it leads through nothing.
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
     real(dp) :: x0(3), x(3), entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
@@ -141,26 +125,19 @@ contains
 
     !> Corners of a part of a facet before and after deformation, without the common displacement.
     subroutine corners_of(node, before, after)
-      !> Nodes; the third is 0 for lines.
-      integer, intent(in) :: node(3)
-      !> Corners before deformation (3, 3) [length].
-      real(dp), intent(out) :: before(3, 3)
-      !> Corners after deformation (3, 3) [length].
-      real(dp), intent(out) :: after(3, 3)
+      integer, intent(in) :: node(3)  !! Nodes; the third is 0 for lines.
+      real(dp), intent(out) :: before(3, 3)  !! Corners before deformation (3, 3) [length].
+      real(dp), intent(out) :: after(3, 3)  !! Corners after deformation (3, 3) [length].
       before = part_corners(b%x0, node)
       after = part_corners(b%x, node) - spread(swept%shift, 2, 3)
     end subroutine corners_of
 
     !> Distance of the node from the plane of a triangle at some time, negative behind it [length].
     real(dp) function distance_at(before, after, time, inside) result(distance)
-      !> Corners before deformation (3, 3) [length].
-      real(dp), intent(in) :: before(3, 3)
-      !> Corners after deformation (3, 3) [length].
-      real(dp), intent(in) :: after(3, 3)
-      !> Time, from 0 to 1 [].
-      real(dp), intent(in) :: time
-      !> Least barycentric coordinate [].
-      real(dp), intent(out), optional :: inside
+      real(dp), intent(in) :: before(3, 3)  !! Corners before deformation (3, 3) [length].
+      real(dp), intent(in) :: after(3, 3)  !! Corners after deformation (3, 3) [length].
+      real(dp), intent(in) :: time  !! Time, from 0 to 1 [].
+      real(dp), intent(out), optional :: inside  !! Least barycentric coordinate [].
       real(dp) :: least
       call place_at_part((1 - time)*before + time*after, (1 - time)*x0 + time*(x - swept%shift), distance, least)
       if (present(inside)) inside = least
@@ -168,14 +145,10 @@ contains
 
     !> Time at which the node crosses a triangle: from the front (direction 1) or from behind (-1); 2 where it does not.
     subroutine cross_moving(before, after, direction, time)
-      !> Corners before deformation (3, 3) [length].
-      real(dp), intent(in) :: before(3, 3)
-      !> Corners after deformation (3, 3) [length].
-      real(dp), intent(in) :: after(3, 3)
-      !> 1 or -1.
-      integer, intent(in) :: direction
-      !> Time, from 0 to 1 [].
-      real(dp), intent(out) :: time
+      real(dp), intent(in) :: before(3, 3)  !! Corners before deformation (3, 3) [length].
+      real(dp), intent(in) :: after(3, 3)  !! Corners after deformation (3, 3) [length].
+      integer, intent(in) :: direction  !! 1 or -1.
+      real(dp), intent(out) :: time  !! Time, from 0 to 1 [].
       real(dp) :: low, high, first, second, value, trial, inside
       integer :: step
       time = 2

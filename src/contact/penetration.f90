@@ -4,35 +4,28 @@ module dotyk_contact_penetration
   implicit none
   private
 
-  !> The deepest point of one part below the boundary of another that is not allowed.
-  type, public :: penetration_t
-    !> Its depth; 0 where there is none [length].
-    real(dp) :: depth = 0
-    !> Its position after deformation (3) [length].
-    real(dp) :: position(3) = 0
+  type, public :: penetration_t  !! The deepest point of one part below the boundary of another that is not allowed.
+    real(dp) :: depth = 0  !! Its depth; 0 where there is none [length].
+    real(dp) :: position(3) = 0  !! Its position after deformation (3) [length].
     !> Nodes of the part that are too deep, and edges that are without a node so deep.
     integer :: n_nodes = 0, n_edges = 0
-    !> Nodes that have passed through the other part and are outside again.
-    integer :: n_passed = 0
+    integer :: n_passed = 0  !! Nodes that have passed through the other part and are outside again.
     !> Deepest point that is allowed, though it is a notable part of the displacements; 0 if there is none [length].
     real(dp) :: unresolved = 0
-    !> Its position after deformation (3) [length].
-    real(dp) :: unresolved_position(3) = 0
+    real(dp) :: unresolved_position(3) = 0  !! Its position after deformation (3) [length].
   contains
     procedure :: keep_unresolved => penetration_keep_unresolved
     procedure :: outweighs => penetration_outweighs
   end type penetration_t
 
-  !> Depths that differ by less, relative to them, are the same.
-  real(dp), parameter, public :: same_depth = 1.0e-9_dp
+  real(dp), parameter, public :: same_depth = 1.0e-9_dp  !! Depths that differ by less, relative to them, are the same.
 
 contains
 
   !> Whether a penetration is deeper than another one, or as deep but for rounding, and with more nodes.
   pure logical function penetration_outweighs(self, other) result(outweighs)
     class(penetration_t), intent(in) :: self
-    !> The other one.
-    class(penetration_t), intent(in) :: other
+    class(penetration_t), intent(in) :: other  !! The other one.
     outweighs = self%depth > (1 + same_depth)*other%depth
     if (outweighs .or. self%depth < (1 - same_depth)*other%depth) return
     outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
@@ -41,10 +34,8 @@ contains
   !> Keep the deeper one of the points that are allowed.
   pure subroutine penetration_keep_unresolved(self, depth, position)
     class(penetration_t), intent(inout) :: self
-    !> Depth of a point [length].
-    real(dp), intent(in) :: depth
-    !> Its position after deformation (3) [length].
-    real(dp), intent(in) :: position(3)
+    real(dp), intent(in) :: depth  !! Depth of a point [length].
+    real(dp), intent(in) :: position(3)  !! Its position after deformation (3) [length].
     if (.not. depth > (1 + same_depth)*self%unresolved) return
     self%unresolved = depth
     self%unresolved_position = position

@@ -24,18 +24,13 @@ contains
 
   !> Depth of a part below the boundary of another one.
   subroutine find_penetration(division, a, b, tolerance, depth, worst, clear)
-    !> How ranks divide nodes and facets.
-    type(division_t), intent(in) :: division
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Depths that are allowed.
-    type(penetration_tolerance_t), intent(in) :: tolerance
+    type(division_t), intent(in) :: division  !! How ranks divide nodes and facets.
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
-    !> The deepest point.
-    type(penetration_t), intent(out) :: worst
+    type(penetration_t), intent(out) :: worst  !! The deepest point.
     !> Least distance of each node from b, 0 where it is not outside (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: clear(:)
     logical :: is_below(a%n_nodes)
@@ -78,14 +73,10 @@ contains
 
   !> Make the depths of the nodes of all ranks known to all.
   subroutine share_depths(division, is_below, depth, unresolved)
-    !> How ranks divide the nodes.
-    type(division_t), intent(in) :: division
-    !> Nodes below the boundary; of this rank in, of all out (n_nodes).
-    logical, intent(inout) :: is_below(:)
-    !> Depths that is not allowed, likewise (n_nodes) [length].
-    real(dp), intent(inout) :: depth(:)
-    !> Depths that are allowed, though notable, likewise (n_nodes) [length].
-    real(dp), intent(inout) :: unresolved(:)
+    type(division_t), intent(in) :: division  !! How ranks divide the nodes.
+    logical, intent(inout) :: is_below(:)  !! Nodes below the boundary; of this rank in, of all out (n_nodes).
+    real(dp), intent(inout) :: depth(:)  !! Depths that is not allowed, likewise (n_nodes) [length].
+    real(dp), intent(inout) :: unresolved(:)  !! Depths that are allowed, though notable, likewise (n_nodes) [length].
     real(dp), allocatable :: list(:, :)
     integer, allocatable :: node(:)
     integer :: i
@@ -104,23 +95,16 @@ contains
 
   !> Nodes of a part that have passed wholly through another one.
   subroutine find_passages(division, a, b, swept, tolerance, clear, depth, worst)
-    !> How ranks divide the nodes.
-    type(division_t), intent(in) :: division
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    !> Depths that are allowed.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Least distance of each node from b after deformation (a%n_nodes) [length].
-    real(dp), intent(in) :: clear(:)
+    type(division_t), intent(in) :: division  !! How ranks divide the nodes.
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    real(dp), intent(in) :: clear(:)  !! Least distance of each node from b after deformation (a%n_nodes) [length].
     !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
     !> that they entered through (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
-    !> The deepest point; nodes are added.
-    type(penetration_t), intent(inout) :: worst
+    type(penetration_t), intent(inout) :: worst  !! The deepest point; nodes are added.
     type(passage_t) :: passage
     real(dp) :: allowed, left, arcs, centre(2), passed(a%n_nodes)
     integer :: i, first, last
@@ -155,24 +139,15 @@ contains
 
   !> Depth of a node that is not allowed; 0 where it is [length].
   pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, unresolved)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Node of the part.
-    integer, intent(in) :: i
-    !> Depths that are allowed.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Facet that is probably near, that of the last node; 0 for none.
-    integer, intent(inout) :: hint
-    !> Least distance from the other part, 0 where it is not outside [length].
-    real(dp), intent(out) :: clear
-    !> Whether the node is below the boundary, allowed or not.
-    logical, intent(out) :: is_below
-    !> Depth [length].
-    real(dp), intent(out) :: depth
-    !> Depth if it is allowed, though notable; else 0 [length].
-    real(dp), intent(out) :: unresolved
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: i  !! Node of the part.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    integer, intent(inout) :: hint  !! Facet that is probably near, that of the last node; 0 for none.
+    real(dp), intent(out) :: clear  !! Least distance from the other part, 0 where it is not outside [length].
+    logical, intent(out) :: is_below  !! Whether the node is below the boundary, allowed or not.
+    real(dp), intent(out) :: depth  !! Depth [length].
+    real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
     real(dp) :: xi(2), reach
     integer :: facet, other
     is_below = .false.

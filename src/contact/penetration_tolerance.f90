@@ -20,22 +20,16 @@ module dotyk_contact_penetration_tolerance
   implicit none
   private
 
-  !> What contact pairs leave at the nodes of a part.
-  type, public :: left_by_pairs_t
-    !> Penetration by penalty and given gaps (n_nodes) [length].
-    real(dp), allocatable :: depth(:)
+  type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
+    real(dp), allocatable :: depth(:)  !! Penetration by penalty and given gaps (n_nodes) [length].
     !> Width of the slave facets over whose rows the gap is 0 in the mean; 0 without rows (n_nodes) [length].
     real(dp), allocatable :: width(:)
   end type left_by_pairs_t
 
-  !> What is known of two parts, a and b.
-  type, public :: penetration_tolerance_t
-    !> Error of the displacements and of rounding [length].
-    real(dp) :: slack = 0
-    !> Largest displacement of the two beside their common rigid motion [length].
-    real(dp) :: moved = 0
-    !> What contact pairs leave on both sides.
-    type(left_by_pairs_t) :: left_a, left_b
+  type, public :: penetration_tolerance_t  !! What is known of two parts, a and b.
+    real(dp) :: slack = 0  !! Error of the displacements and of rounding [length].
+    real(dp) :: moved = 0  !! Largest displacement of the two beside their common rigid motion [length].
+    type(left_by_pairs_t) :: left_a, left_b  !! What contact pairs leave on both sides.
   contains
     procedure :: swapped => tolerance_swapped
     procedure :: judge => tolerance_judge
@@ -56,24 +50,15 @@ contains
   !> Judge a depth: 0 on return if it is allowed, but kept where it is notable all the same.
   pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
     class(penetration_tolerance_t), intent(in) :: self
-    !> The part of the point.
-    type(solid_t), intent(in) :: a
-    !> The node, or the nodes that the point lies between (n).
-    integer, intent(in) :: nodes(:)
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet that is nearest.
-    integer, intent(in) :: facet
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> The point after deformation (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Its displacement (3) [length].
-    real(dp), intent(in) :: displacement(3)
-    !> Depth; 0 on return if it is allowed [length].
-    real(dp), intent(inout) :: depth
-    !> Depth if it is allowed, though notable; else 0 [length].
-    real(dp), intent(out) :: unresolved
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
+    type(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: facet  !! Its facet that is nearest.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+    real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
+    real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
+    real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
     real(dp) :: allowed, left, arcs, below, there(2)
     integer :: facing
     unresolved = 0
@@ -94,24 +79,15 @@ contains
   !> Depth of a point of a below b that is allowed [length].
   pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
     class(penetration_tolerance_t), intent(in) :: self
-    !> The part of the point.
-    type(solid_t), intent(in) :: a
-    !> The node, or the nodes that the point lies between (n).
-    integer, intent(in) :: nodes(:)
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet that is nearest.
-    integer, intent(in) :: facet
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> The point after deformation (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Its displacement (3) [length].
-    real(dp), intent(in) :: displacement(3)
-    !> Depth [length].
-    real(dp), intent(out) :: allowed
-    !> The part of it by penalty and given gaps [length].
-    real(dp), intent(out) :: left
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
+    type(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: facet  !! Its facet that is nearest.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+    real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
+    real(dp), intent(out) :: allowed  !! Depth [length].
+    real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
     !> What the shape at rest explains: arcs over the facets, as far as they overlapped [length].
     real(dp), intent(out) :: arcs
     real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
@@ -153,31 +129,21 @@ contains
 
   !> Largest height over some facets, measured in a direction [length].
   pure real(dp) function along(part, facets, height, d)
-    !> The part.
-    type(solid_t), intent(in) :: part
-    !> The facets (n).
-    integer, intent(in) :: facets(:)
-    !> Height over each along its normal (n) [length].
-    real(dp), intent(in) :: height(:)
-    !> Unit vector (3) [].
-    real(dp), intent(in) :: d(3)
+    type(solid_t), intent(in) :: part  !! The part.
+    integer, intent(in) :: facets(:)  !! The facets (n).
+    real(dp), intent(in) :: height(:)  !! Height over each along its normal (n) [length].
+    real(dp), intent(in) :: d(3)  !! Unit vector (3) [].
     along = maxval(height*abs(matmul(d, part%normal(:, facets))))
   end function along
 
   !> Whether a point of a sharp edge of a is near a sharp edge of b.
   pure logical function are_corners(a, around, b, facet, x, most) result(are)
-    !> The part of the point.
-    type(solid_t), intent(in) :: a
-    !> Its facets that share the point (n).
-    integer, intent(in) :: around(:)
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Its facet that is nearest.
-    integer, intent(in) :: facet
-    !> The point after deformation (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Greatest distance of the two [length].
-    real(dp), intent(in) :: most
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    integer, intent(in) :: around(:)  !! Its facets that share the point (n).
+    type(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: facet  !! Its facet that is nearest.
+    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+    real(dp), intent(in) :: most  !! Greatest distance of the two [length].
     real(dp) :: r(3), edge(3)
     integer :: e, n, other
     are = .false.

@@ -12,34 +12,24 @@ module dotyk_contact_plane_part
   private
   public :: find_plane_part
 
-  !> Fewer facets are cheap, and
-  integer, parameter :: many = 64
-  !> a part is worth while if it has fewer than this fraction of them.
-  real(dp), parameter :: worthwhile = 0.7_dp
+  integer, parameter :: many = 64  !! Fewer facets are cheap, and
+  real(dp), parameter :: worthwhile = 0.7_dp  !! a part is worth while if it has fewer than this fraction of them.
   !> Rings of facets around those near the slave: normals of smooth surfaces come from four, and what is flat there is
   !> known from one more.
   integer, parameter :: n_rings = 6
-  !> Normals that differ by less are the same [].
-  real(dp), parameter :: same_normal = 1.0e-12_dp
+  real(dp), parameter :: same_normal = 1.0e-12_dp  !! Normals that differ by less are the same [].
 
 contains
 
   !> Find the part; without facets where the whole surface is to be taken.
   subroutine find_plane_part(x_a, surface_a, x_b, surface_b, radius, facet, part)
-    !> Nodes of the slave body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x_a(:, :)
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Nodes of the master body, likewise (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x_b(:, :)
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Search radius [length].
-    real(dp), intent(in) :: radius
-    !> Facets of the master surface in the part, ascending (n).
-    integer, allocatable, intent(out) :: facet(:)
-    !> The part, as far as a pair needs it.
-    type(surface_t), intent(out) :: part
+    real(dp), intent(in) :: x_a(:, :)  !! Nodes of the slave body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    real(dp), intent(in) :: x_b(:, :)  !! Nodes of the master body, likewise (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    real(dp), intent(in) :: radius  !! Search radius [length].
+    integer, allocatable, intent(out) :: facet(:)  !! Facets of the master surface in the part, ascending (n).
+    type(surface_t), intent(out) :: part  !! The part, as far as a pair needs it.
     real(dp) :: low(3), high(3), low_b(3), high_b(3), size_b
     logical :: marked(surface_b%n_facets), is_node(size(x_b, 2))
     integer :: f, k
@@ -78,10 +68,8 @@ contains
 
   !> Whether all facets are plane and have the same normal.
   pure logical function is_plane(x, surface)
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
     real(dp) :: normal(3), first(3)
     integer :: f, c
     is_plane = .false.
@@ -103,14 +91,10 @@ contains
 
   !> Bounding box of a surface, and of its largest facet the diagonal.
   pure subroutine box_of(x, surface, low, high, diagonal)
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Lower and upper corner (3) [length].
-    real(dp), intent(out) :: low(3), high(3)
-    !> Diagonal of the largest box of a facet [length].
-    real(dp), intent(out) :: diagonal
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(out) :: low(3), high(3)  !! Lower and upper corner (3) [length].
+    real(dp), intent(out) :: diagonal  !! Diagonal of the largest box of a facet [length].
     integer :: f
     low = huge(low)
     high = -huge(high)
@@ -126,12 +110,9 @@ contains
 
   !> Bounding box of the facets of a surface whose boxes, widened by their own diagonals, meet another box.
   pure subroutine box_near(x, surface, other_low, other_high, low, high)
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Corners of the other box (3) [length].
-    real(dp), intent(in) :: other_low(3), other_high(3)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(in) :: other_low(3), other_high(3)  !! Corners of the other box (3) [length].
     !> Corners of the box; the lower one above the upper one where there is no such facet (3) [length].
     real(dp), intent(out) :: low(3), high(3)
     real(dp), dimension(3) :: own_low, own_high

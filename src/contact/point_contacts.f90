@@ -21,32 +21,19 @@ module dotyk_contact_point_contacts
   private
   public :: find_vertex_contacts, touches_in_points
 
-  !> Contact of two points.
-  type, public :: point_contact_t
-    !> Slave facet.
-    integer :: facet_a = 0
-    !> Reference coordinates on it (2) [].
-    real(dp) :: xi_a(2) = 0
-    !> Master facet.
-    integer :: facet_b = 0
-    !> Reference coordinates on it (2) [].
-    real(dp) :: xi_b(2) = 0
-    !> Point of the slave surface (3) [length].
-    real(dp) :: position(3) = 0
-    !> Unit normal from body a into body b (3) [].
-    real(dp) :: normal(3) = 0
-    !> Gap [length].
-    real(dp) :: gap = 0
-    !> Weight [length^2; length in two dimensions].
-    real(dp) :: weight = 0
-    !> Corner of the slave facet at the contact, 0 if none.
-    integer :: corner_a = 0
-    !> Edge of the slave facet at the contact, 0 if none.
-    integer :: edge_a = 0
-    !> Corner of the master facet, likewise.
-    integer :: corner_b = 0
-    !> Edge of the master facet, likewise.
-    integer :: edge_b = 0
+  type, public :: point_contact_t  !! Contact of two points.
+    integer :: facet_a = 0  !! Slave facet.
+    real(dp) :: xi_a(2) = 0  !! Reference coordinates on it (2) [].
+    integer :: facet_b = 0  !! Master facet.
+    real(dp) :: xi_b(2) = 0  !! Reference coordinates on it (2) [].
+    real(dp) :: position(3) = 0  !! Point of the slave surface (3) [length].
+    real(dp) :: normal(3) = 0  !! Unit normal from body a into body b (3) [].
+    real(dp) :: gap = 0  !! Gap [length].
+    real(dp) :: weight = 0  !! Weight [length^2; length in two dimensions].
+    integer :: corner_a = 0  !! Corner of the slave facet at the contact, 0 if none.
+    integer :: edge_a = 0  !! Edge of the slave facet at the contact, 0 if none.
+    integer :: corner_b = 0  !! Corner of the master facet, likewise.
+    integer :: edge_b = 0  !! Edge of the master facet, likewise.
   end type point_contact_t
 
   !> Neighbours of a contact vertex may lie before the tangent plane by this sine: inclined edges of wedges; at the
@@ -78,18 +65,12 @@ contains
   !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the
   !> other.
   subroutine find_vertex_contacts(surface, has_mid_nodes, other, radius, is_slave, contact)
-    !> Surface of the vertices.
-    type(master_surface_t), intent(in) :: surface
-    !> Facets with mid-side nodes (n_facets).
-    logical, intent(in) :: has_mid_nodes(:)
-    !> Surface of the facets.
-    type(master_surface_t), intent(in) :: other
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> The first surface is the slave surface.
-    logical, intent(in) :: is_slave
-    !> Contacts; new ones are appended (n).
-    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(master_surface_t), intent(in) :: surface  !! Surface of the vertices.
+    logical, intent(in) :: has_mid_nodes(:)  !! Facets with mid-side nodes (n_facets).
+    type(master_surface_t), intent(in) :: other  !! Surface of the facets.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    logical, intent(in) :: is_slave  !! The first surface is the slave surface.
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)  !! Contacts; new ones are appended (n).
     integer :: v, k, f, e, g, hint
     hint = 0
     associate (adjacency => surface%adjacency, set => surface%set)
@@ -121,28 +102,18 @@ contains
 
   !> Add the contact of one node if it is pointed and has a projection.
   subroutine add_contact(surface, other, around, mean, xi, corner, edge, radius, is_slave, hint, contact)
-    !> Surface of the node.
-    type(master_surface_t), intent(in) :: surface
-    !> Surface of the facets.
-    type(master_surface_t), intent(in) :: other
-    !> Facets at the node (number of facets there).
-    integer, intent(in) :: around(:)
-    !> Mean of their unit normals (3) [].
-    real(dp), intent(in) :: mean(3)
-    !> Reference coordinates of the node on the first of them (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Its corner of this facet, 0 for a mid-side node.
-    integer, intent(in) :: corner
-    !> The edge of the mid-side node, 0 for a corner.
-    integer, intent(in) :: edge
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
-    !> The surface of the node is the slave surface.
-    logical, intent(in) :: is_slave
+    type(master_surface_t), intent(in) :: surface  !! Surface of the node.
+    type(master_surface_t), intent(in) :: other  !! Surface of the facets.
+    integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
+    real(dp), intent(in) :: mean(3)  !! Mean of their unit normals (3) [].
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates of the node on the first of them (2) [].
+    integer, intent(in) :: corner  !! Its corner of this facet, 0 for a mid-side node.
+    integer, intent(in) :: edge  !! The edge of the mid-side node, 0 for a corner.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
+    logical, intent(in) :: is_slave  !! The surface of the node is the slave surface.
     !> A facet of the other surface that is probably near, 0 if none; the nearest facet on return.
     integer, intent(inout) :: hint
-    !> Contacts; a new one is appended (n).
-    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)  !! Contacts; a new one is appended (n).
     type(point_contact_t) :: new
     type(projection_t) :: projection
     real(dp) :: slope
@@ -189,20 +160,13 @@ contains
 
   !> Whether integration points of a mortar row belong to flanks that touch in a point contact only.
   subroutine touches_in_points(contact, slave, master, facet_a, facet_b, normal, in_points)
-    !> Point contacts (n).
-    type(point_contact_t), intent(in) :: contact(:)
-    !> Slave surface.
-    type(master_surface_t), intent(in) :: slave
-    !> Master surface.
-    type(master_surface_t), intent(in) :: master
-    !> Slave facets of the points (n_points).
-    integer, intent(in) :: facet_a(:)
-    !> Master facets of the points (n_points).
-    integer, intent(in) :: facet_b(:)
-    !> Normals at the points (dimension, n_points) [].
-    real(dp), intent(in) :: normal(:, :)
-    !> Points on such flanks (n_points).
-    logical, intent(out) :: in_points(:)
+    type(point_contact_t), intent(in) :: contact(:)  !! Point contacts (n).
+    type(master_surface_t), intent(in) :: slave  !! Slave surface.
+    type(master_surface_t), intent(in) :: master  !! Master surface.
+    integer, intent(in) :: facet_a(:)  !! Slave facets of the points (n_points).
+    integer, intent(in) :: facet_b(:)  !! Master facets of the points (n_points).
+    real(dp), intent(in) :: normal(:, :)  !! Normals at the points (dimension, n_points) [].
+    logical, intent(out) :: in_points(:)  !! Points on such flanks (n_points).
     real(dp) :: direction_a(3, slave%set%n), direction_b(3, master%set%n), n(3)
     real(dp) :: gap_a(slave%set%n), gap_b(master%set%n)
     integer :: i
@@ -225,20 +189,13 @@ contains
 
     !> Give the facets at a vertex or edge, and the smooth flanks beyond, the direction of the nearest contact.
     subroutine mark(surface, f, corner, edge, at, direction, gap)
-      !> Surface of the vertex or edge.
-      type(master_surface_t), intent(in) :: surface
-      !> Facet.
-      integer, intent(in) :: f
-      !> Its corner at the contact, 0 if none.
-      integer, intent(in) :: corner
-      !> Its edge at the contact, 0 if none.
-      integer, intent(in) :: edge
-      !> The contact.
-      type(point_contact_t), intent(in) :: at
-      !> Directions of the facets (3, n_facets) [].
-      real(dp), intent(inout) :: direction(:, :)
-      !> Gaps of their contacts (n_facets) [length].
-      real(dp), intent(inout) :: gap(:)
+      type(master_surface_t), intent(in) :: surface  !! Surface of the vertex or edge.
+      integer, intent(in) :: f  !! Facet.
+      integer, intent(in) :: corner  !! Its corner at the contact, 0 if none.
+      integer, intent(in) :: edge  !! Its edge at the contact, 0 if none.
+      type(point_contact_t), intent(in) :: at  !! The contact.
+      real(dp), intent(inout) :: direction(:, :)  !! Directions of the facets (3, n_facets) [].
+      real(dp), intent(inout) :: gap(:)  !! Gaps of their contacts (n_facets) [length].
       integer, allocatable :: list(:)
       integer :: k, v, e, g
       if (corner > 0) then
@@ -267,14 +224,10 @@ contains
 
   !> Whether the surface ends at one of the facets around a vertex.
   pure logical function is_at_boundary(adjacency, around, edge, corners)
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Facets at the node (number of facets there).
-    integer, intent(in) :: around(:)
-    !> Edge of the first facet on which the node lies in the middle, 0 for a corner.
-    integer, intent(in) :: edge
-    !> Numbers of corners of all facets (n).
-    integer, intent(in) :: corners(:)
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
+    integer, intent(in) :: edge  !! Edge of the first facet on which the node lies in the middle, 0 for a corner.
+    integer, intent(in) :: corners(:)  !! Numbers of corners of all facets (n).
     integer :: i
     if (edge > 0) then
       is_at_boundary = adjacency%neighbour(edge, around(1)) == 0
@@ -286,16 +239,11 @@ contains
   !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet
   !> there could touch as a whole.
   pure logical function is_apex(set, around, x, normal, slope)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facets at the node (number of facets there).
-    integer, intent(in) :: around(:)
-    !> Position of the node (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Direction out of the body (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Sine of the greatest inclination of edges towards the other surface [].
-    real(dp), intent(in) :: slope
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
+    real(dp), intent(in) :: x(3)  !! Position of the node (3) [length].
+    real(dp), intent(in) :: normal(3)  !! Direction out of the body (3) [].
+    real(dp), intent(in) :: slope  !! Sine of the greatest inclination of edges towards the other surface [].
     real(dp) :: r(3), cosine
     integer :: i, k
     is_apex = .true.
@@ -311,14 +259,10 @@ contains
 
   !> Mean of the facet normals at a vertex, weighted with the angles of the facets there; not of unit length [].
   pure function mean_normal(set, adjacency, v) result(mean)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Vertex number.
-    integer, intent(in) :: v
-    !> Mean (3) [].
-    real(dp) :: mean(3)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: v  !! Vertex number.
+    real(dp) :: mean(3)  !! Mean (3) [].
     real(dp) :: a(3), b(3), angle, total
     integer :: i, k, f, n
     mean = 0
@@ -341,12 +285,9 @@ contains
 
   !> Share of a node in the areas of its facets, projected along a direction [length^2; length in two dimensions].
   pure real(dp) function projected_area(set, around, normal) result(area)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Facets at the node (number of facets there).
-    integer, intent(in) :: around(:)
-    !> Direction (3) [].
-    real(dp), intent(in) :: normal(3)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
+    real(dp), intent(in) :: normal(3)  !! Direction (3) [].
     real(dp), dimension(3) :: position, n, xu, xv
     real(dp) :: xi(2), whole
     integer :: i, f

@@ -7,37 +7,30 @@ module dotyk_contact_polygon
   public :: append_corner, clip_polygon, contains_point, is_parallelogram, remove_degenerate_corners, signed_area, &
     triangulate
 
-  !> Greatest number of corners of a polygon.
-  integer, parameter, public :: max_corners = 32
+  integer, parameter, public :: max_corners = 32  !! Greatest number of corners of a polygon.
   !> The part that ear clipping leaves is degenerate where its area is below this fraction of the area of the polygon.
   real(dp), parameter :: area_round_off = 1.0e-13_dp
   !> A quadrilateral is a parallelogram where its diagonals bisect each other up to this fraction of their length.
   real(dp), parameter :: parallelogram_tolerance = 1.0e-12_dp
 
-  !> Polygon.
-  type, public :: polygon_t
-    !> Number of corners; above `max_corners` where the polygon did not fit.
-    integer :: n = 0
-    !> Corners, counter-clockwise where the area is positive (2, max_corners) [any].
-    real(dp) :: x(2, max_corners) = 0
+  type, public :: polygon_t  !! Polygon.
+    integer :: n = 0  !! Number of corners; above `max_corners` where the polygon did not fit.
+    real(dp) :: x(2, max_corners) = 0  !! Corners, counter-clockwise where the area is positive (2, max_corners) [any].
   end type polygon_t
 
 contains
 
   !> Append a corner. A corner for which there is no room is dropped, which `n` shows.
   pure subroutine append_corner(polygon, x)
-    !> Polygon.
-    type(polygon_t), intent(inout) :: polygon
-    !> Corner (2) [any].
-    real(dp), intent(in) :: x(2)
+    type(polygon_t), intent(inout) :: polygon  !! Polygon.
+    real(dp), intent(in) :: x(2)  !! Corner (2) [any].
     polygon%n = polygon%n + 1
     if (polygon%n <= max_corners) polygon%x(:, polygon%n) = x
   end subroutine append_corner
 
   !> Area, negative where the corners run clockwise [length^2].
   pure real(dp) function signed_area(polygon) result(area)
-    !> Polygon.
-    type(polygon_t), intent(in) :: polygon
+    type(polygon_t), intent(in) :: polygon  !! Polygon.
     integer :: i
     area = 0
     do i = 2, polygon%n - 1
@@ -48,14 +41,10 @@ contains
   !> Clip a polygon against a convex window (Sutherland and Hodgman). Corners within a tolerance of an edge of the
   !> window lie on it. A polygon that the window cuts into several parts stays connected by edges that are passed twice.
   pure subroutine clip_polygon(polygon, window, tolerance, ok)
-    !> Polygon, clipped on return.
-    type(polygon_t), intent(inout) :: polygon
-    !> Convex window, counter-clockwise.
-    type(polygon_t), intent(in) :: window
-    !> Distance that counts as zero [as the corners].
-    real(dp), intent(in) :: tolerance
-    !> All corners fit.
-    logical, intent(out) :: ok
+    type(polygon_t), intent(inout) :: polygon  !! Polygon, clipped on return.
+    type(polygon_t), intent(in) :: window  !! Convex window, counter-clockwise.
+    real(dp), intent(in) :: tolerance  !! Distance that counts as zero [as the corners].
+    logical, intent(out) :: ok  !! All corners fit.
     type(polygon_t) :: old
     real(dp) :: edge(2), side(max_corners)
     integer :: e, i, k
@@ -84,10 +73,8 @@ contains
 
   !> Remove repeated corners and corners on the straight line between their neighbours.
   pure subroutine remove_degenerate_corners(polygon, tolerance)
-    !> Polygon; empty on return if it degenerates.
-    type(polygon_t), intent(inout) :: polygon
-    !> Distance that counts as zero [as the corners].
-    real(dp), intent(in) :: tolerance
+    type(polygon_t), intent(inout) :: polygon  !! Polygon; empty on return if it degenerates.
+    real(dp), intent(in) :: tolerance  !! Distance that counts as zero [as the corners].
     real(dp) :: previous(2), next(2)
     integer :: i, kept
     logical :: changed
@@ -113,14 +100,11 @@ contains
 
   !> Triangulate a polygon by ear clipping: the ear of best shape first, to avoid slivers.
   pure subroutine triangulate(polygon, n, triangle, ok)
-    !> Polygon, counter-clockwise, without repeated corners.
-    type(polygon_t), intent(in) :: polygon
-    !> Number of triangles.
-    integer, intent(out) :: n
+    type(polygon_t), intent(in) :: polygon  !! Polygon, counter-clockwise, without repeated corners.
+    integer, intent(out) :: n  !! Number of triangles.
     !> Corners of the triangles (2, 3, max_corners) [as the corners]; the first n triangles are set.
     real(dp), intent(out) :: triangle(2, 3, max_corners)
-    !> The triangles cover the polygon.
-    logical, intent(out) :: ok
+    logical, intent(out) :: ok  !! The triangles cover the polygon.
     type(polygon_t) :: remainder
     real(dp) :: shape, best
     integer :: i, k
@@ -154,10 +138,8 @@ contains
   !> Quality of a corner as an ear, twice the area over the square of the longest side; 0 where the corner is no ear
   !> [].
   pure real(dp) function ear_quality(polygon, i) result(shape)
-    !> Polygon.
-    type(polygon_t), intent(in) :: polygon
-    !> Corner.
-    integer, intent(in) :: i
+    type(polygon_t), intent(in) :: polygon  !! Polygon.
+    integer, intent(in) :: i  !! Corner.
     real(dp) :: a(2), b(2), c(2), p(2)
     integer :: previous, next, j
     shape = 0
@@ -177,8 +159,7 @@ contains
 
   !> Whether a polygon is a parallelogram.
   pure logical function is_parallelogram(polygon)
-    !> Polygon.
-    type(polygon_t), intent(in) :: polygon
+    type(polygon_t), intent(in) :: polygon  !! Polygon.
     associate (x => polygon%x)
       is_parallelogram = polygon%n == 4
       if (is_parallelogram) &
@@ -189,12 +170,9 @@ contains
 
   !> Whether a point lies in a polygon or within a tolerance of its edges (even-odd rule).
   pure logical function contains_point(polygon, p, tolerance) result(inside)
-    !> Polygon.
-    type(polygon_t), intent(in) :: polygon
-    !> Point (2) [as the corners].
-    real(dp), intent(in) :: p(2)
-    !> Tolerance [as the corners].
-    real(dp), intent(in) :: tolerance
+    type(polygon_t), intent(in) :: polygon  !! Polygon.
+    real(dp), intent(in) :: p(2)  !! Point (2) [as the corners].
+    real(dp), intent(in) :: tolerance  !! Tolerance [as the corners].
     real(dp) :: a(2), b(2), t
     integer :: i
     inside = .false.
@@ -214,10 +192,8 @@ contains
 
   !> Vector product in the plane [any].
   pure real(dp) function cross(a, b)
-    !> First vector (2) [any].
-    real(dp), intent(in) :: a(2)
-    !> Second vector (2) [any].
-    real(dp), intent(in) :: b(2)
+    real(dp), intent(in) :: a(2)  !! First vector (2) [any].
+    real(dp), intent(in) :: b(2)  !! Second vector (2) [any].
     cross = a(1)*b(2) - a(2)*b(1)
   end function cross
 end module dotyk_contact_polygon

@@ -31,30 +31,24 @@ module dotyk_contact_pressure_projection
   type, public :: pressure_projection_t
     !> Interpolation on the slave surface; its `node` lists the nodes that have values.
     type(corner_interpolation_t) :: side_a
-    !> Interpolation on the master surface, likewise.
-    type(corner_interpolation_t) :: side_b
-    !> Factor of the weighted mass matrix of side_a, where integration points are rows.
-    type(cholesky_t) :: factor
+    type(corner_interpolation_t) :: side_b  !! Interpolation on the master surface, likewise.
+    type(cholesky_t) :: factor  !! Factor of the weighted mass matrix of side_a, where integration points are rows.
   contains
     procedure :: init => projection_init
     procedure :: project => projection_project
     procedure :: destroy => projection_destroy
   end type pressure_projection_t
 
-  !> Factor of the smoothing term; see the header of the module.
-  real(dp), parameter :: smoothing = 1.0e-11_dp
+  real(dp), parameter :: smoothing = 1.0e-11_dp  !! Factor of the smoothing term; see the header of the module.
 
 contains
 
   !> Prepare the projection of a pair.
   subroutine projection_init(self, pair, surface_a, surface_b, error)
     class(pressure_projection_t), intent(inout) :: self
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
     !> Set if the mass matrix cannot be ordered or factorized, or is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     type(sparse_symmetric_t) :: mass
@@ -80,14 +74,10 @@ contains
 
   !> Weighted mass matrix of the linear shape functions, with the smoothing term.
   subroutine mass_matrix(side, facet, weight, mass)
-    !> Interpolation on the slave surface.
-    type(corner_interpolation_t), intent(in) :: side
-    !> Slave facet of each point, ascending (n_points).
-    integer, intent(in) :: facet(:)
-    !> Weights of the points (n_points) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
-    !> Mass matrix (side%n, side%n).
-    type(sparse_symmetric_t), intent(out) :: mass
+    type(corner_interpolation_t), intent(in) :: side  !! Interpolation on the slave surface.
+    integer, intent(in) :: facet(:)  !! Slave facet of each point, ascending (n_points).
+    real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [length^2; length in two dimensions].
+    type(sparse_symmetric_t), intent(out) :: mass  !! Mass matrix (side%n, side%n).
     type(sparse_rows_t) :: upper
     integer, allocatable :: row(:), column(:)
     real(dp), allocatable :: value(:)
@@ -136,10 +126,8 @@ contains
 
   !> Graph of a symmetric matrix.
   subroutine node_graph(matrix, start, neighbour)
-    !> Matrix, its lower triangle.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> Neighbours of i are neighbour(start(i):start(i+1)-1) (n+1).
-    integer, allocatable, intent(out) :: start(:)
+    type(sparse_symmetric_t), intent(in) :: matrix  !! Matrix, its lower triangle.
+    integer, allocatable, intent(out) :: start(:)  !! Neighbours of i are neighbour(start(i):start(i+1)-1) (n+1).
     !> Neighbours of all nodes, themselves excluded (number of off-diagonal entries).
     integer, allocatable, intent(out) :: neighbour(:)
     integer, allocatable :: next(:)
@@ -176,14 +164,10 @@ contains
   !> Project a pressure.
   subroutine projection_project(self, pair, pressure, projected, on_nodes_a, on_nodes_b)
     class(pressure_projection_t), intent(in) :: self
-    !> Pair for which the projection was prepared.
-    type(contact_pair_t), intent(in) :: pair
-    !> Row pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Projected pressure at the rows (n_rows) [pressure].
-    real(dp), intent(out) :: projected(:)
-    !> Projected pressure at the nodes side_a%node (their number) [pressure].
-    real(dp), intent(out) :: on_nodes_a(:)
+    type(contact_pair_t), intent(in) :: pair  !! Pair for which the projection was prepared.
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp), intent(out) :: projected(:)  !! Projected pressure at the rows (n_rows) [pressure].
+    real(dp), intent(out) :: on_nodes_a(:)  !! Projected pressure at the nodes side_a%node (their number) [pressure].
     !> Weighted means of the projected pressure at the nodes side_b%node (their number) [pressure].
     real(dp), intent(out) :: on_nodes_b(:)
     real(dp), allocatable :: at_points(:), corner(:), total(:), smoothed(:)

@@ -18,14 +18,10 @@ module dotyk_contact_projection
   implicit none
   private
 
-  !> Master surface, prepared for projections.
-  type, public :: master_surface_t
-    !> Facets.
-    type(facet_set_t) :: set
-    !> Bounding-volume tree of the facets.
-    type(bounding_volume_tree_t) :: tree
-    !> Neighbours of the facets.
-    type(adjacency_t) :: adjacency
+  type, public :: master_surface_t  !! Master surface, prepared for projections.
+    type(facet_set_t) :: set  !! Facets.
+    type(bounding_volume_tree_t) :: tree  !! Bounding-volume tree of the facets.
+    type(adjacency_t) :: adjacency  !! Neighbours of the facets.
   contains
     procedure :: init => master_surface_init
     procedure :: smallest_distance
@@ -36,20 +32,13 @@ module dotyk_contact_projection
   integer, parameter, public :: projection_outside = 2     !< the point projects beside the surface
   integer, parameter, public :: projection_too_far = 3     !< the distance exceeds the search radius
 
-  !> Projection of a point of the slave surface on the master surface.
-  type, public :: projection_t
-    !> One of the constants `projection_*`.
-    integer :: status = projection_not_facing
-    !> Master facet.
-    integer :: facet = 0
-    !> Reference coordinates of x' on it (2) [].
-    real(dp) :: xi(2) = 0
-    !> Position of x' (3) [length].
-    real(dp) :: position(3) = 0
-    !> Unit normal n from body a into body b (3) [].
-    real(dp) :: normal(3) = 0
-    !> Signed distance n.(x' - x) [length].
-    real(dp) :: distance = 0
+  type, public :: projection_t  !! Projection of a point of the slave surface on the master surface.
+    integer :: status = projection_not_facing  !! One of the constants `projection_*`.
+    integer :: facet = 0  !! Master facet.
+    real(dp) :: xi(2) = 0  !! Reference coordinates of x' on it (2) [].
+    real(dp) :: position(3) = 0  !! Position of x' (3) [length].
+    real(dp) :: normal(3) = 0  !! Unit normal n from body a into body b (3) [].
+    real(dp) :: distance = 0  !! Signed distance n.(x' - x) [length].
   end type projection_t
 
   public :: project_point
@@ -58,8 +47,7 @@ module dotyk_contact_projection
   real(dp), parameter :: edge_tolerance = 1.0e-8_dp
   !> Closest points of two facets that share an edge coincide where their distance is below this fraction of the size.
   real(dp), parameter :: same_point = 1.0e-6_dp
-  !> Greatest number of facets at one corner that are considered.
-  integer, parameter :: max_around = 64
+  integer, parameter :: max_around = 64  !! Greatest number of facets at one corner that are considered.
   !> A facet faces better than another where the cosine is larger by more than round-off.
   real(dp), parameter :: cosine_round_off = 1.0e-10_dp
   !> x - x' is parallel to the normal, or of no direction, where its tangential part is below this fraction of the size.
@@ -74,10 +62,8 @@ contains
   !> Prepare a surface.
   subroutine master_surface_init(self, x, surface)
     class(master_surface_t), intent(out) :: self
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
     call self%set%init(x, surface)
     call self%tree%init(self%set)
     call self%adjacency%init(self%set)
@@ -85,20 +71,13 @@ contains
 
   !> Project a point.
   pure subroutine project_point(self, x, normal_a, hint, search_radius, max_depth, projection)
-    !> The master surface.
-    type(master_surface_t), intent(in) :: self
-    !> Point of the slave surface (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Outward normal of body a there (3) [].
-    real(dp), intent(in) :: normal_a(3)
-    !> A facet that is probably near, 0 if none; the nearest facet on return.
-    integer, intent(inout) :: hint
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: search_radius
-    !> Thickness of body a there: greatest depth of an overlap [length].
-    real(dp), intent(in) :: max_depth
-    !> Projection.
-    type(projection_t), intent(out) :: projection
+    type(master_surface_t), intent(in) :: self  !! The master surface.
+    real(dp), intent(in) :: x(3)  !! Point of the slave surface (3) [length].
+    real(dp), intent(in) :: normal_a(3)  !! Outward normal of body a there (3) [].
+    integer, intent(inout) :: hint  !! A facet that is probably near, 0 if none; the nearest facet on return.
+    real(dp), intent(in) :: search_radius  !! Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: max_depth  !! Thickness of body a there: greatest depth of an overlap [length].
+    type(projection_t), intent(out) :: projection  !! Projection.
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
@@ -130,28 +109,17 @@ contains
   !> Choose among the facets around a closest point on an edge or at a corner, and find out whether x projects inside
   !> their union.
   pure subroutine resolve_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
-    !> The master surface.
-    type(master_surface_t), intent(in) :: self
-    !> Point of the slave surface (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Outward normal of body a there (3) [].
-    real(dp), intent(in) :: normal_a(3)
-    !> Number of edges of the facet that contain the closest point, 1 or 2.
-    integer, intent(in) :: n_edges
-    !> These edges (2).
-    integer, intent(in) :: edges(2)
-    !> Facet of the closest point, before and after.
-    integer, intent(inout) :: facet
-    !> Its reference coordinates (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Closest point (3) [length].
-    real(dp), intent(inout) :: position(3)
-    !> Normal of the facet there (3) [].
-    real(dp), intent(inout) :: normal(3)
-    !> More than one facet at the closest point faces x.
-    logical, intent(out) :: ridge
-    !> x projects inside the union of the facets.
-    logical, intent(out) :: inside
+    type(master_surface_t), intent(in) :: self  !! The master surface.
+    real(dp), intent(in) :: x(3)  !! Point of the slave surface (3) [length].
+    real(dp), intent(in) :: normal_a(3)  !! Outward normal of body a there (3) [].
+    integer, intent(in) :: n_edges  !! Number of edges of the facet that contain the closest point, 1 or 2.
+    integer, intent(in) :: edges(2)  !! These edges (2).
+    integer, intent(inout) :: facet  !! Facet of the closest point, before and after.
+    real(dp), intent(inout) :: xi(2)  !! Its reference coordinates (2) [].
+    real(dp), intent(inout) :: position(3)  !! Closest point (3) [length].
+    real(dp), intent(inout) :: normal(3)  !! Normal of the facet there (3) [].
+    logical, intent(out) :: ridge  !! More than one facet at the closest point faces x.
+    logical, intent(out) :: inside  !! x projects inside the union of the facets.
     integer :: around(max_around), kept(max_around), n_around, n_kept, i, k, other, n_on, on(2), best
     real(dp) :: xi_at(2, max_around), position_at(3, max_around), normal_at(3, max_around), facing(max_around)
     real(dp) :: xu(3, max_around), xv(3, max_around), square
@@ -204,20 +172,13 @@ contains
 
   !> Facets that share the edge or the corner on which a closest point lies, ascending, the facet itself included.
   pure subroutine facets_at(adjacency, corners, facet, n_edges, edges, n, around)
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Number of corners of the facet.
-    integer, intent(in) :: corners
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Number of edges of the facet that contain the point, 1 or 2.
-    integer, intent(in) :: n_edges
-    !> These edges (2).
-    integer, intent(in) :: edges(2)
-    !> Number of facets.
-    integer, intent(out) :: n
-    !> Facets (max_around); the first n are set.
-    integer, intent(out) :: around(max_around)
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: corners  !! Number of corners of the facet.
+    integer, intent(in) :: facet  !! Facet number.
+    integer, intent(in) :: n_edges  !! Number of edges of the facet that contain the point, 1 or 2.
+    integer, intent(in) :: edges(2)  !! These edges (2).
+    integer, intent(out) :: n  !! Number of facets.
+    integer, intent(out) :: around(max_around)  !! Facets (max_around); the first n are set.
     integer :: corner, other, vertex
     around = 0
     if (n_edges == 1) then
@@ -241,18 +202,13 @@ contains
 
   !> Unit vector in the tangent plane that points out of a facet across an edge.
   pure function conormal(corners, edge, xu, xv, normal) result(m)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Edge number.
-    integer, intent(in) :: edge
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: edge  !! Edge number.
     !> Derivative of the position with respect to the first reference coordinate (3) [length].
     real(dp), intent(in) :: xu(3)
-    !> Derivative with respect to the second one (3) [length].
-    real(dp), intent(in) :: xv(3)
-    !> Unit normal (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> Conormal (3) [].
-    real(dp) :: m(3)
+    real(dp), intent(in) :: xv(3)  !! Derivative with respect to the second one (3) [length].
+    real(dp), intent(in) :: normal(3)  !! Unit normal (3) [].
+    real(dp) :: m(3)  !! Conormal (3) [].
     real(dp) :: t(3)
     if (corners == 2) then
       m = merge(-xu, xu, edge == 1)
@@ -285,14 +241,11 @@ contains
   !> adjacent facets. The normal is unchanged where x - x' is already parallel to it, or too short to define a
   !> direction.
   pure subroutine align_normal(r, size, ridge, normal)
-    !> x - x' (3) [length].
-    real(dp), intent(in) :: r(3)
-    !> Size of the facet [length].
-    real(dp), intent(in) :: size
+    real(dp), intent(in) :: r(3)  !! x - x' (3) [length].
+    real(dp), intent(in) :: size  !! Size of the facet [length].
     !> The point lies on an edge between facets that face x; elsewhere only small corrections are made.
     logical, intent(in) :: ridge
-    !> Normal of body b (3) [].
-    real(dp), intent(inout) :: normal(3)
+    real(dp), intent(inout) :: normal(3)  !! Normal of body b (3) [].
     real(dp) :: along, across, length
     along = dot_product(r, normal)
     across = norm2(r - along*normal)
@@ -306,8 +259,7 @@ contains
   !> Distance of a point to the surface, whatever its normals [length].
   pure real(dp) function smallest_distance(self, x) result(distance)
     class(master_surface_t), intent(in) :: self
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
     real(dp) :: xi(2), square
     integer :: facet
     call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., 0.0_dp, 0, facet, xi, square)

@@ -7,25 +7,17 @@ module dotyk_contact_segment_quadrature
   implicit none
   private
 
-  !> Quadrature rule of a facet or of a reference domain.
-  type, public :: quadrature_rule_t
-    !> Points (dimension-1, n) [].
-    real(dp), allocatable :: xi(:, :)
-    !> Weights (n) [].
-    real(dp), allocatable :: weight(:)
+  type, public :: quadrature_rule_t  !! Quadrature rule of a facet or of a reference domain.
+    real(dp), allocatable :: xi(:, :)  !! Points (dimension-1, n) [].
+    real(dp), allocatable :: weight(:)  !! Weights (n) [].
   end type quadrature_rule_t
 
-  !> Greatest degree of the rules in the table.
-  integer, parameter, public :: max_degree = 20
+  integer, parameter, public :: max_degree = 20  !! Greatest degree of the rules in the table.
 
-  !> Rules on the reference domains, of the degrees that were asked for.
-  type, public :: rule_table_t
-    !> On (0:max_degree) [-1,1], by degree.
-    type(quadrature_rule_t) :: line(0:max_degree)
-    !> On the unit triangle, by degree (0:max_degree).
-    type(quadrature_rule_t) :: triangle(0:max_degree)
-    !> On (0:max_degree) [-1,1]^2, by degree.
-    type(quadrature_rule_t) :: square(0:max_degree)
+  type, public :: rule_table_t  !! Rules on the reference domains, of the degrees that were asked for.
+    type(quadrature_rule_t) :: line(0:max_degree)  !! On (0:max_degree) [-1,1], by degree.
+    type(quadrature_rule_t) :: triangle(0:max_degree)  !! On the unit triangle, by degree (0:max_degree).
+    type(quadrature_rule_t) :: square(0:max_degree)  !! On (0:max_degree) [-1,1]^2, by degree.
   contains
     procedure :: init => table_init
   end type rule_table_t
@@ -37,8 +29,7 @@ contains
   !> Compute the rules.
   subroutine table_init(self, highest)
     class(rule_table_t), intent(out) :: self
-    !> Degree of the last one; at most `max_degree`.
-    integer, intent(in) :: highest
+    integer, intent(in) :: highest  !! Degree of the last one; at most `max_degree`.
     integer :: k
     do k = 0, highest
       call quadrature_rule(element_line2, k, self%line(k)%xi, self%line(k)%weight)
@@ -49,8 +40,7 @@ contains
 
   !> Total degree of the shape functions of a facet kind.
   pure integer function shape_degree(kind) result(degree)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind of the facet.
     select case (kind)
     case (element_line2, element_tri3)
       degree = 1
@@ -67,20 +57,14 @@ contains
 
   !> Quadrature rule on a polygon: a tensor-product rule on a parallelogram, rules on triangles otherwise.
   pure subroutine polygon_rule(polygon, table, degree, n, points, weights, ok)
-    !> Polygon, counter-clockwise.
-    type(polygon_t), intent(in) :: polygon
-    !> Quadrature rules on reference domains, by degree.
-    type(rule_table_t), intent(in) :: table
-    !> Total degree that is integrated exactly.
-    integer, intent(in) :: degree
-    !> Number of points.
-    integer, intent(out) :: n
-    !> Points (2, n) [as the polygon].
-    real(dp), allocatable, intent(out) :: points(:, :)
+    type(polygon_t), intent(in) :: polygon  !! Polygon, counter-clockwise.
+    type(rule_table_t), intent(in) :: table  !! Quadrature rules on reference domains, by degree.
+    integer, intent(in) :: degree  !! Total degree that is integrated exactly.
+    integer, intent(out) :: n  !! Number of points.
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points (2, n) [as the polygon].
     !> Weights, whose sum is the area (n) [as the area of the polygon].
     real(dp), allocatable, intent(out) :: weights(:)
-    !> The polygon could be divided into triangles.
-    logical, intent(out) :: ok
+    logical, intent(out) :: ok  !! The polygon could be divided into triangles.
     real(dp) :: triangle(2, 3, max_corners), u(2), v(2), area
     integer :: n_triangles, i, k, m
     if (is_parallelogram(polygon)) then
@@ -117,16 +101,11 @@ contains
 
   !> Append points to a rule that grows.
   pure subroutine append_points(points, weights, n, xi, weight)
-    !> New points (d, m) [].
-    real(dp), intent(in) :: points(:, :)
-    !> New weights (m) [].
-    real(dp), intent(in) :: weights(:)
-    !> Number of points in the buffers, before and after.
-    integer, intent(inout) :: n
-    !> Buffer of points (d, room) [].
-    real(dp), allocatable, intent(inout) :: xi(:, :)
-    !> Buffer of weights (room) [].
-    real(dp), allocatable, intent(inout) :: weight(:)
+    real(dp), intent(in) :: points(:, :)  !! New points (d, m) [].
+    real(dp), intent(in) :: weights(:)  !! New weights (m) [].
+    integer, intent(inout) :: n  !! Number of points in the buffers, before and after.
+    real(dp), allocatable, intent(inout) :: xi(:, :)  !! Buffer of points (d, room) [].
+    real(dp), allocatable, intent(inout) :: weight(:)  !! Buffer of weights (room) [].
     real(dp), allocatable :: more(:, :), more_weight(:)
     integer :: m
     m = size(weights)

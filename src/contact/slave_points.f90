@@ -29,33 +29,23 @@ module dotyk_contact_slave_points
   real(dp), parameter :: distant_cost = 0.02_dp
   !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
   real(dp), parameter :: nothing_left = 1.0e-6_dp
-  !> Numbers that ranks exchange of a point.
-  integer, parameter :: point_length = 14
+  integer, parameter :: point_length = 14  !! Numbers that ranks exchange of a point.
 
 contains
 
   !> Integration points of the slave facets that have a projection on the master surface.
   subroutine project_slave_points(mesh_a, surface_a, slave, mesh_b, surface_b, master, settings, radius, x, pair)
-    !> Mesh of the slave body, relative to a local origin.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Slave surface, prepared for projections.
-    type(master_surface_t), intent(in) :: slave
-    !> Mesh of the master body, relative to the same origin.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Settings of the pair.
-    type(pair_settings_t), intent(in) :: settings
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: radius
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body, relative to a local origin.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    type(master_surface_t), intent(in) :: slave  !! Slave surface, prepared for projections.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body, relative to the same origin.
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    type(pair_settings_t), intent(in) :: settings  !! Settings of the pair.
+    real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
     !> Positions of all integration points, also of those without a projection (3, n) [length].
     real(dp), allocatable, intent(out) :: x(:, :)
-    !> Pair; its points are set.
-    type(contact_pair_t), intent(inout) :: pair
+    type(contact_pair_t), intent(inout) :: pair  !! Pair; its points are set.
     type(quadrature_rule_t) :: kind_rule(n_element_kinds)
     type(quadrature_rule_t), allocatable :: facet_rule(:)
     type(projection_t), allocatable :: projection(:)
@@ -116,14 +106,10 @@ contains
 
   !> Drop the projections that lie deep in a body where the way there leaves it: they are on the wrong side.
   subroutine drop_projections_through_bodies(slave, master, x, projection)
-    !> Slave surface, prepared for projections.
-    type(master_surface_t), intent(in) :: slave
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Positions of the points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Projections of the points (n).
-    type(projection_t), intent(inout) :: projection(:)
+    type(master_surface_t), intent(in) :: slave  !! Slave surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master  !! Master surface, prepared for projections.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n) [length].
+    type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n).
     real(dp) :: foot(3), normal(3), xu(3), xv(3)
     integer :: i
     !$omp parallel do default(none) schedule(dynamic, 256) private(foot, normal, xu, xv) &
@@ -140,20 +126,14 @@ contains
 
   !> Points of the facets of all ranks.
   subroutine collect_points(division, first, last, offset, x, xi, weight, projection)
-    !> How ranks divide the facets.
-    type(division_t), intent(in) :: division
-    !> First facet of this rank.
-    integer, intent(in) :: first
-    !> Its last facet.
-    integer, intent(in) :: last
+    type(division_t), intent(in) :: division  !! How ranks divide the facets.
+    integer, intent(in) :: first  !! First facet of this rank.
+    integer, intent(in) :: last  !! Its last facet.
     !> Points of slave facet f are offset(f)+1 .. offset(f+1); of this rank in, of all out (n_facets+1).
     integer, intent(inout) :: offset(:)
-    !> Positions, likewise (3, n) [length].
-    real(dp), allocatable, intent(inout) :: x(:, :)
-    !> Reference coordinates, likewise (2, n) [].
-    real(dp), allocatable, intent(inout) :: xi(:, :)
-    !> Weights, likewise (n) [length^2; length in two dimensions].
-    real(dp), allocatable, intent(inout) :: weight(:)
+    real(dp), allocatable, intent(inout) :: x(:, :)  !! Positions, likewise (3, n) [length].
+    real(dp), allocatable, intent(inout) :: xi(:, :)  !! Reference coordinates, likewise (2, n) [].
+    real(dp), allocatable, intent(inout) :: weight(:)  !! Weights, likewise (n) [length^2; length in two dimensions].
     !> Projections, likewise; of other ranks without positions, which follow from the facets (n).
     type(projection_t), allocatable, intent(inout) :: projection(:)
     real(dp), allocatable :: list(:, :)
@@ -195,22 +175,14 @@ contains
 
   !> Keep the integration points that have a projection and count the others.
   pure subroutine keep_projected(d, whole, offset, x, xi, weight, projection, pair)
-    !> Dimension of space.
-    integer, intent(in) :: d
-    !> Area of the slave surface [length^2; length in two dimensions].
-    real(dp), intent(in) :: whole
-    !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
-    integer, intent(in) :: offset(:)
-    !> Positions of all points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Reference coordinates of all points (2, n) [].
-    real(dp), intent(in) :: xi(:, :)
-    !> Weights of all points (n) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
-    !> Projections of all points (n).
-    type(projection_t), intent(in) :: projection(:)
-    !> Pair; its points are set.
-    type(contact_pair_t), intent(inout) :: pair
+    integer, intent(in) :: d  !! Dimension of space.
+    real(dp), intent(in) :: whole  !! Area of the slave surface [length^2; length in two dimensions].
+    integer, intent(in) :: offset(:)  !! Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
+    real(dp), intent(in) :: x(:, :)  !! Positions of all points (3, n) [length].
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of all points (2, n) [].
+    real(dp), intent(in) :: weight(:)  !! Weights of all points (n) [length^2; length in two dimensions].
+    type(projection_t), intent(in) :: projection(:)  !! Projections of all points (n).
+    type(contact_pair_t), intent(inout) :: pair  !! Pair; its points are set.
     real(dp) :: area, left_out
     integer :: f, i, k, n
     n = count(projection%status == projection_found)

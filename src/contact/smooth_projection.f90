@@ -17,8 +17,7 @@ module dotyk_contact_smooth_projection
   private
   public :: smooth_projections
 
-  !> Sub-facets that are tried in turn, and Newton steps on each.
-  integer, parameter :: max_facets = 12, max_steps = 25
+  integer, parameter :: max_facets = 12, max_steps = 25  !! Sub-facets that are tried in turn, and Newton steps on each.
   !> A point lies inside a sub-facet up to this distance beyond an edge, in reference coordinates.
   real(dp), parameter :: edge_tolerance = 1.0e-8_dp
   !> A closest point lies on an edge of a flat sub-facet up to this distance, in reference coordinates.
@@ -28,8 +27,7 @@ module dotyk_contact_smooth_projection
   real(dp), parameter :: overhang = 0.1_dp
   !> The interpolated normal and the normal of the closest point differ by less than 60 degrees.
   real(dp), parameter :: min_cosine = 0.5_dp
-  !> Newton's method diverges where a reference coordinate exceeds this.
-  real(dp), parameter :: divergence_limit = 4
+  real(dp), parameter :: divergence_limit = 4  !! Newton's method diverges where a reference coordinate exceeds this.
   !> A Newton step below this is the last: the method converges quadratically, and the error after it is round-off.
   real(dp), parameter :: converged_step = 1.0e-9_dp
   !> A matrix is singular where its determinant is below this fraction of the product of the lengths of its columns.
@@ -40,32 +38,19 @@ contains
   !> Replace the projections of all points by those along the normals of the smooth surfaces.
   subroutine smooth_projections(division, x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, depth_a, &
                                 depth_b, search_radius, offset, x, xi, projection)
-    !> How ranks divide the work; each has points of its own.
-    type(division_t), intent(in) :: division
-    !> Nodal coordinates of body a (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x_a(:, :)
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Facets of the slave surface near the master surface (n_facets).
-    logical, intent(in) :: candidate_a(:)
-    !> Nodal coordinates of body b (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x_b(:, :)
-    !> Master surface (surface_b).
-    type(surface_t), intent(in) :: surface_b
-    !> Facets of the master surface near the slave surface (n_facets).
-    logical, intent(in) :: candidate_b(:)
-    !> Thickness of body a behind its facets (n_facets) [length].
-    real(dp), intent(in) :: depth_a(:)
-    !> Thickness of body b behind its facets (n_facets) [length].
-    real(dp), intent(in) :: depth_b(:)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: search_radius
-    !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
-    integer, intent(in) :: offset(:)
-    !> Positions of the points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Reference coordinates of the points (2, n) [].
-    real(dp), intent(in) :: xi(:, :)
+    type(division_t), intent(in) :: division  !! How ranks divide the work; each has points of its own.
+    real(dp), intent(in) :: x_a(:, :)  !! Nodal coordinates of body a (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    logical, intent(in) :: candidate_a(:)  !! Facets of the slave surface near the master surface (n_facets).
+    real(dp), intent(in) :: x_b(:, :)  !! Nodal coordinates of body b (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface_b  !! Master surface (surface_b).
+    logical, intent(in) :: candidate_b(:)  !! Facets of the master surface near the slave surface (n_facets).
+    real(dp), intent(in) :: depth_a(:)  !! Thickness of body a behind its facets (n_facets) [length].
+    real(dp), intent(in) :: depth_b(:)  !! Thickness of body b behind its facets (n_facets) [length].
+    real(dp), intent(in) :: search_radius  !! Search radius: greatest distance of a projection [length].
+    integer, intent(in) :: offset(:)  !! Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
+    real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n) [length].
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (2, n) [].
     !> Closest-point projections on entry, smooth projections on return (n).
     type(projection_t), intent(inout) :: projection(:)
     type(smooth_surface_t) :: geometry_a, geometry_b
@@ -92,20 +77,13 @@ contains
 
   !> Replace the projection of a point.
   pure subroutine smooth_projection(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, projection)
-    !> Smooth slave surface.
-    type(smooth_surface_t), intent(in) :: geometry_a
-    !> Slave facet of the point.
-    integer, intent(in) :: facet_a
-    !> Its reference coordinates (2) [].
-    real(dp), intent(in) :: xi_a(2)
-    !> Smooth master surface.
-    type(smooth_surface_t), intent(in) :: geometry_b
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Search radius: greatest distance of a projection [length].
-    real(dp), intent(in) :: search_radius
-    !> Closest-point projection on entry, smooth projection on return.
-    type(projection_t), intent(inout) :: projection
+    type(smooth_surface_t), intent(in) :: geometry_a  !! Smooth slave surface.
+    integer, intent(in) :: facet_a  !! Slave facet of the point.
+    real(dp), intent(in) :: xi_a(2)  !! Its reference coordinates (2) [].
+    type(smooth_surface_t), intent(in) :: geometry_b  !! Smooth master surface.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp), intent(in) :: search_radius  !! Search radius: greatest distance of a projection [length].
+    type(projection_t), intent(inout) :: projection  !! Closest-point projection on entry, smooth projection on return.
     real(dp) :: xi(2)
     integer :: sub_facet
     if (all(projection%status /= [projection_found, projection_outside])) return
@@ -125,12 +103,9 @@ contains
   !> Move a projection to where the line along the interpolated normal meets the point. It is unchanged where there is
   !> no such position: beside sharp edges.
   pure subroutine project_along_normal(geometry, x, projection)
-    !> Smooth master surface.
-    type(smooth_surface_t), intent(in) :: geometry
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Projection.
-    type(projection_t), intent(inout) :: projection
+    type(smooth_surface_t), intent(in) :: geometry  !! Smooth master surface.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    type(projection_t), intent(inout) :: projection  !! Projection.
     real(dp) :: xi(2), normal(3), distance, beyond, best_xi(2), best_normal(3), best_distance, least
     integer :: facet, best_facet, edge, n_edges, edges(2), i, k   ! facets are sub-facets here
     logical :: found, at_boundary
@@ -185,22 +160,14 @@ contains
   !> Point of a sub-facet, continued beyond its edges, whose normal line passes through x: x = x'(xi) + t m(xi), by
   !> Newton's method.
   pure subroutine intersect_normal_line(geometry, set, facet, x, xi, normal, distance, found)
-    !> Smooth master surface.
-    type(smooth_surface_t), intent(in) :: geometry
-    !> Sub-facets with the element geometry.
-    type(facet_set_t), intent(in) :: set
-    !> Sub-facet number.
-    integer, intent(in) :: facet
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Reference coordinates: start on entry, solution on return (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Unit normal there (3) [].
-    real(dp), intent(out) :: normal(3)
-    !> Distance along it [length].
-    real(dp), intent(out) :: distance
-    !> There is a solution.
-    logical, intent(out) :: found
+    type(smooth_surface_t), intent(in) :: geometry  !! Smooth master surface.
+    type(facet_set_t), intent(in) :: set  !! Sub-facets with the element geometry.
+    integer, intent(in) :: facet  !! Sub-facet number.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp), intent(inout) :: xi(2)  !! Reference coordinates: start on entry, solution on return (2) [].
+    real(dp), intent(out) :: normal(3)  !! Unit normal there (3) [].
+    real(dp), intent(out) :: distance  !! Distance along it [length].
+    logical, intent(out) :: found  !! There is a solution.
     real(dp) :: position(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), m(3), mu(3), mv(3), a(3, 3), step(3), r(3), t, length
     integer :: i
     found = .false.
@@ -240,18 +207,12 @@ contains
 
   !> Normal interpolated between the corners of a sub-facet, not of unit length, and its derivatives.
   pure subroutine interpolate_normal(corners, at_corner, xi, m, mu, mv)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Normals at the corners (3, 4) [].
-    real(dp), intent(in) :: at_corner(3, 4)
-    !> Reference coordinates (2) []; the second is 0 for lines.
-    real(dp), intent(in) :: xi(2)
-    !> Interpolated normal (3) [].
-    real(dp), intent(out) :: m(3)
-    !> Derivative with respect to the first reference coordinate (3) [].
-    real(dp), intent(out) :: mu(3)
-    !> Derivative with respect to the second one (3) [].
-    real(dp), intent(out) :: mv(3)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: at_corner(3, 4)  !! Normals at the corners (3, 4) [].
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) []; the second is 0 for lines.
+    real(dp), intent(out) :: m(3)  !! Interpolated normal (3) [].
+    real(dp), intent(out) :: mu(3)  !! Derivative with respect to the first reference coordinate (3) [].
+    real(dp), intent(out) :: mv(3)  !! Derivative with respect to the second one (3) [].
     associate (n => at_corner, u => xi(1), v => xi(2))
       select case (corners)
       case (2)
@@ -272,14 +233,10 @@ contains
 
   !> The edge beyond which a point lies farthest.
   pure subroutine farthest_edge(corners, xi, edge, beyond)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Reference coordinates (2) []; the second is 0 for lines.
-    real(dp), intent(in) :: xi(2)
-    !> Edge number.
-    integer, intent(out) :: edge
-    !> Distance beyond the edge in reference coordinates, negative inside [].
-    real(dp), intent(out) :: beyond
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) []; the second is 0 for lines.
+    integer, intent(out) :: edge  !! Edge number.
+    real(dp), intent(out) :: beyond  !! Distance beyond the edge in reference coordinates, negative inside [].
     select case (corners)
     case (2)
       edge = merge(1, 2, xi(1) < 0)
@@ -295,14 +252,10 @@ contains
 
   !> Solve three equations by Cramer's rule.
   pure subroutine solve_3x3(a, b, x, regular)
-    !> Matrix (3, 3) [any].
-    real(dp), intent(in) :: a(3, 3)
-    !> Right-hand side (3) [any].
-    real(dp), intent(in) :: b(3)
-    !> Solution, zero for a singular matrix (3) [any].
-    real(dp), intent(out) :: x(3)
-    !> The matrix is regular.
-    logical, intent(out) :: regular
+    real(dp), intent(in) :: a(3, 3)  !! Matrix (3, 3) [any].
+    real(dp), intent(in) :: b(3)  !! Right-hand side (3) [any].
+    real(dp), intent(out) :: x(3)  !! Solution, zero for a singular matrix (3) [any].
+    logical, intent(out) :: regular  !! The matrix is regular.
     real(dp) :: determinant
     determinant = triple_product(a(:, 1), a(:, 2), a(:, 3))
     x = 0
@@ -314,12 +267,9 @@ contains
 
   !> Triple product a . (b x c) [any].
   pure real(dp) function triple_product(a, b, c)
-    !> First vector (3) [any].
-    real(dp), intent(in) :: a(3)
-    !> Second vector (3) [any].
-    real(dp), intent(in) :: b(3)
-    !> Third vector (3) [any].
-    real(dp), intent(in) :: c(3)
+    real(dp), intent(in) :: a(3)  !! First vector (3) [any].
+    real(dp), intent(in) :: b(3)  !! Second vector (3) [any].
+    real(dp), intent(in) :: c(3)  !! Third vector (3) [any].
     triple_product = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
   end function triple_product
 end module dotyk_contact_smooth_projection

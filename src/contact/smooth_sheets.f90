@@ -34,10 +34,8 @@ contains
 
   !> Find the sheets of a surface.
   subroutine split_sheets(x, surface)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface; its `sheet` is set.
-    type(surface_t), intent(inout) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(inout) :: surface  !! Surface; its `sheet` is set.
     type(adjacency_t) :: adjacency
     type(facet_set_t) :: set
     logical, allocatable :: sharp(:, :)
@@ -59,12 +57,9 @@ contains
 
   !> Sharp edges of a surface.
   subroutine sharp_edges(x, surface, adjacency, sharp)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     !> Edges that are sharp; the boundary of the surface is not (4, n_facets).
     logical, allocatable, intent(out) :: sharp(:, :)
     real(dp), allocatable :: turn(:, :)
@@ -74,12 +69,9 @@ contains
 
   !> Neighbours of the facets of a surface.
   subroutine find_adjacency(surface, adjacency, corners)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Neighbours.
-    type(adjacency_t), intent(out) :: adjacency
-    !> Corners of the facets; nothing else of the facets is set.
-    type(facet_set_t), intent(out), optional :: corners
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(out) :: adjacency  !! Neighbours.
+    type(facet_set_t), intent(out), optional :: corners  !! Corners of the facets; nothing else of the facets is set.
     type(facet_set_t) :: set
     type(element_kind_t) :: kind
     integer :: f
@@ -98,16 +90,11 @@ contains
 
   !> Tell sharp from smooth edges by their angles and entities.
   subroutine classify_edges(surface, adjacency, turn, least_turn, sharp)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Angles at the edges (4, n_facets) [rad].
-    real(dp), intent(in) :: turn(:, :)
-    !> Edges that turn by less are smooth [rad].
-    real(dp), intent(in) :: least_turn
-    !> Edges that are sharp (4, n_facets).
-    logical, allocatable, intent(out) :: sharp(:, :)
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: turn(:, :)  !! Angles at the edges (4, n_facets) [rad].
+    real(dp), intent(in) :: least_turn  !! Edges that turn by less are smooth [rad].
+    logical, allocatable, intent(out) :: sharp(:, :)  !! Edges that are sharp (4, n_facets).
     real(dp) :: other_turn
     integer :: f, g, e, entity_f, entity_g
     allocate (sharp(4, surface%n_facets), source=.false.)
@@ -129,19 +116,15 @@ contains
 
   !> Whether an edge is sharp, by the angles at it and beside it.
   elemental logical function is_sharp_turn(turn, beside)
-    !> Angle between the normals on the two sides of the edge [rad].
-    real(dp), intent(in) :: turn
-    !> Greatest angle at the smooth edges beside it [rad].
-    real(dp), intent(in) :: beside
+    real(dp), intent(in) :: turn  !! Angle between the normals on the two sides of the edge [rad].
+    real(dp), intent(in) :: beside  !! Greatest angle at the smooth edges beside it [rad].
     is_sharp_turn = turn > always_sharp .or. turn > turn_ratio*beside + turn_margin
   end function is_sharp_turn
 
   !> Geometric entity of a facet, 0 if unknown.
   pure integer function facet_entity(surface, f)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Facet number.
-    integer, intent(in) :: f
+    type(surface_t), intent(in) :: surface  !! Surface.
+    integer, intent(in) :: f  !! Facet number.
     facet_entity = 0
     if (allocated(surface%entity)) facet_entity = surface%entity(f)
   end function facet_entity
@@ -150,12 +133,9 @@ contains
   !> smooth edges: their mid-side nodes carry no information about the shape. Plane facets next to them count too, up to
   !> sharp edges.
   subroutine facets_on_chords(x, surface, on_chords)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Such facets (n_facets).
-    logical, intent(out) :: on_chords(:)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    logical, intent(out) :: on_chords(:)  !! Such facets (n_facets).
     type(adjacency_t) :: adjacency
     logical :: straight(surface%n_facets)
     logical, allocatable :: sharp(:, :)
@@ -187,10 +167,8 @@ contains
 
   !> Whether a facet has mid-side nodes, all in the middle of their chords.
   pure logical function is_straight(kind, x)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Nodes of the facet (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the facet (dimension, n_nodes) [length].
     type(element_kind_t) :: properties
     integer :: i, n
     properties = element_kind(kind)
@@ -207,14 +185,10 @@ contains
 
   !> Angle between the facets on the two sides of each edge, at its middle.
   subroutine edge_turns(x, surface, adjacency, turn)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Angles, 0 at the boundary of the surface (4, n_facets) [rad].
-    real(dp), allocatable, intent(out) :: turn(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), allocatable, intent(out) :: turn(:, :)  !! Angles, 0 at the boundary of the surface (4, n_facets) [rad].
     real(dp), allocatable :: normal(:, :, :)
     integer :: f, g, e, back, d, n
     d = surface%dimension
@@ -240,18 +214,12 @@ contains
 
   !> Normal of a facet at the middle of an edge; in two dimensions at an end.
   pure subroutine edge_normal(d, kind, corners, edge, x, normal)
-    !> Dimension of space.
-    integer, intent(in) :: d
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Number of its corners.
-    integer, intent(in) :: corners
-    !> Edge number.
-    integer, intent(in) :: edge
-    !> Nodes of the facet (d, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Unit normal (d) [].
-    real(dp), intent(out) :: normal(:)
+    integer, intent(in) :: d  !! Dimension of space.
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: corners  !! Number of its corners.
+    integer, intent(in) :: edge  !! Edge number.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the facet (d, n_nodes) [length].
+    real(dp), intent(out) :: normal(:)  !! Unit normal (d) [].
     real(dp), parameter :: on_triangle(2, 3) = reshape([0.5_dp, 0.0_dp, 0.5_dp, 0.5_dp, 0.0_dp, 0.5_dp], [2, 3])
     real(dp), parameter :: on_square(2, 4) = &
       reshape([0.0_dp, -1.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, -1.0_dp, 0.0_dp], [2, 4])
@@ -270,16 +238,11 @@ contains
   !> Greatest angle, below the one that is always sharp, at the edges of a facet towards facets of its own entity,
   !> another facet excepted [rad].
   pure real(dp) function turn_beside(surface, adjacency, turn, f, except) result(greatest)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Angles at the edges (4, n_facets) [rad].
-    real(dp), intent(in) :: turn(:, :)
-    !> Facet number.
-    integer, intent(in) :: f
-    !> Facet whose edge does not count.
-    integer, intent(in) :: except
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: turn(:, :)  !! Angles at the edges (4, n_facets) [rad].
+    integer, intent(in) :: f  !! Facet number.
+    integer, intent(in) :: except  !! Facet whose edge does not count.
     integer :: e, g
     greatest = 0
     do e = 1, 4
@@ -292,14 +255,10 @@ contains
   !> Number the sheets at one vertex in the order of their first facets: facets with a common smooth edge there belong
   !> to one sheet.
   pure subroutine sheets_at_vertex(set, adjacency, sharp, v, sheet)
-    !> Facets of the surface; only their corners are needed.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Sharp edges (4, n_facets).
-    logical, intent(in) :: sharp(:, :)
-    !> Vertex number.
-    integer, intent(in) :: v
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface; only their corners are needed.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    logical, intent(in) :: sharp(:, :)  !! Sharp edges (4, n_facets).
+    integer, intent(in) :: v  !! Vertex number.
     !> Sheets at the corners of the facets; those at the vertex are set (4, n_facets).
     integer, intent(inout) :: sheet(:, :)
     integer, allocatable :: group(:), number(:)
@@ -335,16 +294,11 @@ contains
 
   !> Whether the edge between two facets belongs to one smooth sheet.
   pure logical function is_smooth_edge(adjacency, normal, entity, f, g) result(is_smooth)
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Mean normals of the facets (3, n) [].
-    real(dp), intent(in) :: normal(:, :)
-    !> Geometric entity of each facet, 0 if unknown (n).
-    integer, intent(in) :: entity(:)
-    !> Facet on one side.
-    integer, intent(in) :: f
-    !> Facet on the other side.
-    integer, intent(in) :: g
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: normal(:, :)  !! Mean normals of the facets (3, n) [].
+    integer, intent(in) :: entity(:)  !! Geometric entity of each facet, 0 if unknown (n).
+    integer, intent(in) :: f  !! Facet on one side.
+    integer, intent(in) :: g  !! Facet on the other side.
     real(dp) :: turn
     if (entity(f) == 0 .or. entity(g) == 0) then
       is_smooth = dot_product(normal(:, f), normal(:, g)) > sharp_cosine
@@ -361,8 +315,7 @@ contains
 
     !> Greatest angle between a facet and those of its entity around its vertices [rad].
     pure real(dp) function turn_around(facet)
-      !> Facet number.
-      integer, intent(in) :: facet
+      integer, intent(in) :: facet  !! Facet number.
       integer :: c, k, v, other
       turn_around = 0
       do c = 1, 4
@@ -379,10 +332,8 @@ contains
 
   !> Angle between unit vectors [rad].
   pure real(dp) function angle(a, b)
-    !> First vector (3) [].
-    real(dp), intent(in) :: a(3)
-    !> Second vector (3) [].
-    real(dp), intent(in) :: b(3)
+    real(dp), intent(in) :: a(3)  !! First vector (3) [].
+    real(dp), intent(in) :: b(3)  !! Second vector (3) [].
     angle = 2*asin(min(1.0_dp, norm2(a - b)/2))
   end function angle
 end module dotyk_contact_smooth_sheets

@@ -25,24 +25,18 @@ module dotyk_contact_smooth_surface
   implicit none
   private
 
-  !> Smooth geometry of a surface.
-  type, public :: smooth_surface_t
+  type, public :: smooth_surface_t  !! Smooth geometry of a surface.
     !> The geometry differs from that of the elements on some sub-facet. Otherwise nothing below is set.
     logical :: active = .false.
-    !> Sub-facets.
-    type(sub_facets_t) :: sub_facets
-    !> Element geometry on the sub-facets.
-    type(facet_set_t) :: element
-    !> Smooth geometry on the sub-facets.
-    type(facet_set_t) :: patch
-    !> Sub-facets on which the two differ (n).
-    logical, allocatable :: changed(:)
+    type(sub_facets_t) :: sub_facets  !! Sub-facets.
+    type(facet_set_t) :: element  !! Element geometry on the sub-facets.
+    type(facet_set_t) :: patch  !! Smooth geometry on the sub-facets.
+    logical, allocatable :: changed(:)  !! Sub-facets on which the two differ (n).
     !> Outward normals at the corners of the sub-facets, of about unit length (3, 4, n) [].
     real(dp), allocatable :: corner_normal(:, :, :)
     !> Sub-facet across each edge, 0 where the normal is discontinuous (4, n).
     integer, allocatable :: smooth_neighbour(:, :)
-    !> Edges at which the surface ends (4, n).
-    logical, allocatable :: boundary(:, :)
+    logical, allocatable :: boundary(:, :)  !! Edges at which the surface ends (4, n).
   contains
     procedure :: init => geometry_init
     procedure :: shift
@@ -53,12 +47,9 @@ contains
   !> Set up for a surface.
   subroutine geometry_init(self, division, x, surface, candidate)
     class(smooth_surface_t), intent(out) :: self
-    !> How ranks divide the work.
-    type(division_t), intent(in) :: division
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
+    type(division_t), intent(in) :: division  !! How ranks divide the work.
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
     !> Facets near the other surface (n_facets); other facets may keep the geometry of their elements.
     logical, intent(in) :: candidate(:)
     type(facet_set_t) :: set
@@ -106,12 +97,9 @@ contains
   !> Whether the normals at the corners of a facet differ from the facet normal: whether they have components along its
   !> edges.
   pure logical function is_curved(corners, x, normal)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Corners (3, corners) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Normals at the corners (3, at least corners) [].
-    real(dp), intent(in) :: normal(:, :)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, corners) [length].
+    real(dp), intent(in) :: normal(:, :)  !! Normals at the corners (3, at least corners) [].
     integer :: k, l
     is_curved = .false.
     do k = 1, corners
@@ -124,8 +112,7 @@ contains
   !> Element geometry and patches as facet polynomials.
   subroutine make_patches(self, dimension)
     class(smooth_surface_t), intent(inout) :: self
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: dimension  !! Dimension of space.
     type(surface_t) :: patches
     type(element_kind_t) :: kind
     real(dp) :: nodes(dimension, max_facet_nodes*size(self%changed))
@@ -152,24 +139,18 @@ contains
 
   !> Quadratic element kind of a facet.
   pure integer function quadratic_kind(corners)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, parameter :: kinds(2:4) = [element_line3, element_tri6, element_quad8]
     quadratic_kind = kinds(corners)
   end function quadratic_kind
 
   !> Middle of a smooth edge.
   pure function edge_middle(x0, x1, n0, n1) result(x)
-    !> First end (dimension) [length].
-    real(dp), intent(in) :: x0(:)
-    !> Second end (dimension) [length].
-    real(dp), intent(in) :: x1(:)
-    !> Normal at the first end (dimension) [].
-    real(dp), intent(in) :: n0(:)
-    !> Normal at the second end (dimension) [].
-    real(dp), intent(in) :: n1(:)
-    !> Middle (dimension) [length].
-    real(dp) :: x(size(x0))
+    real(dp), intent(in) :: x0(:)  !! First end (dimension) [length].
+    real(dp), intent(in) :: x1(:)  !! Second end (dimension) [length].
+    real(dp), intent(in) :: n0(:)  !! Normal at the first end (dimension) [].
+    real(dp), intent(in) :: n1(:)  !! Normal at the second end (dimension) [].
+    real(dp) :: x(size(x0))  !! Middle (dimension) [length].
     real(dp) :: d(size(x0)), t0(size(x0)), t1(size(x0))
     d = x1 - x0
     t0 = d - dot_product(d, n0)*n0
@@ -182,12 +163,9 @@ contains
   !> Vector from a point of the element to the point of the patch with the same reference coordinates [length].
   pure function shift(self, sub_facet, xi)
     class(smooth_surface_t), intent(in) :: self
-    !> Sub-facet number.
-    integer, intent(in) :: sub_facet
-    !> Reference coordinates on the sub-facet (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Vector (3) [length].
-    real(dp) :: shift(3)
+    integer, intent(in) :: sub_facet  !! Sub-facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates on the sub-facet (2) [].
+    real(dp) :: shift(3)  !! Vector (3) [length].
     real(dp) :: x(3), y(3), d(3, 5)
     shift = 0
     if (.not. self%changed(sub_facet)) return

@@ -17,42 +17,27 @@ module dotyk_contact_solid_boundary
   implicit none
   private
 
-  !> Boundary of one part.
-  type, public :: solid_t
-    !> Index of the body.
-    integer :: body = 0
-    !> Dimension of space, 2 or 3.
-    integer :: dimension = 0
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Body-local number of each node (n_nodes).
-    integer, allocatable :: node(:)
-    !> Positions before deformation (3, n_nodes) [length].
-    real(dp), allocatable :: x0(:, :)
-    !> Positions after deformation (3, n_nodes) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Facets, with nodes of the boundary.
-    type(surface_t) :: surface
-    !> Deformed facets.
-    type(facet_set_t) :: set
-    !> Bounding-volume tree of the deformed facets.
-    type(bounding_volume_tree_t) :: tree
-    !> Neighbours of the facets.
-    type(adjacency_t) :: adjacency
-    !> Facets at node i are around(first(i):first(i+1)-1) (n_nodes + 1).
-    integer, allocatable :: first(:)
-    !> These facets.
-    integer, allocatable :: around(:)
+  type, public :: solid_t  !! Boundary of one part.
+    integer :: body = 0  !! Index of the body.
+    integer :: dimension = 0  !! Dimension of space, 2 or 3.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer, allocatable :: node(:)  !! Body-local number of each node (n_nodes).
+    real(dp), allocatable :: x0(:, :)  !! Positions before deformation (3, n_nodes) [length].
+    real(dp), allocatable :: x(:, :)  !! Positions after deformation (3, n_nodes) [length].
+    type(surface_t) :: surface  !! Facets, with nodes of the boundary.
+    type(facet_set_t) :: set  !! Deformed facets.
+    type(bounding_volume_tree_t) :: tree  !! Bounding-volume tree of the deformed facets.
+    type(adjacency_t) :: adjacency  !! Neighbours of the facets.
+    integer, allocatable :: first(:)  !! Facets at node i are around(first(i):first(i+1)-1) (n_nodes + 1).
+    integer, allocatable :: around(:)  !! These facets.
     !> Unit outward normals at the centres of the facets before deformation (3, n_facets) [].
     real(dp), allocatable :: normal0(:, :)
-    !> The same after deformation (3, n_facets) [].
-    real(dp), allocatable :: normal(:, :)
+    real(dp), allocatable :: normal(:, :)  !! The same after deformation (3, n_facets) [].
     !> Depth that each facet cannot resolve: twice the height of the arc over it (n_facets) [length].
     real(dp), allocatable :: roughness(:)
     !> Greatest curvature around each facet before deformation (n_facets) [1/length].
     real(dp), allocatable :: curvature(:)
-    !> Greatest change of length of the edges of each facet (n_facets) [length].
-    real(dp), allocatable :: stretch(:)
+    real(dp), allocatable :: stretch(:)  !! Greatest change of length of the edges of each facet (n_facets) [length].
   contains
     procedure :: init => solid_init
     procedure :: depth_of => solid_depth_of
@@ -77,16 +62,11 @@ contains
   !> Set up from some facets of the boundary of a body.
   subroutine solid_init(self, body, x, displacement, boundary, chosen)
     class(solid_t), intent(out) :: self
-    !> Index of the body.
-    integer, intent(in) :: body
-    !> Nodes of the body (dimension, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Their displacements (dimension, n) [length].
-    real(dp), intent(in) :: displacement(:, :)
-    !> Boundary of the body, with nodes of the body.
-    type(surface_t), intent(in) :: boundary
-    !> Facets of the part (n_facets).
-    integer, intent(in) :: chosen(:)
+    integer, intent(in) :: body  !! Index of the body.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dimension, n) [length].
+    real(dp), intent(in) :: displacement(:, :)  !! Their displacements (dimension, n) [length].
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body, with nodes of the body.
+    integer, intent(in) :: chosen(:)  !! Facets of the part (n_facets).
     integer, allocatable :: number(:)
     integer :: f, i, d, n
     self%body = body
@@ -130,8 +110,7 @@ contains
 
   !> Facets at each node, mid-side nodes included.
   pure subroutine collect_around(self)
-    !> Boundary; its lists are set.
-    type(solid_t), intent(inout) :: self
+    type(solid_t), intent(inout) :: self  !! Boundary; its lists are set.
     integer, allocatable :: next(:)
     integer :: f, i, k
     allocate (self%first(self%n_nodes + 1), next(self%n_nodes))
@@ -159,16 +138,11 @@ contains
   !> Depth of a point below the deformed boundary: its distance, negative outside.
   pure subroutine solid_depth_of(self, x, hint, depth, facet, xi)
     class(solid_t), intent(in) :: self
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> A facet that is probably near, or 0.
-    integer, intent(in) :: hint
-    !> Depth [length].
-    real(dp), intent(out) :: depth
-    !> Facet of the closest point.
-    integer, intent(out) :: facet
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(out) :: xi(2)
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    integer, intent(in) :: hint  !! A facet that is probably near, or 0.
+    real(dp), intent(out) :: depth  !! Depth [length].
+    integer, intent(out) :: facet  !! Facet of the closest point.
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
     real(dp) :: square, position(3), normal(3)
     call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., 0.0_dp, hint, facet, xi, square)
     call self%outward_normal(facet, xi, position, normal)
@@ -178,22 +152,14 @@ contains
   !> Depth of a point of another part below the nearest of the facets that were not flush with it.
   pure subroutine solid_depth_beside_flush(self, x, other, nodes, faces_only, most, depth, facet, xi)
     class(solid_t), intent(in) :: self
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> The other part.
-    class(solid_t), intent(in) :: other
-    !> Its node, or the nodes that the point lies between (n).
-    integer, intent(in) :: nodes(:)
-    !> Whether only facets count that face one at these nodes.
-    logical, intent(in) :: faces_only
-    !> Distance up to which facets are looked for [length].
-    real(dp), intent(in) :: most
-    !> Depth, negative outside; `most` where there is no facet [length].
-    real(dp), intent(out) :: depth
-    !> Facet of the closest point; 0 where there is none.
-    integer, intent(out) :: facet
-    !> Its reference coordinates (2) [].
-    real(dp), intent(out) :: xi(2)
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    class(solid_t), intent(in) :: other  !! The other part.
+    integer, intent(in) :: nodes(:)  !! Its node, or the nodes that the point lies between (n).
+    logical, intent(in) :: faces_only  !! Whether only facets count that face one at these nodes.
+    real(dp), intent(in) :: most  !! Distance up to which facets are looked for [length].
+    real(dp), intent(out) :: depth  !! Depth, negative outside; `most` where there is no facet [length].
+    integer, intent(out) :: facet  !! Facet of the closest point; 0 where there is none.
+    real(dp), intent(out) :: xi(2)  !! Its reference coordinates (2) [].
     integer, allocatable :: near(:)
     real(dp), allocatable :: normals(:, :)
     real(dp) :: square, trial, trial_xi(2), position(3), normal(3), xu(3), xv(3)
@@ -221,14 +187,10 @@ contains
   !> Outward direction at a point of a facet; the mean of the facets around at edges and vertices.
   pure subroutine solid_outward_normal(self, facet, xi, position, normal)
     class(solid_t), intent(in) :: self
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Position (3) [length].
-    real(dp), intent(out) :: position(3)
-    !> Outward direction, not normalized (3) [].
-    real(dp), intent(out) :: normal(3)
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
+    real(dp), intent(out) :: position(3)  !! Position (3) [length].
+    real(dp), intent(out) :: normal(3)  !! Outward direction, not normalized (3) [].
     real(dp) :: other_xi(2), other_position(3), other_normal(3), xu(3), xv(3), square
     integer, allocatable :: shared(:)
     integer :: k, vertex
@@ -250,10 +212,8 @@ contains
 
   !> Whether a point of a facet is on none of its edges.
   pure logical function is_inside(corners, xi)
-    !> Number of corners.
-    integer, intent(in) :: corners
-    !> Reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
+    integer, intent(in) :: corners  !! Number of corners.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
     integer :: n, edges(2)
     call edges_at(corners, xi, edge_tolerance, n, edges)
     is_inside = n == 0
@@ -262,14 +222,10 @@ contains
   !> Facets that share a point: that of the point, on an edge both, at a vertex all around.
   pure subroutine solid_facets_at(self, facet, xi, shared, vertex)
     class(solid_t), intent(in) :: self
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> The facets (n).
-    integer, allocatable, intent(out) :: shared(:)
-    !> The vertex, 0 where the point is none.
-    integer, intent(out) :: vertex
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
+    integer, allocatable, intent(out) :: shared(:)  !! The facets (n).
+    integer, intent(out) :: vertex  !! The vertex, 0 where the point is none.
     integer :: n, edges(2), corner, corners
     corners = self%set%corners(facet)
     vertex = 0
@@ -291,8 +247,7 @@ contains
   !> Facets around some nodes, not each once (n).
   pure function solid_facets_around(self, nodes) result(list)
     class(solid_t), intent(in) :: self
-    !> Nodes of the boundary (any number).
-    integer, intent(in) :: nodes(:)
+    integer, intent(in) :: nodes(:)  !! Nodes of the boundary (any number).
     integer, allocatable :: list(:)
     integer :: i
     list = [(self%around(self%first(nodes(i)):self%first(nodes(i) + 1) - 1), i=1, size(nodes))]
@@ -300,16 +255,11 @@ contains
 
   !> Unit normal of a facet at one of its corners, times the angle of the facet there [rad].
   pure function normal_by_angle(set, x, facet, corner) result(normal)
-    !> Facets.
-    type(facet_set_t), intent(in) :: set
-    !> Positions of the nodes (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Corner.
-    integer, intent(in) :: corner
-    !> The product (3) [rad].
-    real(dp) :: normal(3)
+    type(facet_set_t), intent(in) :: set  !! Facets.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the nodes (3, n_nodes) [length].
+    integer, intent(in) :: facet  !! Facet number.
+    integer, intent(in) :: corner  !! Corner.
+    real(dp) :: normal(3)  !! The product (3) [rad].
     real(dp) :: position(3), xu(3), xv(3), a(3), b(3)
     integer :: n
     n = set%corners(facet)
@@ -323,10 +273,8 @@ contains
   !> Displacement of a point of a facet (3) [length].
   pure function solid_displacement_at(self, facet, xi) result(u)
     class(solid_t), intent(in) :: self
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
     real(dp) :: u(3)
     real(dp) :: shape(max_facet_nodes)
     integer :: n, i, k
@@ -342,12 +290,9 @@ contains
   !> blocks are: the node has not come through this facet, however near it is.
   pure logical function solid_is_flush(self, i, b, facet) result(flush)
     class(solid_t), intent(in) :: self
-    !> Node.
-    integer, intent(in) :: i
-    !> The other part.
-    class(solid_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: facet
+    integer, intent(in) :: i  !! Node.
+    class(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: facet  !! Its facet.
     integer :: k
     flush = .false.
     if (abs(dot_product(b%normal0(:, facet), self%x0(:, i) - b%x0(:, b%surface%node(1, facet)))) > &

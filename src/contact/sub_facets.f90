@@ -12,27 +12,20 @@ module dotyk_contact_sub_facets
   implicit none
   private
 
-  !> Sub-facets of a surface.
-  type, public :: sub_facets_t
-    !> Sub-facets of facet f are first(f) .. first(f+1)-1 (n_facets+1).
-    integer, allocatable :: first(:)
-    !> Facet of each sub-facet (n).
-    integer, allocatable :: parent(:)
+  type, public :: sub_facets_t  !! Sub-facets of a surface.
+    integer, allocatable :: first(:)  !! Sub-facets of facet f are first(f) .. first(f+1)-1 (n_facets+1).
+    integer, allocatable :: parent(:)  !! Facet of each sub-facet (n).
     !> Offset of the reference coordinates: xi of the facet = base + factor * xi of the sub-facet (2, n) [].
     real(dp), allocatable :: base(:, :)
-    !> Factor of the reference coordinates (n) [].
-    real(dp), allocatable :: factor(:)
-    !> The sub-facets as linear facets.
-    type(surface_t) :: surface
-    !> Coordinates of their corners (dimension, n_nodes) [length].
-    real(dp), allocatable :: x(:, :)
+    real(dp), allocatable :: factor(:)  !! Factor of the reference coordinates (n) [].
+    type(surface_t) :: surface  !! The sub-facets as linear facets.
+    real(dp), allocatable :: x(:, :)  !! Coordinates of their corners (dimension, n_nodes) [length].
     !> The element geometry restricted to the sub-facets, exactly: facets of the same order, each with nodes of its own.
     type(surface_t) :: element
     !> Nodes of `element`: node j of sub-facet f is element_x(:, max_facet_nodes*(f-1)+j) (dimension, max_facet_nodes*n)
     !> [length].
     real(dp), allocatable :: element_x(:, :)
-    !> Sub-facets of quadratic facets all of whose nodes are coplanar (n).
-    logical, allocatable :: flat(:)
+    logical, allocatable :: flat(:)  !! Sub-facets of quadratic facets all of whose nodes are coplanar (n).
   contains
     procedure :: locate
   end type sub_facets_t
@@ -56,14 +49,10 @@ contains
 
   !> Divide the facets of a surface into sub-facets.
   subroutine split_facets(x, surface, on_chords, sub_facets)
-    !> Nodal coordinates of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Facets whose mid-side nodes carry no information about the shape (n_facets).
-    logical, intent(in) :: on_chords(:)
-    !> Sub-facets.
-    type(sub_facets_t), intent(out) :: sub_facets
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    logical, intent(in) :: on_chords(:)  !! Facets whose mid-side nodes carry no information about the shape (n_facets).
+    type(sub_facets_t), intent(out) :: sub_facets  !! Sub-facets.
     type(element_kind_t) :: kind
     real(dp) :: shape(max_facet_nodes)
     integer :: f, k, n, n_extra, node(max_facet_nodes), count_of(surface%n_facets), corners
@@ -127,12 +116,9 @@ contains
 
   !> Surface without facets yet.
   subroutine allocate_surface(dimension, n, surface)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Number of facets.
-    integer, intent(in) :: n
-    !> Surface.
-    type(surface_t), intent(out) :: surface
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
+    integer, intent(in) :: n  !! Number of facets.
+    type(surface_t), intent(out) :: surface  !! Surface.
     surface%dimension = dimension
     surface%n_facets = n
     allocate (surface%kind(n), surface%node(max_facet_nodes, n))
@@ -141,16 +127,11 @@ contains
 
   !> Restrict the element geometry to one sub-facet.
   subroutine restrict_element(kind, n_sub_facets, x, sub_facet, sub_facets)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Number of sub-facets of the facet.
-    integer, intent(in) :: n_sub_facets
-    !> Nodes of the facet (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Sub-facet number.
-    integer, intent(in) :: sub_facet
-    !> Sub-facets; `element` is set for this one.
-    type(sub_facets_t), intent(inout) :: sub_facets
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: n_sub_facets  !! Number of sub-facets of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the facet (dimension, n_nodes) [length].
+    integer, intent(in) :: sub_facet  !! Sub-facet number.
+    type(sub_facets_t), intent(inout) :: sub_facets  !! Sub-facets; `element` is set for this one.
     real(dp) :: xi(2, max_facet_nodes), shape(max_facet_nodes)
     integer :: n, d, i, j
     j = max_facet_nodes*(sub_facet - 1)
@@ -175,8 +156,7 @@ contains
 
   !> Whether points are coplanar (in two dimensions: collinear).
   pure logical function is_planar(x)
-    !> Points, corners of the facet first (dimension, n) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Points, corners of the facet first (dimension, n) [length].
     real(dp) :: normal(3), a(3), b(3), r(3)
     integer :: i
     if (size(x, 1) == 2) then
@@ -198,14 +178,10 @@ contains
   !> Sub-facet of a point of a facet.
   pure subroutine locate(self, facet, xi, sub_facet, xi_sub_facet)
     class(sub_facets_t), intent(in) :: self
-    !> Facet number.
-    integer, intent(in) :: facet
-    !> Reference coordinates (2) []; the second is 0 for lines.
-    real(dp), intent(in) :: xi(2)
-    !> Sub-facet number.
-    integer, intent(out) :: sub_facet
-    !> Reference coordinates on the sub-facet (2) [].
-    real(dp), intent(out) :: xi_sub_facet(2)
+    integer, intent(in) :: facet  !! Facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) []; the second is 0 for lines.
+    integer, intent(out) :: sub_facet  !! Sub-facet number.
+    real(dp), intent(out) :: xi_sub_facet(2)  !! Reference coordinates on the sub-facet (2) [].
     integer :: k
     k = 1
     select case (self%element%kind(self%first(facet)))

@@ -30,22 +30,15 @@ contains
 
   !> Discretize a tie.
   subroutine discretize_tie(mesh_a, surface_a, mesh_b, surface_b, settings, tie, normal, distance, error, turn)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Name, bodies, search radius, axisymmetry.
-    type(pair_settings_t), intent(in) :: settings
-    !> One pair for each component (dimension).
-    type(contact_pair_t), allocatable, intent(out) :: tie(:)
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    type(pair_settings_t), intent(in) :: settings  !! Name, bodies, search radius, axisymmetry.
+    type(contact_pair_t), allocatable, intent(out) :: tie(:)  !! One pair for each component (dimension).
     !> Mean normal of the slave surface; of length 1 where it is flat (dimension) [].
     real(dp), intent(out) :: normal(:)
-    !> Greatest distance of the surfaces [length].
-    real(dp), intent(out) :: distance
+    real(dp), intent(out) :: distance  !! Greatest distance of the surfaces [length].
     !> No point of the slave surface has a projection, or a facet has no area.
     type(error_t), allocatable, intent(out) :: error
     !> Rotation of the master body that brings its surface there; its mesh is rotated already (dimension, dimension) [].
@@ -83,20 +76,13 @@ contains
   !> Displacements of the slave surface at the ends of the arms, where the tractions of the tie act, as combinations of
   !> those of the nodes of its facets.
   subroutine set_arms(mesh_a, surface_a, mesh_b, surface_b, pair, distance, error)
-    !> Mesh of the slave body.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Mesh of the master body.
-    type(body_mesh_t), intent(in) :: mesh_b
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Points are given; gets the parts of the arms.
-    type(contact_pair_t), intent(inout) :: pair
-    !> Length of the longest arm [length].
-    real(dp), intent(out) :: distance
-    !> A facet has no area.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of the slave body.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of the master body.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    type(contact_pair_t), intent(inout) :: pair  !! Points are given; gets the parts of the arms.
+    real(dp), intent(out) :: distance  !! Length of the longest arm [length].
+    type(error_t), allocatable, intent(out) :: error  !! A facet has no area.
     real(dp) :: shape(max_facet_nodes), gradient(pair%dimension - 1, max_facet_nodes), r(pair%dimension)
     real(dp) :: tangent(pair%dimension, pair%dimension - 1), metric(pair%dimension - 1, pair%dimension - 1)
     real(dp) :: along(pair%dimension - 1, max_facet_nodes + 1)
@@ -135,10 +121,8 @@ contains
 
   !> Mean size of the facets of a surface, the side of a square of the same area [length].
   real(dp) function facet_size(mesh, surface) result(mean)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(surface_t), intent(in) :: surface  !! The surface.
     integer :: f
     mean = 0
     do f = 1, surface%n_facets

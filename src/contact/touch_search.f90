@@ -6,33 +6,25 @@ module dotyk_contact_touch_search
   implicit none
   private
 
-  !> Touching of two parts.
-  type, public :: touch_t
-    !> Facets of the two whose centres lie on faces of the other which face them.
-    integer :: n_facets = 0
-    !> Centre of the first of them after deformation (3) [length].
-    real(dp) :: position(3) = 0
+  type, public :: touch_t  !! Touching of two parts.
+    integer :: n_facets = 0  !! Facets of the two whose centres lie on faces of the other which face them.
+    real(dp) :: position(3) = 0  !! Centre of the first of them after deformation (3) [length].
   end type touch_t
 
   public :: find_touch
 
   !> Faces face each other where the cosine of the angle of their normals is below this: 150 degrees.
   real(dp), parameter :: facing_cosine = -0.866_dp
-  !> Gaps below this fraction of the size of the facet count as none.
-  real(dp), parameter :: no_gap = 1.0e-6_dp
+  real(dp), parameter :: no_gap = 1.0e-6_dp  !! Gaps below this fraction of the size of the facet count as none.
 
 contains
 
   !> Facets of a part whose centres lie on faces of another one.
   pure subroutine find_touch(a, b, slack, touch)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
-    !> Facets are added.
-    type(touch_t), intent(inout) :: touch
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    real(dp), intent(in) :: slack  !! Error of the displacements and of rounding [length].
+    type(touch_t), intent(inout) :: touch  !! Facets are added.
     real(dp) :: depth, xi(2), x(3), normal(3), xu(3), xv(3)
     integer :: f, facet, hint
     hint = 0

@@ -14,8 +14,7 @@ module dotyk_contact_tree_search
   implicit none
   private
 
-  !> Region of space and of normals, in which facets are searched.
-  type, abstract, public :: region_t
+  type, abstract, public :: region_t  !! Region of space and of normals, in which facets are searched.
   contains
     procedure(misses_volume), deferred :: misses
   end type region_t
@@ -25,56 +24,40 @@ module dotyk_contact_tree_search
     pure logical function misses_volume(self, volume)
       import :: bounding_volume_t, region_t
       class(region_t), intent(in) :: self
-      !> Bounds.
-      type(bounding_volume_t), intent(in) :: volume
+      type(bounding_volume_t), intent(in) :: volume  !! Bounds.
     end function misses_volume
   end interface
 
   !> Points within a distance of an axis-aligned box, normals of any direction.
   type, extends(region_t), public :: box_neighbourhood_t
-    !> Lower corner of the box (3) [length].
-    real(dp) :: low(3) = 0
-    !> Upper corner of the box (3) [length].
-    real(dp) :: high(3) = 0
-    !> Distance [length].
-    real(dp) :: distance = 0
+    real(dp) :: low(3) = 0  !! Lower corner of the box (3) [length].
+    real(dp) :: high(3) = 0  !! Upper corner of the box (3) [length].
+    real(dp) :: distance = 0  !! Distance [length].
   contains
     procedure :: misses => neighbourhood_misses
   end type box_neighbourhood_t
 
-  !> Box along given axes, normals of any direction.
-  type, extends(region_t), public :: oriented_box_t
-    !> Origin of the box (3) [length].
-    real(dp) :: origin(3) = 0
-    !> Unit vectors along the box (3, 3) [].
-    real(dp) :: axes(3, 3) = 0
-    !> Lower corner along the axes, relative to the origin (3) [length].
-    real(dp) :: low(3) = 0
-    !> Upper corner along the axes, relative to the origin (3) [length].
-    real(dp) :: high(3) = 0
+  type, extends(region_t), public :: oriented_box_t  !! Box along given axes, normals of any direction.
+    real(dp) :: origin(3) = 0  !! Origin of the box (3) [length].
+    real(dp) :: axes(3, 3) = 0  !! Unit vectors along the box (3, 3) [].
+    real(dp) :: low(3) = 0  !! Lower corner along the axes, relative to the origin (3) [length].
+    real(dp) :: high(3) = 0  !! Upper corner along the axes, relative to the origin (3) [length].
   contains
     procedure :: misses => box_misses
   end type oriented_box_t
 
-  !> Box along given axes, and normals that face a direction.
-  type, extends(oriented_box_t), public :: facing_box_t
-    !> Direction that the normals have to face: normal . toward > facing_cosine (3) [].
-    real(dp) :: toward(3) = 0
+  type, extends(oriented_box_t), public :: facing_box_t  !! Box along given axes, and normals that face a direction.
+    real(dp) :: toward(3) = 0  !! Direction that the normals have to face: normal . toward > facing_cosine (3) [].
   contains
     procedure :: misses => facing_box_misses
   end type facing_box_t
 
-  !> Depth-first traversal of a tree, which yields the facets of a region one by one.
-  type, public :: tree_walk_t
+  type, public :: tree_walk_t  !! Depth-first traversal of a tree, which yields the facets of a region one by one.
     private
-    !> Nodes still to be visited (stack_size); the first `n_waiting` are set.
-    integer :: waiting(stack_size)
-    !> Number of these nodes.
-    integer :: n_waiting = 0
-    !> Facets of the current leaf still to be visited are tree%order(position:last).
-    integer :: position = 1
-    !> End of these facets.
-    integer :: last = 0
+    integer :: waiting(stack_size)  !! Nodes still to be visited (stack_size); the first `n_waiting` are set.
+    integer :: n_waiting = 0  !! Number of these nodes.
+    integer :: position = 1  !! Facets of the current leaf still to be visited are tree%order(position:last).
+    integer :: last = 0  !! End of these facets.
   contains
     procedure :: start => walk_start
     procedure :: next => walk_next
@@ -87,8 +70,7 @@ contains
   !> Begin at the root.
   pure subroutine walk_start(self, tree)
     class(tree_walk_t), intent(inout) :: self
-    !> Bounding-volume tree of the surface, which may have no facets.
-    type(bounding_volume_tree_t), intent(in) :: tree
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface, which may have no facets.
     self%waiting(1) = 1
     self%n_waiting = min(1, size(tree%order))
     self%position = 1
@@ -98,12 +80,9 @@ contains
   !> Go to the next facet whose bounding volume meets a region.
   pure subroutine walk_next(self, tree, region, facet)
     class(tree_walk_t), intent(inout) :: self
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Region; the same in all steps of a traversal.
-    class(region_t), intent(in) :: region
-    !> Facet number; 0 at the end.
-    integer, intent(out) :: facet
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    class(region_t), intent(in) :: region  !! Region; the same in all steps of a traversal.
+    integer, intent(out) :: facet  !! Facet number; 0 at the end.
     integer :: node
     do
       do while (self%position <= self%last)
@@ -129,16 +108,14 @@ contains
   !> Whether the box of a volume is farther away than the distance.
   pure logical function neighbourhood_misses(self, volume) result(misses)
     class(box_neighbourhood_t), intent(in) :: self
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
+    type(bounding_volume_t), intent(in) :: volume  !! Bounds of a node or facet.
     misses = .not. sum(max(volume%lo - self%high, self%low - volume%hi, 0.0_dp)**2) <= self%distance**2
   end function neighbourhood_misses
 
   !> Whether the box of a volume lies beside the box along one of the axes of the latter.
   pure logical function box_misses(self, volume) result(misses)
     class(oriented_box_t), intent(in) :: self
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
+    type(bounding_volume_t), intent(in) :: volume  !! Bounds of a node or facet.
     real(dp) :: centre, half
     integer :: k
     misses = .false.
@@ -152,20 +129,16 @@ contains
   !> Whether no normal faces the direction, or the box of a volume lies beside the box.
   pure logical function facing_box_misses(self, volume) result(misses)
     class(facing_box_t), intent(in) :: self
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
+    type(bounding_volume_t), intent(in) :: volume  !! Bounds of a node or facet.
     misses = dot_product(volume%axis, self%toward) < volume%limit
     if (.not. misses) misses = self%oriented_box_t%misses(volume)
   end function facing_box_misses
 
   !> Facets whose bounding volumes meet a region, ascending.
   pure subroutine facets_in_region(tree, region, list)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Region.
-    class(region_t), intent(in) :: region
-    !> Facets (n).
-    integer, allocatable, intent(out) :: list(:)
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    class(region_t), intent(in) :: region  !! Region.
+    integer, allocatable, intent(out) :: list(:)  !! Facets (n).
     !> Facets that there is room for at first: more than the region around one facet has, as a rule. So many are sorted
     !> by insertion.
     integer, parameter :: first_room = 16
@@ -204,26 +177,18 @@ contains
   !> The facet nearest to a point among those whose normal at the closest point faces a direction, and behind which the
   !> point does not lie deeper than a body is thick; the lowest number of equally near ones.
   pure subroutine nearest_facet(tree, set, x, toward, any_normal, max_depth, hint, facet, xi, square)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Direction that the normal has to face: normal . toward > facing_cosine (3) [].
-    real(dp), intent(in) :: toward(3)
-    !> Normals of all directions are accepted, and all depths.
-    logical, intent(in) :: any_normal
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp), intent(in) :: toward(3)  !! Direction that the normal has to face: normal . toward > facing_cosine (3) [].
+    logical, intent(in) :: any_normal  !! Normals of all directions are accepted, and all depths.
     !> Greatest depth of the point behind a facet; the thickness behind the facet itself limits the depth too [length].
     real(dp), intent(in) :: max_depth
     !> A facet that is probably near, examined first, or 0; it affects the time, not the result.
     integer, intent(in) :: hint
-    !> The nearest facet; 0 if none faces the direction.
-    integer, intent(out) :: facet
-    !> Reference coordinates of the closest point (2) [].
-    real(dp), intent(out) :: xi(2)
-    !> Squared distance [length^2].
-    real(dp), intent(out) :: square
+    integer, intent(out) :: facet  !! The nearest facet; 0 if none faces the direction.
+    real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
+    real(dp), intent(out) :: square  !! Squared distance [length^2].
     integer :: waiting(stack_size), n, node, i, near, far
     real(dp) :: waiting_square(stack_size), near_square, far_square, bound
     facet = 0
@@ -266,26 +231,16 @@ contains
 
   !> Keep a facet if it is nearer than the best one so far and faces the direction.
   pure subroutine examine(tree, set, x, toward, any_normal, max_depth, candidate, facet, xi, square)
-    !> Bounding-volume tree of the surface.
-    type(bounding_volume_tree_t), intent(in) :: tree
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Direction that the normal has to face (3) [].
-    real(dp), intent(in) :: toward(3)
-    !> Normals of all directions are accepted, and all depths.
-    logical, intent(in) :: any_normal
-    !> Greatest depth of the point behind a facet [length].
-    real(dp), intent(in) :: max_depth
-    !> The facet to examine.
-    integer, intent(in) :: candidate
-    !> The nearest facet so far.
-    integer, intent(inout) :: facet
-    !> Reference coordinates of its closest point (2) [].
-    real(dp), intent(inout) :: xi(2)
-    !> Its squared distance [length^2].
-    real(dp), intent(inout) :: square
+    type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    real(dp), intent(in) :: toward(3)  !! Direction that the normal has to face (3) [].
+    logical, intent(in) :: any_normal  !! Normals of all directions are accepted, and all depths.
+    real(dp), intent(in) :: max_depth  !! Greatest depth of the point behind a facet [length].
+    integer, intent(in) :: candidate  !! The facet to examine.
+    integer, intent(inout) :: facet  !! The nearest facet so far.
+    real(dp), intent(inout) :: xi(2)  !! Reference coordinates of its closest point (2) [].
+    real(dp), intent(inout) :: square  !! Its squared distance [length^2].
     real(dp) :: point(2), candidate_square, position(3), normal(3), xu(3), xv(3), q(3)
     if (.not. any_normal) then
       if (dot_product(tree%facet_volume(candidate)%axis, toward) < tree%facet_volume(candidate)%limit) return
@@ -312,10 +267,8 @@ contains
 
   !> Squared distance of a point to the box of a volume, 0 inside [length^2].
   pure real(dp) function square_to_box(volume, x) result(square)
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
-    !> Point (3) [length].
-    real(dp), intent(in) :: x(3)
+    type(bounding_volume_t), intent(in) :: volume  !! Bounds of a node or facet.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
     real(dp) :: d(3)
     d = max(volume%lo - x, x - volume%hi, 0.0_dp)
     square = d(1)**2 + d(2)**2 + d(3)**2

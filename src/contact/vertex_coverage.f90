@@ -18,20 +18,13 @@ contains
 
   !> Covered fraction of the area around each corner of the slave side.
   subroutine vertex_coverage(facet, weight, axisymmetric, surface, x, side, covered)
-    !> Slave facet of each integration point (n_points).
-    integer, intent(in) :: facet(:)
-    !> Weights of the points (n_points) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
-    !> Whether they include the circumference 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface
-    !> Nodes of its body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Interpolation on the slave surface.
-    type(corner_interpolation_t), intent(in) :: side
-    !> Fractions (side%n) [].
-    real(dp), allocatable, intent(out) :: covered(:)
+    integer, intent(in) :: facet(:)  !! Slave facet of each integration point (n_points).
+    real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [length^2; length in two dimensions].
+    logical, intent(in) :: axisymmetric  !! Whether they include the circumference 2 pi r.
+    type(surface_t), intent(in) :: surface  !! Slave surface.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of its body (dimension, n_nodes) [length].
+    type(corner_interpolation_t), intent(in) :: side  !! Interpolation on the slave surface.
+    real(dp), allocatable, intent(out) :: covered(:)  !! Fractions (side%n) [].
     type(element_kind_t) :: kind
     real(dp) :: whole(side%n), area
     integer, allocatable :: corner_of(:, :), sheet(:, :)

@@ -30,18 +30,13 @@ contains
 
   !> Edges across which the surface is smooth, and facets that belong to planes.
   pure subroutine find_smooth_sheets(set, adjacency, x, entity, smooth_neighbour, flat)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices, numbered as in `adjacency` (3, n_vertices) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Geometric entity of each facet, 0 if unknown (n).
-    integer, intent(in) :: entity(:)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the vertices, numbered as in `adjacency` (3, n_vertices) [length].
+    integer, intent(in) :: entity(:)  !! Geometric entity of each facet, 0 if unknown (n).
     !> Facet across each edge, 0 where the edge is sharp or the surface ends (4, n).
     integer, intent(out) :: smooth_neighbour(:, :)
-    !> Facets of planes: those known on entry, all on return (n).
-    logical, intent(inout) :: flat(:)
+    logical, intent(inout) :: flat(:)  !! Facets of planes: those known on entry, all on return (n).
     real(dp) :: normal(3, set%n)
     logical :: planar(set%n), changed
     integer :: f, e, v, other
@@ -91,14 +86,10 @@ contains
 
   !> Whether a vertex lies inside the surface, with smooth edges all around it.
   pure logical function is_interior_vertex(set, adjacency, smooth_neighbour, v)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Facet across each smooth edge, 0 at the others (4, n).
-    integer, intent(in) :: smooth_neighbour(:, :)
-    !> Vertex number.
-    integer, intent(in) :: v
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: v  !! Vertex number.
     integer :: k, f, edge(2)
     is_interior_vertex = .true.
     do k = adjacency%start(v), adjacency%start(v + 1) - 1
@@ -111,16 +102,11 @@ contains
   !> Whether the coplanar facets at a vertex are surrounded by other facets of their plane. (Two triangles at the end of
   !> a coarse cylinder are not.)
   pure logical function is_extended_plane(set, adjacency, around, planar, normal)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Facets at the vertex (number of facets there).
-    integer, intent(in) :: around(:)
-    !> Facets whose corners are coplanar (n).
-    logical, intent(in) :: planar(:)
-    !> Mean normals of the facets (3, n) [].
-    real(dp), intent(in) :: normal(:, :)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: around(:)  !! Facets at the vertex (number of facets there).
+    logical, intent(in) :: planar(:)  !! Facets whose corners are coplanar (n).
+    real(dp), intent(in) :: normal(:, :)  !! Mean normals of the facets (3, n) [].
     integer :: i, c, k, v, f
     logical :: has_neighbours
     is_extended_plane = .false.
@@ -141,14 +127,10 @@ contains
 
   !> Mean normal of a facet.
   pure subroutine mean_normal(corners, x, normal, planar)
-    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
-    integer, intent(in) :: corners
-    !> Corners (3, corners) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Unit normal; zero for a degenerate facet (3) [].
-    real(dp), intent(out) :: normal(3)
-    !> All corners are coplanar.
-    logical, intent(out) :: planar
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, corners) [length].
+    real(dp), intent(out) :: normal(3)  !! Unit normal; zero for a degenerate facet (3) [].
+    logical, intent(out) :: planar  !! All corners are coplanar.
     integer :: k
     select case (corners)
     case (2)
@@ -170,16 +152,11 @@ contains
   !> computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999); in two dimensions likewise for a
   !> circle.
   pure subroutine corner_normal(corners, k, x, normal, weight)
-    !> Number of corners of the facet.
-    integer, intent(in) :: corners
-    !> Corner.
-    integer, intent(in) :: k
-    !> Corners (3, corners) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Normal (3) [length^2; length in two dimensions].
-    real(dp), intent(out) :: normal(3)
-    !> Weight [1/length^4; 1/length^2 in two dimensions].
-    real(dp), intent(out) :: weight
+    integer, intent(in) :: corners  !! Number of corners of the facet.
+    integer, intent(in) :: k  !! Corner.
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, corners) [length].
+    real(dp), intent(out) :: normal(3)  !! Normal (3) [length^2; length in two dimensions].
+    real(dp), intent(out) :: weight  !! Weight [1/length^4; 1/length^2 in two dimensions].
     real(dp) :: a(3), b(3)
     if (corners == 2) then
       normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
@@ -194,22 +171,14 @@ contains
 
   !> Unit normals of the smooth surface at the corners of linear facets.
   subroutine smooth_corner_normals(division, set, adjacency, x, smooth_neighbour, flat, wanted, normal)
-    !> How ranks divide the vertices.
-    type(division_t), intent(in) :: division
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices (3, n_vertices) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Facets of planes (n).
-    logical, intent(in) :: flat(:)
-    !> Facet across each smooth edge, 0 at the others (4, n).
-    integer, intent(in) :: smooth_neighbour(:, :)
-    !> Vertices at which normals are wanted (n_vertices).
-    logical, intent(in) :: wanted(:)
-    !> Outward normals, 0 at the other vertices (3, 4, n) [].
-    real(dp), intent(out) :: normal(:, :, :)
+    type(division_t), intent(in) :: division  !! How ranks divide the vertices.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the vertices (3, n_vertices) [length].
+    logical, intent(in) :: flat(:)  !! Facets of planes (n).
+    integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
+    logical, intent(in) :: wanted(:)  !! Vertices at which normals are wanted (n_vertices).
+    real(dp), intent(out) :: normal(:, :, :)  !! Outward normals, 0 at the other vertices (3, 4, n) [].
     integer :: v, first, last
     normal = 0
     call division%portion(merge(1.0_dp, 0.0_dp, wanted), first, last)
@@ -224,18 +193,12 @@ contains
 
   !> Make the normals at the vertices of all ranks known to all.
   subroutine share_normals(division, set, adjacency, first, last, normal)
-    !> How ranks divide the vertices.
-    type(division_t), intent(in) :: division
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> First vertex of this rank.
-    integer, intent(in) :: first
-    !> Its last vertex.
-    integer, intent(in) :: last
-    !> Normals at the vertices of this rank in, at all out (3, 4, n) [].
-    real(dp), intent(inout) :: normal(:, :, :)
+    type(division_t), intent(in) :: division  !! How ranks divide the vertices.
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(in) :: first  !! First vertex of this rank.
+    integer, intent(in) :: last  !! Its last vertex.
+    real(dp), intent(inout) :: normal(:, :, :)  !! Normals at the vertices of this rank in, at all out (3, 4, n) [].
     real(dp), allocatable :: at_vertex(:, :)
     integer :: v, k
     allocate (at_vertex(3, size(adjacency%facet)))
@@ -254,18 +217,12 @@ contains
 
   !> Normals at one vertex, sheet by sheet.
   subroutine normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices (3, n_vertices) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Facets of planes (n).
-    logical, intent(in) :: flat(:)
-    !> Facet across each smooth edge, 0 at the others (4, n).
-    integer, intent(in) :: smooth_neighbour(:, :)
-    !> Vertex number.
-    integer, intent(in) :: v
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the vertices (3, n_vertices) [length].
+    logical, intent(in) :: flat(:)  !! Facets of planes (n).
+    integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: v  !! Vertex number.
     !> Normals at the corners of the facets; those at the vertex are set (3, 4, n) [].
     real(dp), intent(inout) :: normal(:, :, :)
     integer :: first, last, i, j, k, n, f, edge(2)
@@ -323,20 +280,13 @@ contains
   !> determine as many coefficients as any. A fit is rejected if it differs from the mean by more than twice the greatest angle between the mean
   !> and the facets around.
   subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal)
-    !> Facets of the surface.
-    type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices (3, n_vertices) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Facet across each smooth edge, 0 at the others (4, n).
-    integer, intent(in) :: smooth_neighbour(:, :)
-    !> Facets of planes (n).
-    logical, intent(in) :: flat(:)
-    !> Vertex number.
-    integer, intent(in) :: v
-    !> Facets of the sheet at the vertex (number of these facets).
-    integer, intent(in) :: start(:)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    real(dp), intent(in) :: x(:, :)  !! Positions of the vertices (3, n_vertices) [length].
+    integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
+    logical, intent(in) :: flat(:)  !! Facets of planes (n).
+    integer, intent(in) :: v  !! Vertex number.
+    integer, intent(in) :: start(:)  !! Facets of the sheet at the vertex (number of these facets).
     !> Weighted mean of the facet normals on entry, fitted normal on return (3) [].
     real(dp), intent(inout) :: normal(3)
     integer :: facet(max_facets), vertex(4*max_facets), n, n_vertices, ring, i, e, k, last, other
@@ -391,8 +341,7 @@ contains
 
     !> Cosine of the angle between a facet and the mean normal [].
     real(dp) function facing(f)
-      !> Facet number.
-      integer, intent(in) :: f
+      integer, intent(in) :: f  !! Facet number.
       call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), facet_normal, planar)
       facing = dot_product(facet_normal, mean)
     end function facing

@@ -20,20 +20,16 @@ module dotyk_control_balance
   implicit none
   private
 
-  !> Forces on one body.
-  type, public :: body_balance_t
-    !> Resultants of its supports, then of its springs (n_supports).
-    type(load_resultant_t), allocatable :: support(:)
+  type, public :: body_balance_t  !! Forces on one body.
+    type(load_resultant_t), allocatable :: support(:)  !! Resultants of its supports, then of its springs (n_supports).
     !> Resultants of all its loads, contact forces and reactions; those of the axis of symmetry are no forces.
     type(load_resultant_t) :: load, contact, reaction
     !> Strain energy A(u,u)/2, whatever the initial state, without its springs; energy of its springs [energy].
     real(dp) :: energy = 0, spring_energy = 0
     !> Motion of a rigid body: displacement of its point and rotation about it (6) [length, radian].
     real(dp) :: motion(6) = 0
-    !> Sum of the magnitudes of all nodal forces [force].
-    real(dp) :: force_scale = 0
-    !> Sum of their products with the distance to the origin [force length].
-    real(dp) :: moment_scale = 0
+    real(dp) :: force_scale = 0  !! Sum of the magnitudes of all nodal forces [force].
+    real(dp) :: moment_scale = 0  !! Sum of their products with the distance to the origin [force length].
     !> Sum of the moments of all nodal forces about a point amid the body, and of their products with the distance to
     !> it (4) [force length].
     real(dp) :: about_centre(4) = 0
@@ -41,20 +37,16 @@ module dotyk_control_balance
     real(dp), allocatable :: nodal(:, :)
   end type body_balance_t
 
-  !> Forces on all bodies.
-  type, public :: balance_t
-    !> Not allocated where displacements are not known (n_bodies).
-    type(body_balance_t), allocatable :: body(:)
+  type, public :: balance_t  !! Forces on all bodies.
+    type(body_balance_t), allocatable :: body(:)  !! Not allocated where displacements are not known (n_bodies).
     !> Largest sum of all forces on a body, which would vanish in equilibrium, as a fraction of the largest
     !> `force_scale` [].
     real(dp) :: force_error = 0
     !> The same of the moments about points amid the bodies, however far they are from the origin; 0 in axisymmetric
     !> analyses [].
     real(dp) :: moment_error = 0
-    !> The body with the largest sum of forces.
-    integer :: worst = 0
-    !> What ties transmit (n_ties).
-    type(tie_force_t), allocatable :: tie(:)
+    integer :: worst = 0  !! The body with the largest sum of forces.
+    type(tie_force_t), allocatable :: tie(:)  !! What ties transmit (n_ties).
   end type balance_t
 
   public :: find_balance
@@ -68,20 +60,13 @@ contains
 
   !> Forces on all bodies. All ranks take part.
   subroutine find_balance(problem, qp, m, y, solution, want_nodal, balance, error)
-    !> Bodies and their ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Whether reactions at nodes are wanted.
-    logical, intent(in) :: want_nodal
-    !> The forces.
-    type(balance_t), intent(out) :: balance
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    logical, intent(in) :: want_nodal  !! Whether reactions at nodes are wanted.
+    type(balance_t), intent(out) :: balance  !! The forces.
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     type(item_t), allocatable :: item(:)
@@ -116,24 +101,15 @@ contains
 
   !> Numbers of one body, of which each rank that computes it has a part.
   subroutine body_numbers(body, qp, b, m, solution, want_nodal, nodal, numbers, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Its displacements.
-    type(body_solution_t), intent(in) :: solution
-    !> Whether reactions at nodes are wanted.
-    logical, intent(in) :: want_nodal
-    !> Reactions at nodes, where wanted (dim, n_nodes) [force].
-    real(dp), allocatable, intent(out) :: nodal(:, :)
-    !> In the places `at_...` (32 + 6 n_supports).
-    real(dp), allocatable, intent(out) :: numbers(:)
-    !> As in `find_balance`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    integer, intent(in) :: b  !! Index of the body.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    type(body_solution_t), intent(in) :: solution  !! Its displacements.
+    logical, intent(in) :: want_nodal  !! Whether reactions at nodes are wanted.
+    real(dp), allocatable, intent(out) :: nodal(:, :)  !! Reactions at nodes, where wanted (dim, n_nodes) [force].
+    real(dp), allocatable, intent(out) :: numbers(:)  !! In the places `at_...` (32 + 6 n_supports).
+    type(error_t), allocatable, intent(out) :: error  !! As in `find_balance`.
     real(dp), allocatable :: contact(:, :), reaction(:, :), of_support(:, :), load(:, :), pull(:, :)
     real(dp) :: scale(2), twice, centre(body%dimension), about_centre(4), own(6)
     integer :: n, n_fixed
@@ -190,8 +166,7 @@ contains
 
   !> A point amid a body, the same on all ranks: the mean of the nodes that all of them hold (dim) [length].
   pure function centre_of(body) result(centre)
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     real(dp) :: centre(body%dimension)
     if (body%mesh%is_in_parts() .and. allocated(body%shared_node)) then
       centre = sum(body%mesh%x(:, body%shared_node), dim=2)/max(1, size(body%shared_node))
@@ -202,20 +177,14 @@ contains
 
   !> Resultant of the forces on own nodes, and their size.
   subroutine add_forces(mesh, centre, force, resultant, scale, about_centre, node)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> A point amid the body (dim) [length].
-    real(dp), intent(in) :: centre(:)
-    !> Forces (dim, n) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Force and moment about the origin (6) [force, force length].
-    real(dp), intent(out) :: resultant(6)
-    !> Sums of magnitudes, added to (2) [force, force length].
-    real(dp), intent(inout) :: scale(2)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: centre(:)  !! A point amid the body (dim) [length].
+    real(dp), intent(in) :: force(:, :)  !! Forces (dim, n) [force].
+    real(dp), intent(out) :: resultant(6)  !! Force and moment about the origin (6) [force, force length].
+    real(dp), intent(inout) :: scale(2)  !! Sums of magnitudes, added to (2) [force, force length].
     !> Moment about the point, and the sum of magnitudes, added to (4) [force length].
     real(dp), intent(inout) :: about_centre(4)
-    !> Nodes of the forces; all nodes if absent (n).
-    integer, intent(in), optional :: node(:)
+    integer, intent(in), optional :: node(:)  !! Nodes of the forces; all nodes if absent (n).
     real(dp) :: own(6)
     integer :: i, k
     resultant = 0
@@ -233,12 +202,9 @@ contains
 
   !> Name the numbers of a body.
   subroutine take_numbers(body, numbers, balance)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> In the places `at_...` (32 + 6 n_supports).
-    real(dp), intent(in) :: numbers(:)
-    !> Forces on the body.
-    type(body_balance_t), intent(inout) :: balance
+    type(body_t), intent(in) :: body  !! The body.
+    real(dp), intent(in) :: numbers(:)  !! In the places `at_...` (32 + 6 n_supports).
+    type(body_balance_t), intent(inout) :: balance  !! Forces on the body.
     logical :: around
     integer :: s, n_fixed
     around = body%analysis == analysis_axisymmetric
@@ -266,12 +232,9 @@ contains
 
   !> A resultant from sums over nodes.
   pure function named(place, sums, axisymmetric) result(resultant)
-    !> Where it acts.
-    character(*), intent(in) :: place
-    !> Force and moment about the origin (6) [force, force length].
-    real(dp), intent(in) :: sums(6)
-    !> Whether the first component of the force is radial.
-    logical, intent(in) :: axisymmetric
+    character(*), intent(in) :: place  !! Where it acts.
+    real(dp), intent(in) :: sums(6)  !! Force and moment about the origin (6) [force, force length].
+    logical, intent(in) :: axisymmetric  !! Whether the first component of the force is radial.
     type(load_resultant_t) :: resultant
     resultant%place = place
     resultant%force = sums(1:3)
@@ -285,8 +248,7 @@ contains
 
   !> What is left of the equilibrium.
   pure subroutine judge(balance)
-    !> With the forces on all bodies; gets the errors.
-    type(balance_t), intent(inout) :: balance
+    type(balance_t), intent(inout) :: balance  !! With the forces on all bodies; gets the errors.
     real(dp), dimension(size(balance%body)) :: force, moment
     integer :: b
     do b = 1, size(balance%body)

@@ -25,20 +25,14 @@ contains
   !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes
   !> elsewhere.
   subroutine find_modes(body, classes, ranks, block, report, modes, at_contact, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(in) :: report(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Classes of congruent bodies.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)  !! Reports of the representatives (n_bodies).
     !> Rigid body modes; those that are near-null-space modes are replaced (n_bodies).
     type(body_modes_t), intent(inout) :: modes(:)
-    !> The modes at the contact nodes (n_bodies).
-    type(contact_modes_t), allocatable, intent(out) :: at_contact(:)
+    type(contact_modes_t), allocatable, intent(out) :: at_contact(:)  !! The modes at the contact nodes (n_bodies).
     !> Allocated where a mode at the contact rows is not finite, or LAPACK's singular value decomposition does not
     !> converge.
     type(error_t), allocatable, intent(out) :: error
@@ -80,16 +74,11 @@ contains
 
   !> The near-null-space modes of one body, separated by what its contact rows feel.
   subroutine take_near_null(body, block, report, modes, error)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Its rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Report of the representative.
-    type(factorization_report_t), intent(in) :: report
-    !> Replaced by the near-null-space modes.
-    type(body_modes_t), intent(inout) :: modes
-    !> As in `find_modes`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(contact_block_t), intent(in) :: block  !! Its rows of B.
+    type(factorization_report_t), intent(in) :: report  !! Report of the representative.
+    type(body_modes_t), intent(inout) :: modes  !! Replaced by the near-null-space modes.
+    type(error_t), allocatable, intent(out) :: error  !! As in `find_modes`.
     real(dp), allocatable :: mode(:, :), stiffness(:, :), at_rows(:, :), u(:, :)
     integer :: k
     allocate (mode, mold=report%near_null)
@@ -108,20 +97,13 @@ contains
 
   !> What the compliance of all bodies is made of.
   subroutine make_operators(body, classes, ranks, block, report, size_of, slot, response, operators)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(in) :: report(:)
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Factorized; empty on return (n_bodies).
-    type(operator_slot_t), intent(inout) :: slot(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Classes of congruent bodies.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)  !! Reports of the representatives (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)  !! Factorized; empty on return (n_bodies).
     !> Compliance operators of the representatives (n_bodies).
     type(response_slot_t), allocatable, intent(out) :: response(:)
     !> Parts of the compliance that belong to each body (n_bodies).

@@ -12,10 +12,8 @@ module dotyk_control_body_ranks
   implicit none
   private
 
-  !> The bodies of all ranks.
-  type, public :: body_ranks_t
-    !> Rank of each body (n_bodies).
-    integer, allocatable :: owner(:)
+  type, public :: body_ranks_t  !! The bodies of all ranks.
+    integer, allocatable :: owner(:)  !! Rank of each body (n_bodies).
     !> Whether this rank assembles and factorizes the body: it represents a class of which the rank has bodies
     !> (n_bodies).
     logical, allocatable :: factorizes(:)
@@ -39,12 +37,9 @@ contains
   !> Share the bodies out.
   subroutine body_ranks_init(self, body, classes, together)
     class(body_ranks_t), intent(out) :: self
-    !> Bodies with supports, not assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Whether all ranks compute each body together; not if absent.
-    logical, intent(in), optional :: together
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports, not assembled (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
+    logical, intent(in), optional :: together  !! Whether all ranks compute each body together; not if absent.
     if (present(together)) then
       if (together) then
         allocate (self%owner(size(body)), source=all_ranks)
@@ -57,10 +52,8 @@ contains
 
   !> A rank for each body, from 0 (n_bodies).
   function deal_bodies(n_equations, first) result(owner)
-    !> Number of equations of each body (n_bodies).
-    real(dp), intent(in) :: n_equations(:)
-    !> Representative of the class of each body (n_bodies).
-    integer, intent(in) :: first(:)
+    real(dp), intent(in) :: n_equations(:)  !! Number of equations of each body (n_bodies).
+    integer, intent(in) :: first(:)  !! Representative of the class of each body (n_bodies).
     integer :: owner(size(n_equations))
     owner = share_out(work_of(n_equations), first, n_ranks())
   end function deal_bodies
@@ -68,10 +61,8 @@ contains
   !> Owners that were chosen before.
   subroutine body_ranks_take_owners(self, owner, classes)
     class(body_ranks_t), intent(out) :: self
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(in) :: classes
+    integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
     integer :: b
     self%owner = owner
     allocate (self%factorizes(size(owner)), source=.false.)
@@ -83,8 +74,7 @@ contains
   !> Whether a body belongs to this rank.
   elemental logical function body_ranks_is_own(self, b) result(is_own)
     class(body_ranks_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     is_own = belongs_here(self%owner(b))
   end function body_ranks_is_own
 
@@ -109,8 +99,7 @@ contains
   !> A Euclidean norm for each body, of which the ranks that compute it have parts, known to all ranks.
   subroutine body_ranks_share_norm(self, value)
     class(body_ranks_t), intent(in) :: self
-    !> Of the part of this rank in, of all out (n_bodies) [any].
-    real(dp), intent(inout) :: value(:)
+    real(dp), intent(inout) :: value(:)  !! Of the part of this rank in, of all out (n_bodies) [any].
     real(dp) :: largest(size(value))
     if (self%are_split()) then
       ! Squares of numbers in unusual units may be out of range.
@@ -128,8 +117,7 @@ contains
   !> The greatest number of each body, known to all ranks.
   subroutine body_ranks_share_greatest(self, value)
     class(body_ranks_t), intent(in) :: self
-    !> Of the part of this rank in, of all out (n_bodies) [any].
-    real(dp), intent(inout) :: value(:)
+    real(dp), intent(inout) :: value(:)  !! Of the part of this rank in, of all out (n_bodies) [any].
     if (self%are_split()) then
       call greatest(value)
     else
@@ -139,20 +127,16 @@ contains
 
   !> Work of a body: between that of a solve, n^(4/3), and that of a factorization, n^2 [].
   elemental real(dp) function work_of(n_equations) result(work)
-    !> Number of equations.
-    real(dp), intent(in) :: n_equations
+    real(dp), intent(in) :: n_equations  !! Number of equations.
     work = max(1.0_dp, n_equations)**1.5_dp
   end function work_of
 
   !> A rank for each body: classes of congruent bodies in portions, the largest first, each to the rank with least work
   !> so far.
   pure function share_out(work, first, n) result(owner)
-    !> Work of each body (n_bodies) [].
-    real(dp), intent(in) :: work(:)
-    !> Representative of the class of each body (n_bodies).
-    integer, intent(in) :: first(:)
-    !> Number of ranks.
-    integer, intent(in) :: n
+    real(dp), intent(in) :: work(:)  !! Work of each body (n_bodies) [].
+    integer, intent(in) :: first(:)  !! Representative of the class of each body (n_bodies).
+    integer, intent(in) :: n  !! Number of ranks.
     integer :: owner(size(work))
     integer :: portion(size(work)), order(size(work)), n_portions, b, r, k, members, per_portion, taken
     real(dp) :: load(0:n - 1), cost(size(work)), share

@@ -19,45 +19,36 @@ module dotyk_control_body_solution
   implicit none
   private
 
-  !> One body under its loads and contact pressures.
-  type, public :: body_solution_t
+  type, public :: body_solution_t  !! One body under its loads and contact pressures.
     !> Displacements of the nodes (dimension, n_nodes) [length]; not allocated where nobody needs them. Of bodies that
     !> other ranks compute those of the shared nodes are known (`body_t%shared_node`), others are 0.
     real(dp), allocatable :: displacement(:, :)
     !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked, and
     !> on ranks that do not compute the body.
     real(dp), allocatable :: stress(:, :)
-    !> Strain energy of the own elements, where the stress is allocated [energy].
-    real(dp) :: strain_energy = 0
+    real(dp) :: strain_energy = 0  !! Strain energy of the own elements, where the stress is allocated [energy].
     !> Forces whose displacements are to be added; not allocated where there are none (n_equations) [force].
     real(dp), allocatable, private :: force(:)
   end type body_solution_t
 
-  !> One number for each element of a body.
-  type, public :: element_field_t
-    !> In the order of the blocks (n_elements).
-    real(dp), allocatable :: value(:)
+  type, public :: element_field_t  !! One number for each element of a body.
+    real(dp), allocatable :: value(:)  !! In the order of the blocks (n_elements).
   end type element_field_t
 
-  !> Strains that were recovered for some congruent bodies.
-  type, public :: group_strains_t
-    !> (n_materials)
-    type(recovered_strains_t), allocatable :: of_material(:)
+  type, public :: group_strains_t  !! Strains that were recovered for some congruent bodies.
+    type(recovered_strains_t), allocatable :: of_material(:)  !! (n_materials)
   end type group_strains_t
 
-  !> Displacements of all bodies in a load case, and the errors of the mesh in them.
-  type, public :: displacements_t
+  type, public :: displacements_t  !! Displacements of all bodies in a load case, and the errors of the mesh in them.
     !> The load case, to be taken by the bodies first where several are in a block; 0: it acts on them already.
     integer :: case = 0
-    !> Contact pressures of a load case in a block (n_rows) [pressure].
-    real(dp), allocatable :: m(:)
+    real(dp), allocatable :: m(:)  !! Contact pressures of a load case in a block (n_rows) [pressure].
     !> Displacements and stresses; not allocated where they are not known (n_bodies).
     type(body_solution_t), allocatable :: body(:)
     !> Squared errors of the elements; not allocated where they are not known, or for bodies of other ranks (n_bodies)
     !> [energy].
     type(element_field_t), allocatable :: square(:)
-    !> Squared energy norm of the solution, known with the errors [energy].
-    real(dp) :: norm_square = 0
+    real(dp) :: norm_square = 0  !! Squared energy norm of the solution, known with the errors [energy].
     !> Recovered strains, until nodal stresses take them; not allocated where nothing has replaced them in
     !> `kept_estimates_t` (those of `congruent_groups`).
     type(group_strains_t), allocatable :: recovered(:)
@@ -86,12 +77,9 @@ contains
   !> modes, bodies that touch no other, and the forces on all others.
   subroutine displacements_begin(self, problem, qp, m, alpha)
     class(displacements_t), intent(inout) :: self
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
     !> Amplitudes of the modes of all bodies, body after body (number of modes) [length]; of size 0 where there are
     !> none.
     real(dp), intent(in) :: alpha(:)
@@ -117,16 +105,11 @@ contains
 
   !> Recover the bodies of the load case that acts on them.
   subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> As in `displacements_begin`.
-    real(dp), intent(in) :: m(:), alpha(:)
-    !> Whether stresses are wanted.
-    logical, intent(in) :: want_stress
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: m(:), alpha(:)  !! As in `displacements_begin`.
+    logical, intent(in) :: want_stress  !! Whether stresses are wanted.
     !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
     type(displacements_t) :: block(1)
@@ -139,12 +122,9 @@ contains
   subroutine recover_block(problem, compliance, want_stress, block)
     !> Bodies and modes; any of the load cases acts on the bodies on return.
     type(contact_problem_t), intent(inout) :: problem
-    !> The compliance operator of all of the load cases.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Whether stresses are wanted.
-    logical, intent(in) :: want_stress
-    !> Begun (n).
-    type(displacements_t), intent(inout) :: block(:)
+    type(body_compliance_t), intent(in) :: compliance  !! The compliance operator of all of the load cases.
+    logical, intent(in) :: want_stress  !! Whether stresses are wanted.
+    type(displacements_t), intent(inout) :: block(:)  !! Begun (n).
     integer :: b, i, order(size(problem%body))
     order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
@@ -168,16 +148,11 @@ contains
 
   !> Recover one body: one solve, unless it touches no other.
   subroutine recover_body(body, compliance, b, want_stress, block)
-    !> The body; any of the load cases acts on it on return.
-    type(body_t), intent(inout) :: body
-    !> The compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Its number.
-    integer, intent(in) :: b
-    !> Whether stresses are wanted.
-    logical, intent(in) :: want_stress
-    !> Begun (n).
-    type(displacements_t), intent(inout) :: block(:)
+    type(body_t), intent(inout) :: body  !! The body; any of the load cases acts on it on return.
+    type(body_compliance_t), intent(in) :: compliance  !! The compliance operator.
+    integer, intent(in) :: b  !! Its number.
+    logical, intent(in) :: want_stress  !! Whether stresses are wanted.
+    type(displacements_t), intent(inout) :: block(:)  !! Begun (n).
     real(dp), allocatable :: x(:, :), u(:, :)
     logical :: moves
     integer :: j
@@ -207,10 +182,8 @@ contains
 
   !> Make the displacements of the shared nodes of all bodies known to all ranks.
   subroutine share_solution(problem, solution)
-    !> Bodies and their ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Those of this rank in, of all out (n_bodies).
-    type(body_solution_t), intent(inout) :: solution(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(body_solution_t), intent(inout) :: solution(:)  !! Those of this rank in, of all out (n_bodies).
     type(item_t) :: item(size(solution))
     integer :: b
     if (n_ranks() == 1 .or. problem%ranks%are_split()) return
@@ -235,16 +208,11 @@ contains
 
   !> Loads and contact forces over the equations of a body.
   subroutine forces_on_body(body, qp, b, m, x)
-    !> The body; its right-hand side is that of the loads.
-    type(body_t), intent(in) :: body
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its number.
-    integer, intent(in) :: b
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> (n_equations) [force]
-    real(dp), intent(out) :: x(:)
+    type(body_t), intent(in) :: body  !! The body; its right-hand side is that of the loads.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    integer, intent(in) :: b  !! Its number.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(out) :: x(:)  !! (n_equations) [force]
     real(dp), allocatable :: force(:, :), of_nodes(:, :)
     allocate (of_nodes(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
     call qp%body_force(b, m, force)
@@ -255,12 +223,9 @@ contains
 
   !> Add motions along rigid body modes.
   pure subroutine add_modes(modes, alpha, displacement)
-    !> The modes.
-    type(body_modes_t), intent(in) :: modes
-    !> Their amplitudes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Displacements, added to (dimension, n_nodes) [length].
-    real(dp), intent(inout) :: displacement(:, :)
+    type(body_modes_t), intent(in) :: modes  !! The modes.
+    real(dp), intent(in) :: alpha(:)  !! Their amplitudes (n_modes) [length].
+    real(dp), intent(inout) :: displacement(:, :)  !! Displacements, added to (dimension, n_nodes) [length].
     integer :: k
     do k = 1, size(alpha)
       displacement = displacement + alpha(k)*modes%shape(:, :, k)

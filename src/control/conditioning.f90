@@ -6,20 +6,14 @@ module dotyk_control_conditioning
   implicit none
   private
 
-  !> The conditioning of one body.
-  type, public :: conditioning_t
-    !> Condition number of the scaled stiffness; a lower bound where not measured [].
-    real(dp) :: condition = 1
+  type, public :: conditioning_t  !! The conditioning of one body.
+    real(dp) :: condition = 1  !! Condition number of the scaled stiffness; a lower bound where not measured [].
     !> That of the stiffness without the near-null-space modes that were split off, likewise [].
     real(dp) :: condition_left = 1
-    !> Whether both were measured.
-    logical :: is_measured = .false.
-    !> Whether rounding of its displacement exceeds what the tolerance allows.
-    logical :: is_rounded = .false.
-    !> Near-null-space modes that were split off.
-    integer :: n_near_null = 0
-    !> Steps of iterative refinement of its displacement, 0 where none was needed.
-    integer :: n_steps = 0
+    logical :: is_measured = .false.  !! Whether both were measured.
+    logical :: is_rounded = .false.  !! Whether rounding of its displacement exceeds what the tolerance allows.
+    integer :: n_near_null = 0  !! Near-null-space modes that were split off.
+    integer :: n_steps = 0  !! Steps of iterative refinement of its displacement, 0 where none was needed.
   contains
     procedure :: lost_digits => conditioning_lost_digits
     procedure :: needs_refinement => conditioning_needs_refinement
@@ -27,8 +21,7 @@ module dotyk_control_conditioning
 
   public :: collect_conditioning
 
-  !> Conditions above this are worth iterative refinement.
-  real(dp), parameter :: refined_condition = 1.0e7_dp
+  real(dp), parameter :: refined_condition = 1.0e7_dp  !! Conditions above this are worth iterative refinement.
 
 contains
 
@@ -46,12 +39,9 @@ contains
 
   !> From the factorizations.
   pure subroutine collect_conditioning(classes, report, conditioning)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(in) :: report(:)
-    !> Conditioning of the bodies (n_bodies).
-    type(conditioning_t), allocatable, intent(out) :: conditioning(:)
+    type(congruence_classes_t), intent(in) :: classes  !! Classes of congruent bodies.
+    type(factorization_report_t), intent(in) :: report(:)  !! Reports of the representatives (n_bodies).
+    type(conditioning_t), allocatable, intent(out) :: conditioning(:)  !! Conditioning of the bodies (n_bodies).
     integer :: b
     allocate (conditioning(size(report)))
     do b = 1, size(report)

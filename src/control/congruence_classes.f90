@@ -12,12 +12,10 @@ module dotyk_control_congruence_classes
   implicit none
   private
 
-  !> Partition of the bodies into congruence classes.
-  type, public :: congruence_classes_t
+  type, public :: congruence_classes_t  !! Partition of the bodies into congruence classes.
     !> Representative of the class of each body: the first body of the class (n_bodies).
     integer, allocatable :: first(:)
-    !> Rigid motion from the representative to each body (n_bodies).
-    type(placement_t), allocatable :: motion(:)
+    type(placement_t), allocatable :: motion(:)  !! Rigid motion from the representative to each body (n_bodies).
   contains
     procedure :: init => congruence_classes_init
     procedure :: find => congruence_classes_find
@@ -30,10 +28,8 @@ contains
 
   !> Every body is a class of its own.
   subroutine congruence_classes_init(self, n_bodies)
-    !> The classes.
     class(congruence_classes_t), intent(out) :: self
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
+    integer, intent(in) :: n_bodies  !! Number of bodies.
     integer :: b
     self%first = [(b, b=1, n_bodies)]
     allocate (self%motion(n_bodies))
@@ -42,10 +38,8 @@ contains
   !> Find the classes. Each body gets the equations of its representative, and the axes of the nodes of the
   !> representative, moved with the body.
   subroutine congruence_classes_find(self, body)
-    !> The classes.
     class(congruence_classes_t), intent(inout) :: self
-    !> Bodies with supports, not yet assembled (n_bodies).
-    type(body_t), intent(inout) :: body(:)
+    type(body_t), intent(inout) :: body(:)  !! Bodies with supports, not yet assembled (n_bodies).
     type(congruence_invariants_t), allocatable :: invariants(:)
     type(placement_t) :: motion
     integer :: b, c
@@ -67,16 +61,13 @@ contains
 
   !> Whether a body represents its class.
   elemental logical function congruence_classes_is_representative(self, b) result(leads)
-    !> The classes.
     class(congruence_classes_t), intent(in) :: self
-    !> Number of the body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! Number of the body.
     leads = self%first(b) == b
   end function congruence_classes_is_representative
 
   !> Number of classes.
   pure integer function congruence_classes_n(self) result(n)
-    !> The classes.
     class(congruence_classes_t), intent(in) :: self
     integer :: b
     n = count([(self%first(b) == b, b=1, size(self%first))])
@@ -85,16 +76,11 @@ contains
   !> Contact nodes of all bodies of a class, in the node numbers that the bodies have in common, and the number of
   !> contact rows of all bodies of the class.
   subroutine congruence_classes_contact_nodes(self, first, block, node, n_rows)
-    !> The classes.
     class(congruence_classes_t), intent(in) :: self
-    !> Representative of the class.
-    integer, intent(in) :: first
-    !> Contact operators of the bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Contact nodes, ascending (number of contact nodes).
-    integer, allocatable, intent(out) :: node(:)
-    !> Number of contact rows.
-    integer, intent(out) :: n_rows
+    integer, intent(in) :: first  !! Representative of the class.
+    type(contact_block_t), intent(in) :: block(:)  !! Contact operators of the bodies (n_bodies).
+    integer, allocatable, intent(out) :: node(:)  !! Contact nodes, ascending (number of contact nodes).
+    integer, intent(out) :: n_rows  !! Number of contact rows.
     logical, allocatable :: touched(:)
     integer, allocatable :: number(:)
     integer :: b, i

@@ -4,10 +4,8 @@ module dotyk_control_congruent_groups
   implicit none
   private
 
-  !> One group.
-  type, public :: congruent_group_t
-    !> The representative of the class.
-    integer :: representative = 0
+  type, public :: congruent_group_t  !! One group.
+    integer :: representative = 0  !! The representative of the class.
     !> Bodies of the class (n). Those of other ranks keep their places, so that the digits of the others do not depend
     !> on them.
     integer, allocatable :: body(:)
@@ -23,10 +21,8 @@ contains
 
   !> The groups with bodies of this rank, class after class.
   subroutine congruent_groups(problem, group)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> (n_groups)
-    type(congruent_group_t), allocatable, intent(out) :: group(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    type(congruent_group_t), allocatable, intent(out) :: group(:)  !! (n_groups)
     type(congruent_group_t) :: found(size(problem%body))
     integer, allocatable :: alike(:)
     integer :: b, c, n

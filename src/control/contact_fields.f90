@@ -9,15 +9,13 @@ module dotyk_control_contact_fields
   implicit none
   private
 
-  !> Fields of one body.
-  type, public :: contact_fields_t
+  type, public :: contact_fields_t  !! Fields of one body.
     !> Traction of the contact pressure on the body; 0 off the contact surfaces (dim, n_nodes) [pressure].
     real(dp), allocatable :: traction(:, :)
     !> Gap after deformation at nodes of slave surfaces, the least one where a node has several; NaN elsewhere (n_nodes)
     !> [length].
     real(dp), allocatable :: gap(:)
-    !> One of `status_*` (n_nodes).
-    integer, allocatable :: status(:)
+    integer, allocatable :: status(:)  !! One of `status_*` (n_nodes).
   contains
     procedure :: init => fields_init
   end type contact_fields_t
@@ -33,10 +31,8 @@ contains
   !> Fields of a body without contact.
   subroutine fields_init(self, dimension, n_nodes)
     class(contact_fields_t), intent(out) :: self
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Number of nodes.
-    integer, intent(in) :: n_nodes
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer, intent(in) :: n_nodes  !! Number of nodes.
     allocate (self%traction(dimension, n_nodes), source=0.0_dp)
     allocate (self%gap(n_nodes), source=ieee_value(0.0_dp, ieee_quiet_nan))
     allocate (self%status(n_nodes), source=status_none)
@@ -44,18 +40,12 @@ contains
 
   !> Add gaps and contact status of one pair.
   subroutine add_contact_fields(pair, surface_a, projection, gap, active, of_a)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Its slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Its projection.
-    type(pressure_projection_t), intent(in) :: projection
-    !> Gaps of the rows after deformation (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> Whether the rows are active (n_rows).
-    logical, intent(in) :: active(:)
-    !> Fields of body a, added to.
-    type(contact_fields_t), intent(inout) :: of_a
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Its slave surface.
+    type(pressure_projection_t), intent(in) :: projection  !! Its projection.
+    real(dp), intent(in) :: gap(:)  !! Gaps of the rows after deformation (n_rows) [length].
+    logical, intent(in) :: active(:)  !! Whether the rows are active (n_rows).
+    type(contact_fields_t), intent(inout) :: of_a  !! Fields of body a, added to.
     type(corner_interpolation_t) :: mortar
     real(dp), allocatable :: total(:), sums(:)
     logical, allocatable :: is_active(:)
@@ -93,16 +83,12 @@ contains
 
   !> Add gaps and status of corners at the nodes of their facets.
   subroutine add_gaps(side, total, sums, is_active, field)
-    !> Interpolation on the slave side.
-    type(corner_interpolation_t), intent(in) :: side
+    type(corner_interpolation_t), intent(in) :: side  !! Interpolation on the slave side.
     !> Sums of the weights of the constraints of each corner; 0 where it has none (side%n) [any].
     real(dp), intent(in) :: total(:)
-    !> Sums of weights times gaps (side%n) [length].
-    real(dp), intent(in) :: sums(:)
-    !> Whether a constraint of the corner is active (side%n).
-    logical, intent(in) :: is_active(:)
-    !> Added to.
-    type(contact_fields_t), intent(inout) :: field
+    real(dp), intent(in) :: sums(:)  !! Sums of weights times gaps (side%n) [length].
+    logical, intent(in) :: is_active(:)  !! Whether a constraint of the corner is active (side%n).
+    type(contact_fields_t), intent(inout) :: field  !! Added to.
     real(dp) :: gap
     integer :: i
     do i = 1, size(side%position)

@@ -17,34 +17,22 @@ module dotyk_control_contact_free
   private
   public :: solve_without_contact
 
-  !> What the QP is made of.
-  type, public :: contact_free_t
-    !> y_0 = B u_0 - d (n_rows) [length].
-    real(dp), allocatable :: initial_penetration(:)
-    !> B K^+ f, with supports at rest (n_rows) [length].
-    real(dp), allocatable :: load_displacement(:)
-    !> F(u_0) = A(u_0,u_0)/2 - L(u_0) [energy].
-    real(dp) :: energy = 0
-    !> A(u_0,u_0) [energy].
-    real(dp) :: norm_square = 0
-    !> Solves that it took.
-    integer :: n_solves = 0
+  type, public :: contact_free_t  !! What the QP is made of.
+    real(dp), allocatable :: initial_penetration(:)  !! y_0 = B u_0 - d (n_rows) [length].
+    real(dp), allocatable :: load_displacement(:)  !! B K^+ f, with supports at rest (n_rows) [length].
+    real(dp) :: energy = 0  !! F(u_0) = A(u_0,u_0)/2 - L(u_0) [energy].
+    real(dp) :: norm_square = 0  !! A(u_0,u_0) [energy].
+    integer :: n_solves = 0  !! Solves that it took.
     !> u_0 of bodies that are solved iteratively, and the forces that their solves have left (n_bodies).
     type(equation_vector_t), allocatable :: u_0(:), left(:)
   end type contact_free_t
 
-  !> What one body adds.
-  type :: contribution_t
-    !> Displacements of the contact nodes without contact (dimension*n) [length].
-    real(dp), allocatable :: u_0(:)
-    !> Those by the loads alone, with supports at rest (dimension*n) [length].
-    real(dp), allocatable :: u_load(:)
-    !> A(u_0,u_0)/2 [energy].
-    real(dp) :: strain_energy = 0
-    !> L(u_0) [energy].
-    real(dp) :: work = 0
-    !> Solves that it took.
-    integer :: n_solves = 0
+  type :: contribution_t  !! What one body adds.
+    real(dp), allocatable :: u_0(:)  !! Displacements of the contact nodes without contact (dimension*n) [length].
+    real(dp), allocatable :: u_load(:)  !! Those by the loads alone, with supports at rest (dimension*n) [length].
+    real(dp) :: strain_energy = 0  !! A(u_0,u_0)/2 [energy].
+    real(dp) :: work = 0  !! L(u_0) [energy].
+    integer :: n_solves = 0  !! Solves that it took.
   end type contribution_t
 
 contains
@@ -52,26 +40,16 @@ contains
   !> Solve.
   subroutine solve_without_contact(body, ranks, block, gap, response, representative, side_by_side, n_blas, solution, &
                                    isolated)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Gaps (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> Compliance operators of the representatives (n_bodies).
-    type(response_slot_t), intent(in) :: response(:)
-    !> Representative of each body (n_bodies).
-    integer, intent(in) :: representative(:)
-    !> Whether bodies are solved at the same time.
-    logical, intent(in) :: side_by_side
-    !> BLAS threads of each solve.
-    integer, intent(in) :: n_blas
-    !> Initial penetrations and energies of u_0.
-    type(contact_free_t), intent(out) :: solution
-    !> Bodies that touch no other (n_bodies).
-    type(isolated_body_t), allocatable, intent(out) :: isolated(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    real(dp), intent(in) :: gap(:)  !! Gaps (n_rows) [length].
+    type(response_slot_t), intent(in) :: response(:)  !! Compliance operators of the representatives (n_bodies).
+    integer, intent(in) :: representative(:)  !! Representative of each body (n_bodies).
+    logical, intent(in) :: side_by_side  !! Whether bodies are solved at the same time.
+    integer, intent(in) :: n_blas  !! BLAS threads of each solve.
+    type(contact_free_t), intent(out) :: solution  !! Initial penetrations and energies of u_0.
+    type(isolated_body_t), allocatable, intent(out) :: isolated(:)  !! Bodies that touch no other (n_bodies).
     type(contribution_t), allocatable :: part(:)
     real(dp), allocatable :: row_displacement(:)
     integer :: i, b, order(size(body))
@@ -111,12 +89,9 @@ contains
 
   !> Make the parts of all bodies known to all ranks.
   subroutine share_parts(ranks, part, isolated)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Those of this rank in, of all out (n_bodies).
-    type(contribution_t), intent(inout) :: part(:)
-    !> The same (n_bodies).
-    type(isolated_body_t), intent(inout) :: isolated(:)
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(contribution_t), intent(inout) :: part(:)  !! Those of this rank in, of all out (n_bodies).
+    type(isolated_body_t), intent(inout) :: isolated(:)  !! The same (n_bodies).
     type(item_t) :: item(size(part))
     integer :: b
     if (n_ranks() == 1) return
@@ -147,20 +122,14 @@ contains
 
   !> One body without contact.
   subroutine solve_body(body, response, contact_node, part, u_0, left, isolated)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Compliance operator of its representative.
-    class(response_t), intent(in) :: response
-    !> Nodes of the body that may touch another (n).
-    integer, intent(in) :: contact_node(:)
-    !> What it adds to the solution.
-    type(contribution_t), intent(out) :: part
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    class(response_t), intent(in) :: response  !! Compliance operator of its representative.
+    integer, intent(in) :: contact_node(:)  !! Nodes of the body that may touch another (n).
+    type(contribution_t), intent(out) :: part  !! What it adds to the solution.
     !> Gets the displacement over the equations where the body is solved iteratively and touches others.
     type(equation_vector_t), intent(inout) :: u_0
-    !> Gets the forces that an iterative solve has left.
-    type(equation_vector_t), intent(inout) :: left
-    !> Gets the displacement of a body without contact nodes.
-    type(isolated_body_t), intent(inout) :: isolated
+    type(equation_vector_t), intent(inout) :: left  !! Gets the forces that an iterative solve has left.
+    type(isolated_body_t), intent(inout) :: isolated  !! Gets the displacement of a body without contact nodes.
     real(dp), allocatable :: x(:), u(:, :)
     logical :: is_moved
     is_moved = any(abs(body%constraint%prescribed) > 0)
@@ -195,14 +164,10 @@ contains
   !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed
   !> displacements.
   subroutine solve_if_loaded(body, response, x, n_solves)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Compliance operator.
-    class(response_t), intent(in) :: response
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
-    !> Counts.
-    integer, intent(inout) :: n_solves
+    type(body_t), intent(in) :: body  !! The body.
+    class(response_t), intent(in) :: response  !! Compliance operator.
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
+    integer, intent(inout) :: n_solves  !! Counts.
     logical :: is_loaded
     is_loaded = any(abs(x) > 0)
     if (allocated(body%own_equation)) is_loaded = on_any_rank(is_loaded)

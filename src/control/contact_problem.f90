@@ -16,40 +16,31 @@ module dotyk_control_contact_problem
   implicit none
   private
 
-  !> Displacements of a body that touches no other.
-  type, public :: isolated_body_t
+  type, public :: isolated_body_t  !! Displacements of a body that touches no other.
     !> (dimension, n_nodes) [length]; not allocated where it touches another.
     real(dp), allocatable :: displacement(:, :)
   end type isolated_body_t
 
-  !> Surfaces of two bodies that are tied together.
-  type, public :: tied_surfaces_t
-    !> Name of the tie.
-    character(:), allocatable :: name
-    !> Rows of each component of the displacements (dimension).
-    type(contact_pair_t), allocatable :: component(:)
-    !> Slave and master surface.
-    type(surface_t) :: surface_a, surface_b
-    !> Fraction of the slave surface that is tied [].
-    real(dp) :: tied = 0
+  type, public :: tied_surfaces_t  !! Surfaces of two bodies that are tied together.
+    character(:), allocatable :: name  !! Name of the tie.
+    type(contact_pair_t), allocatable :: component(:)  !! Rows of each component of the displacements (dimension).
+    type(surface_t) :: surface_a, surface_b  !! Slave and master surface.
+    real(dp) :: tied = 0  !! Fraction of the slave surface that is tied [].
     !> Greatest distance between the surfaces, and mean size of the facets of the finer one [length].
     real(dp) :: distance = 0, facet_size = 0
     !> Where a tie rotates its master side: the point x of that lies on `turn*x + offset` of the slave side (3)
     !> [length].
     real(dp) :: offset(3) = 0
-    !> Angle of the rotation; 0 without one [degrees].
-    real(dp) :: angle = 0
+    real(dp) :: angle = 0  !! Angle of the rotation; 0 without one [degrees].
     !> Of a rotation: radius, height and angle around the axis of the nodes of the slave side (3, n) [length, length,
     !> degrees].
     real(dp), allocatable :: around_axis(:, :)
     !> Whether it is a bolt, and whether one of given tension, which slides along the normal of its cut.
     logical :: is_bolt = .false., slides = .false.
-    !> Normal of a flat slave surface, out of its body (3) [].
-    real(dp) :: normal(3) = 0
+    real(dp) :: normal(3) = 0  !! Normal of a flat slave surface, out of its body (3) [].
     !> Angle between the normal of a bolt and its shank; 0 where the body is no shank [degrees].
     real(dp) :: oblique = 0
-    !> Tension of a bolt that slides [force].
-    real(dp) :: force = 0
+    real(dp) :: force = 0  !! Tension of a bolt that slides [force].
     !> How far its halves overlap: given, or of the last load case in which it was tightened [length].
     real(dp) :: shortening = 0
     !> Whether nothing determines the shortening of a bolt that slides: a half of it is free along the normal.
@@ -58,32 +49,21 @@ module dotyk_control_contact_problem
     procedure :: lock => tie_lock
   end type tied_surfaces_t
 
-  !> The problem.
-  type, public :: contact_problem_t
-    !> Assembled (n_bodies).
-    type(body_t), allocatable :: body(:)
-    !> Which bodies are congruent.
-    type(congruence_classes_t) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t) :: ranks
-    !> Modes that the schemes solve for (n_bodies).
-    type(body_modes_t), allocatable :: modes(:)
+  type, public :: contact_problem_t  !! The problem.
+    type(body_t), allocatable :: body(:)  !! Assembled (n_bodies).
+    type(congruence_classes_t) :: classes  !! Which bodies are congruent.
+    type(body_ranks_t) :: ranks  !! Which rank computes which bodies.
+    type(body_modes_t), allocatable :: modes(:)  !! Modes that the schemes solve for (n_bodies).
     !> What the factorizations of the representatives found out (n_bodies).
     type(factorization_report_t), allocatable :: report(:)
-    !> Contact rows by pairs (n_pairs).
-    type(contact_pair_t), allocatable :: pair(:)
-    !> Slave surfaces of the pairs (n_pairs).
-    type(surface_t), allocatable :: surface_a(:)
-    !> Master surfaces of the pairs (n_pairs).
-    type(surface_t), allocatable :: surface_b(:)
+    type(contact_pair_t), allocatable :: pair(:)  !! Contact rows by pairs (n_pairs).
+    type(surface_t), allocatable :: surface_a(:)  !! Slave surfaces of the pairs (n_pairs).
+    type(surface_t), allocatable :: surface_b(:)  !! Master surfaces of the pairs (n_pairs).
     !> Tied surfaces; their rows follow those of the pairs, tie by tie, component by component (n_ties).
     type(tied_surfaces_t), allocatable :: tie(:)
-    !> What the search for contact pairs found.
-    type(pair_report_t) :: found
-    !> Bodies that touch no other (n_bodies).
-    type(isolated_body_t), allocatable :: isolated(:)
-    !> BLAS threads of each solve.
-    integer :: n_blas = 1
+    type(pair_report_t) :: found  !! What the search for contact pairs found.
+    type(isolated_body_t), allocatable :: isolated(:)  !! Bodies that touch no other (n_bodies).
+    integer :: n_blas = 1  !! BLAS threads of each solve.
   contains
     procedure :: n_ties => problem_n_ties
     procedure :: are_tied => problem_are_tied
@@ -97,8 +77,7 @@ contains
   !> Lock a bolt with its shortening, or let it slide.
   subroutine tie_lock(self, is_locked)
     class(tied_surfaces_t), intent(inout) :: self
-    !> Whether it is locked.
-    logical, intent(in) :: is_locked
+    logical, intent(in) :: is_locked  !! Whether it is locked.
     integer :: c
     self%slides = .not. is_locked
     do c = 1, size(self%component)
@@ -116,10 +95,8 @@ contains
   !> Whether two bodies are tied to each other.
   pure logical function problem_are_tied(self, a, b) result(are_tied)
     class(contact_problem_t), intent(in) :: self
-    !> Index of a body.
-    integer, intent(in) :: a
-    !> Index of the other body.
-    integer, intent(in) :: b
+    integer, intent(in) :: a  !! Index of a body.
+    integer, intent(in) :: b  !! Index of the other body.
     integer :: k
     are_tied = .false.
     do k = 1, self%n_ties()
@@ -146,14 +123,11 @@ contains
 
   !> The operator of contact pairs and ties.
   subroutine build_rows(problem, dimension, operator, divided)
-    !> Bodies, pairs and ties.
-    type(contact_problem_t), intent(in) :: problem
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, pairs and ties.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Rows of the pairs, and those of the ties after them, each component as a pair.
     type(contact_operator_t), intent(out) :: operator
-    !> Whether ranks divide the rows.
-    logical, intent(in) :: divided
+    logical, intent(in) :: divided  !! Whether ranks divide the rows.
     type(contact_pair_t), allocatable :: rows(:)
     type(surface_t), allocatable :: side_a(:), side_b(:)
     integer :: c, k, n
@@ -185,8 +159,7 @@ contains
 
   !> Index of the first mode of each body among all modes, and one more (n_bodies + 1).
   pure function first_mode(modes, tie) result(first)
-    !> Modes of the bodies (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
+    type(body_modes_t), intent(in) :: modes(:)  !! Modes of the bodies (n_bodies).
     !> Ties; the shortenings of bolts that slide come after the modes of their slave bodies; none if absent (n_ties).
     type(tied_surfaces_t), intent(in), optional :: tie(:)
     integer :: first(size(modes) + 1)
@@ -204,12 +177,9 @@ contains
   !> h/E_a + h/E_b of a pair, h the mean size of the slave facets that carry its points: the compliance of the elements
   !> at the contact [length/pressure].
   real(dp) function mesh_compliance(body_a, body_b, pair)
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> The contact pair.
-    type(contact_pair_t), intent(in) :: pair
+    type(body_t), intent(in) :: body_a  !! Body of the slave side.
+    type(body_t), intent(in) :: body_b  !! Body of the master side.
+    type(contact_pair_t), intent(in) :: pair  !! The contact pair.
     real(dp) :: area
     integer :: i, n, n_facets
     area = sum(pair%weight)

@@ -30,22 +30,15 @@ module dotyk_control_contact_solution
   private
   public :: first_tolerance, solve_contact
 
-  !> What is asked of a solution.
-  type, public :: solution_goal_t
-    !> Whether the iteration ends by the error budget.
-    logical :: by_budget = .false.
+  type, public :: solution_goal_t  !! What is asked of a solution.
+    logical :: by_budget = .false.  !! Whether the iteration ends by the error budget.
     !> Error of the iteration that is allowed, as a fraction of the other errors [].
     real(dp) :: budget_fraction = 0.1_dp
-    !> Whether the user gave theta (n_pairs).
-    logical, allocatable :: theta_given(:)
-    !> Whether displacements were asked for.
-    logical :: displacement = .true.
-    !> Whether stresses were asked for.
-    logical :: stress = .true.
-    !> Whether the error of the mesh was asked for.
-    logical :: mesh_error = .true.
-    !> Whether the error of the penalty was asked for.
-    logical :: penalty_error = .true.
+    logical, allocatable :: theta_given(:)  !! Whether the user gave theta (n_pairs).
+    logical :: displacement = .true.  !! Whether displacements were asked for.
+    logical :: stress = .true.  !! Whether stresses were asked for.
+    logical :: mesh_error = .true.  !! Whether the error of the mesh was asked for.
+    logical :: penalty_error = .true.  !! Whether the error of the penalty was asked for.
   contains
     procedure :: depends_on_errors => goal_depends_on_errors
     procedure :: needs_mesh_error => goal_needs_mesh_error
@@ -53,39 +46,27 @@ module dotyk_control_contact_solution
     procedure :: needs_displacements => goal_needs_displacements
   end type solution_goal_t
 
-  !> The terms of the functional (19), F_theta(u) = A(u,u)/2 - L(u) + j_theta(u) [energy].
-  type, public :: energies_t
+  type, public :: energies_t  !! The terms of the functional (19), F_theta(u) = A(u,u)/2 - L(u) + j_theta(u) [energy].
     !> A(u,u)/2, of the elastic bodies; prescribed displacements do work on them that is in no other term.
     real(dp) :: strain = 0
-    !> L(u), work of the loads.
-    real(dp) :: load_work = 0
-    !> j_theta(u) of (18), energy of the Winkler layers; 0 without penalty.
-    real(dp) :: penalty = 0
+    real(dp) :: load_work = 0  !! L(u), work of the loads.
+    real(dp) :: penalty = 0  !! j_theta(u) of (18), energy of the Winkler layers; 0 without penalty.
   end type energies_t
 
-  !> The solution.
-  type, public :: contact_solution_t
+  type, public :: contact_solution_t  !! The solution.
     !> The quadratic programme that was solved: the given one, its initial penetration corrected where bodies are
     !> ill-conditioned.
     type(contact_qp_t) :: qp
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    !> Penalty parameters that it belongs to (n_rows) [length/pressure].
-    real(dp), allocatable :: theta(:)
-    !> Their factor over those that it began with (n_pairs) [].
-    real(dp), allocatable :: theta_factor(:)
-    !> Tolerance that was to be reached, or is next where the time limit ended the run [].
-    real(dp) :: tolerance = 0
-    !> How often the QP has been solved, the present time included.
-    integer :: round = 0
-    !> Displacements and stresses.
-    type(displacements_t) :: displacements
-    !> Of the stiffness of each body (n_bodies).
-    type(conditioning_t), allocatable :: conditioning(:)
-    !> Errors of the last round.
-    type(error_budget_t) :: budget
-    !> Whether the deformed bodies penetrate each other.
-    type(penetration_check_t) :: penetration
+    real(dp), allocatable :: theta(:)  !! Penalty parameters that it belongs to (n_rows) [length/pressure].
+    real(dp), allocatable :: theta_factor(:)  !! Their factor over those that it began with (n_pairs) [].
+    real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
+    integer :: round = 0  !! How often the QP has been solved, the present time included.
+    type(displacements_t) :: displacements  !! Displacements and stresses.
+    type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
+    type(error_budget_t) :: budget  !! Errors of the last round.
+    type(penetration_check_t) :: penetration  !! Whether the deformed bodies penetrate each other.
   contains
     procedure :: begin => solution_begin
     procedure :: energies => solution_energies
@@ -99,8 +80,7 @@ module dotyk_control_contact_solution
   !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is
   !> half of that.
   real(dp), parameter :: most_penalty = 0.3_dp
-  !> At most by this factor.
-  real(dp), parameter :: least_factor = 1.0e-3_dp
+  real(dp), parameter :: least_factor = 1.0e-3_dp  !! At most by this factor.
   !> Penalty term relative to the strain energy from which on a theta that was not given becomes smaller [].
   real(dp), parameter :: most_yielding = 0.01_dp
   !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly
@@ -109,25 +89,21 @@ module dotyk_control_contact_solution
   !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that
   !> are exact, a theta that follows their error would need endless steps.
   real(dp), parameter :: no_mesh_error = 1.0e-3_dp
-  !> Errors below this count as none.
-  real(dp), parameter :: no_error = 1.0e-8_dp
+  real(dp), parameter :: no_error = 1.0e-8_dp  !! Errors below this count as none.
 
 contains
 
   !> Begin a solution without a state.
   subroutine solution_begin(self, theta)
     class(contact_solution_t), intent(out) :: self
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     self%theta = theta
   end subroutine solution_begin
 
   !> Tolerance of the first round [].
   pure real(dp) function first_tolerance(goal, tolerance)
-    !> What is asked of the solution.
-    type(solution_goal_t), intent(in) :: goal
-    !> That of the user [].
-    real(dp), intent(in) :: tolerance
+    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
+    real(dp), intent(in) :: tolerance  !! That of the user [].
     first_tolerance = merge(rough, tolerance, goal%by_budget)
   end function first_tolerance
 
@@ -175,20 +151,14 @@ contains
   !> Solve. A solution that ended with `ended_time` is continued; one with displacements, of a load case in a block, has
   !> been solved once.
   subroutine solve_contact(problem, qp, compliance, run, goal, kept, monitor, solution, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that schemes form stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    !> The scheme, and its settings with the tolerance that the user gave.
-    type(scheme_run_t), intent(in) :: run
-    !> What is asked of the solution.
-    type(solution_goal_t), intent(in) :: goal
-    !> What estimates keep between rounds and load cases.
-    type(kept_estimates_t), intent(inout) :: kept
-    !> Watches the iteration.
-    class(monitor_t), intent(inout) :: monitor
+    type(scheme_run_t), intent(in) :: run  !! The scheme, and its settings with the tolerance that the user gave.
+    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
+    type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep between rounds and load cases.
+    class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     !> theta is given, and a state if there is one to begin with, or it is to be continued.
     type(contact_solution_t), intent(inout) :: solution
     !> As in `find_displacements` and `estimate_errors`, or the scheme fails.
@@ -246,22 +216,14 @@ contains
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
   !> outcome of the error budget where not.
   logical function asks_for_more(goal, last, problem, qp, is_exact, monitor, solution, tolerance) result(more)
-    !> What is asked of the solution.
-    type(solution_goal_t), intent(in) :: goal
-    !> There is no more: the solution stays as it is.
-    logical, intent(in) :: last
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Whether the scheme takes any theta at the same cost.
-    logical, intent(in) :: is_exact
-    !> Gets a note where theta becomes smaller.
-    class(monitor_t), intent(inout) :: monitor
-    !> Its theta may change; it knows no L then.
-    type(contact_solution_t), intent(inout) :: solution
-    !> The one that was to be reached, and the next one [].
-    real(dp), intent(inout) :: tolerance
+    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
+    logical, intent(in) :: last  !! There is no more: the solution stays as it is.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    logical, intent(in) :: is_exact  !! Whether the scheme takes any theta at the same cost.
+    class(monitor_t), intent(inout) :: monitor  !! Gets a note where theta becomes smaller.
+    type(contact_solution_t), intent(inout) :: solution  !! Its theta may change; it knows no L then.
+    real(dp), intent(inout) :: tolerance  !! The one that was to be reached, and the next one [].
     real(dp) :: factor, target, mesh_error, yielding
     integer :: k
     more = .false.
@@ -324,12 +286,9 @@ contains
   !> The penalty term of the pairs whose theta is the program's choice, relative to the strain energy: under forces
   !> alone the work of the loads, and so the displacement of what they act on, is too large by as much [].
   pure real(dp) function yielding_of(goal, qp, solution) result(yielding)
-    !> Which theta were given.
-    type(solution_goal_t), intent(in) :: goal
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> The solution.
-    type(contact_solution_t), intent(in) :: solution
+    type(solution_goal_t), intent(in) :: goal  !! Which theta were given.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(contact_solution_t), intent(in) :: solution  !! The solution.
     type(energies_t) :: energies
     real(dp) :: penalty(size(solution%theta))
     integer :: k

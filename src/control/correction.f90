@@ -16,8 +16,7 @@ module dotyk_control_correction
   private
   public :: correct_contact
 
-  !> Corrections at most, and the least factor between two of them.
-  integer, parameter :: most_corrections = 8
+  integer, parameter :: most_corrections = 8  !! Corrections at most, and the least factor between two of them.
   real(dp), parameter :: least_contraction = 0.3_dp
   !> Corrections below this fraction of the tolerance, and below this one of the solution, end the iteration.
   real(dp), parameter :: small_correction = 0.01_dp, least_correction = 1.0e-15_dp
@@ -29,26 +28,17 @@ contains
   !> does not hold: a correction takes few steps, and a pause would lose it.
   subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, n_recoveries, &
                              state, rounding, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> Its initial penetration is corrected.
-    type(contact_qp_t), intent(inout) :: qp
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(inout) :: qp  !! Its initial penetration is corrected.
     !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> Watches the iteration.
-    class(monitor_t), intent(inout) :: monitor
-    !> Counts steps of refinement (n_bodies).
-    type(conditioning_t), intent(inout) :: conditioning(:)
-    !> Room for displacements (n_bodies).
-    type(body_solution_t), allocatable, intent(inout) :: solution(:)
-    !> Counts recoveries of all bodies.
-    integer, intent(inout) :: n_recoveries
-    !> That of the scheme, then the corrected one.
-    type(solver_state_t), intent(inout) :: state
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
+    class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
+    type(conditioning_t), intent(inout) :: conditioning(:)  !! Counts steps of refinement (n_bodies).
+    type(body_solution_t), allocatable, intent(inout) :: solution(:)  !! Room for displacements (n_bodies).
+    integer, intent(inout) :: n_recoveries  !! Counts recoveries of all bodies.
+    type(solver_state_t), intent(inout) :: state  !! That of the scheme, then the corrected one.
     !> The last change, and what is left of the residuals: relative, in the energy norm [].
     real(dp), intent(out) :: rounding
     !> Allocated where no significant digit of the displacements of a body is left, a formula of a material cannot be

@@ -22,24 +22,16 @@ module dotyk_control_couple_penetration
   implicit none
   private
 
-  !> One body inside another.
-  type, public :: body_penetration_t
-    !> The body whose points are inside.
-    integer :: body = 0
-    !> The body that they are in; the same for two parts of one body.
-    integer :: other = 0
-    !> The deepest point.
-    type(penetration_t) :: worst
-    !> Faces that touch though no contact pair has the two.
-    type(touch_t) :: touch
+  type, public :: body_penetration_t  !! One body inside another.
+    integer :: body = 0  !! The body whose points are inside.
+    integer :: other = 0  !! The body that they are in; the same for two parts of one body.
+    type(penetration_t) :: worst  !! The deepest point.
+    type(touch_t) :: touch  !! Faces that touch though no contact pair has the two.
   end type body_penetration_t
 
-  !> Parts of one body.
-  type, public :: parts_t
-    !> The parts (n_parts).
-    type(solid_t), allocatable :: part(:)
-    !> Their facets in motion (n_parts).
-    type(swept_facets_t), allocatable :: swept(:)
+  type, public :: parts_t  !! Parts of one body.
+    type(solid_t), allocatable :: part(:)  !! The parts (n_parts).
+    type(swept_facets_t), allocatable :: swept(:)  !! Their facets in motion (n_parts).
   end type parts_t
 
   public :: check_bodies, split_parts
@@ -51,21 +43,16 @@ module dotyk_control_couple_penetration
   real(dp), parameter :: least_fraction = 1.0e-3_dp
   !> Error bounds above this leave nothing to check: the slack grows no further.
   real(dp), parameter :: largest_bound = 0.01_dp
-  !> Rounding of coordinates relative to the largest.
-  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
+  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp  !! Rounding of coordinates relative to the largest.
 
 contains
 
   !> Boundaries of the parts of a body.
   subroutine split_parts(b, mesh, displacement, parts)
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> Its mesh.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Displacements of its nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: displacement(:, :)
-    !> Its parts.
-    type(parts_t), intent(out) :: parts
+    integer, intent(in) :: b  !! Index of the body.
+    type(body_mesh_t), intent(in) :: mesh  !! Its mesh.
+    real(dp), intent(in) :: displacement(:, :)  !! Displacements of its nodes (dimension, n_nodes) [length].
+    type(parts_t), intent(out) :: parts  !! Its parts.
     type(surface_t) :: boundary
     integer, allocatable :: component(:), of_facet(:)
     integer :: n, k, f
@@ -83,28 +70,17 @@ contains
   !> Check the parts of two bodies, or of one.
   subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, error_bound, depth, &
                           found)
-    !> How ranks divide the nodes.
-    type(division_t), intent(in) :: division
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The pairs of each body.
-    type(pairs_of_bodies_t), intent(in) :: pairs
-    !> First row of each pair (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Parts of the first body.
-    type(parts_t), intent(in) :: parts_a
-    !> Parts of the second body.
-    type(parts_t), intent(in) :: parts_b
-    !> Index of the first body.
-    integer, intent(in) :: a
-    !> Index of the second body.
-    integer, intent(in) :: b
-    !> Displacements of the nodes of the first body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Relative error of the iteration [].
-    real(dp), intent(in) :: error_bound
+    type(division_t), intent(in) :: division  !! How ranks divide the nodes.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
+    integer, intent(in) :: first_row(:)  !! First row of each pair (n_pairs+1).
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    type(parts_t), intent(in) :: parts_a  !! Parts of the first body.
+    type(parts_t), intent(in) :: parts_b  !! Parts of the second body.
+    integer, intent(in) :: a  !! Index of the first body.
+    integer, intent(in) :: b  !! Index of the second body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements of the nodes of the first body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
     !> Depth at the nodes of the bodies: grows at those of the two (n_bodies) [length].
     type(nodal_field_t), intent(inout) :: depth(:)
     !> The deeper one of the two in the other; of depth 0 where neither is.
@@ -152,14 +128,10 @@ contains
   !> How far two bodies move beside the rigid motion that is common to them: that of least squares of both boundaries.
   !> A common motion is no error of the one against the other.
   subroutine measure_motion(parts_a, parts_b, moved, rounding)
-    !> Parts of the first body.
-    type(parts_t), intent(in) :: parts_a
-    !> Parts of the second body.
-    type(parts_t), intent(in) :: parts_b
-    !> Largest displacement beside the common motion [length].
-    real(dp), intent(out) :: moved
-    !> Rounding of the coordinates before and after deformation [length].
-    real(dp), intent(out) :: rounding
+    type(parts_t), intent(in) :: parts_a  !! Parts of the first body.
+    type(parts_t), intent(in) :: parts_b  !! Parts of the second body.
+    real(dp), intent(out) :: moved  !! Largest displacement beside the common motion [length].
+    real(dp), intent(out) :: rounding  !! Rounding of the coordinates before and after deformation [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: x(:, :), u(:, :)
     real(dp) :: inertia(3, 3), rotation(3, 1)
@@ -192,8 +164,7 @@ contains
 
     !> Append the nodes of parts, and their displacements.
     subroutine append(part)
-      !> The parts (any number).
-      type(solid_t), intent(in) :: part(:)
+      type(solid_t), intent(in) :: part(:)  !! The parts (any number).
       integer :: k
       do k = 1, size(part)
         x = reshape([x, part(k)%x0], [3, size(x, 2) + part(k)%n_nodes])
@@ -204,18 +175,12 @@ contains
 
   !> Check one part against another one.
   subroutine check_parts(division, p, q, swept, tolerance, depth, worst)
-    !> How ranks divide the nodes.
-    type(division_t), intent(in) :: division
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> The other part.
-    type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    !> Depths that are allowed.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Depth at the nodes of the body (n_nodes) [length].
-    real(dp), intent(inout) :: depth(:)
+    type(division_t), intent(in) :: division  !! How ranks divide the nodes.
+    type(solid_t), intent(in) :: p  !! The part.
+    type(solid_t), intent(in) :: q  !! The other part.
+    type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    real(dp), intent(inout) :: depth(:)  !! Depth at the nodes of the body (n_nodes) [length].
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
     type(penetration_t) :: here

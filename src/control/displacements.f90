@@ -18,8 +18,7 @@ module dotyk_control_displacements
   private
   public :: find_displacements
 
-  !> So many units in the last place are as good as one.
-  real(dp), parameter :: few_units = 4
+  real(dp), parameter :: few_units = 4  !! So many units in the last place are as good as one.
 
   !> Rounding of the entries of block rows, 2^-50, as a fraction of the expected error of a displacement, which has ten
   !> units of 2^-52 [].
@@ -33,24 +32,16 @@ contains
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
   subroutine find_displacements(problem, qp, compliance, theta, run, monitor, are_needed, want_stress, conditioning, &
                                 displacements, state, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> Its initial penetration is corrected where bodies are ill-conditioned.
-    type(contact_qp_t), intent(inout) :: qp
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(inout) :: qp  !! Its initial penetration is corrected where bodies are ill-conditioned.
     !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> Watches the iteration.
-    class(monitor_t), intent(inout) :: monitor
-    !> Whether displacements of all nodes are needed.
-    logical, intent(in) :: are_needed
-    !> Whether stresses are wanted with them.
-    logical, intent(in) :: want_stress
-    !> Counts steps of refinement (n_bodies).
-    type(conditioning_t), intent(inout) :: conditioning(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
+    class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
+    logical, intent(in) :: are_needed  !! Whether displacements of all nodes are needed.
+    logical, intent(in) :: want_stress  !! Whether stresses are wanted with them.
+    type(conditioning_t), intent(inout) :: conditioning(:)  !! Counts steps of refinement (n_bodies).
     !> Those of the state on return, as they were given where they are known; those that are not needed are not
     !> allocated. Counts recoveries.
     type(displacements_t), intent(inout) :: displacements
@@ -100,8 +91,7 @@ contains
   contains
     !> Displacements, and their distance to the exact ones for the same contact forces.
     subroutine recover_and_measure(refined)
-      !> Whether those that need it are refined.
-      logical, intent(in) :: refined
+      logical, intent(in) :: refined  !! Whether those that need it are refined.
       logical :: is_found(size(distance))
       integer :: b
       if (.not. allocated(displacements%body)) then

@@ -24,22 +24,17 @@ module dotyk_control_error_budget
   implicit none
   private
 
-  !> Parts of the error, relative; NaN where a part is not known [].
-  type, public :: error_budget_t
-    !> Distance to the solution without penalty [].
-    real(dp) :: penalty = 0
+  type, public :: error_budget_t  !! Parts of the error, relative; NaN where a part is not known [].
+    real(dp) :: penalty = 0  !! Distance to the solution without penalty [].
     !> Whether that is a bound, not an extrapolated distance (`dotyk_control_penalty_error`).
     logical :: penalty_is_bound = .true.
-    !> Error of the mesh [].
-    real(dp) :: discretization = 0
+    real(dp) :: discretization = 0  !! Error of the mesh [].
     !> Work of the pressures on the remaining gaps under them, as the root of twice an energy: no part of the others [].
     real(dp) :: contact = 0
-    !> Energy norm ||u||_A of the solution [sqrt(energy)].
-    real(dp) :: norm = 0
+    real(dp) :: norm = 0  !! Energy norm ||u||_A of the solution [sqrt(energy)].
     !> Error of the mesh of each body; not allocated where nobody asked (n_bodies) []. Squares add up.
     real(dp), allocatable :: of_body(:)
-    !> That of each element of each body, likewise (n_bodies) [].
-    type(element_field_t), allocatable :: of_element(:)
+    type(element_field_t), allocatable :: of_element(:)  !! That of each element of each body, likewise (n_bodies) [].
     !> Forces of each pair where its surfaces do not touch; not allocated where unknown (n_pairs).
     type(doubtful_force_t), allocatable :: doubtful(:)
   contains
@@ -74,30 +69,20 @@ contains
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
                              displacements, kept, state, budget, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
-    integer, intent(in) :: linear_solver
-    !> Scheme of the state.
-    class(scheme_t), intent(in) :: scheme
-    !> Whether the error of the mesh is estimated.
-    logical, intent(in) :: want_mesh
-    !> Whether the error of the penalty is estimated.
-    logical, intent(in) :: want_penalty
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the state.
+    logical, intent(in) :: want_mesh  !! Whether the error of the mesh is estimated.
+    logical, intent(in) :: want_penalty  !! Whether the error of the penalty is estimated.
     !> Known where the error of the mesh is wanted; its squared errors are not, on return.
     type(displacements_t), intent(inout) :: displacements
-    !> What the estimates keep.
-    type(kept_estimates_t), intent(inout) :: kept
-    !> The end of its history gets the errors.
-    type(solver_state_t), intent(inout) :: state
-    !> Parts that were not asked for, or are not known, are NaN.
-    type(error_budget_t), intent(out) :: budget
+    type(kept_estimates_t), intent(inout) :: kept  !! What the estimates keep.
+    type(solver_state_t), intent(inout) :: state  !! The end of its history gets the errors.
+    type(error_budget_t), intent(out) :: budget  !! Parts that were not asked for, or are not known, are NaN.
     !> Allocated where a formula of a material cannot be evaluated, or the compliance of an active set is not positive
     !> definite.
     type(error_t), allocatable, intent(out) :: error
@@ -130,16 +115,14 @@ contains
 
   !> Whether the iteration came near enough to its end for the other errors to be meaningful.
   pure logical function is_near(state)
-    !> Where the scheme ended.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! Where the scheme ended.
     is_near = size(state%m) == 0
     if (.not. (is_near .or. ieee_is_nan(state%error_bound))) is_near = state%error_bound < near_enough
   end function is_near
 
   !> The error of the mesh is not known.
   subroutine forget_mesh_error(budget)
-    !> With parts of the mesh; NaN on return.
-    type(error_budget_t), intent(inout) :: budget
+    type(error_budget_t), intent(inout) :: budget  !! With parts of the mesh; NaN on return.
     real(dp) :: nan
     integer :: b
     nan = ieee_value(nan, ieee_quiet_nan)
@@ -154,22 +137,14 @@ contains
 
   !> The error of the mesh.
   subroutine estimate_mesh_error(problem, displacements, first_row, m, theta, kept, budget, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> As in `estimate_errors`.
-    type(displacements_t), intent(inout) :: displacements
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> What the estimates keep.
-    type(kept_estimates_t), intent(inout) :: kept
-    !> Gets discretization, contact and norm.
-    type(error_budget_t), intent(inout) :: budget
-    !> As in `estimate_errors`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(displacements_t), intent(inout) :: displacements  !! As in `estimate_errors`.
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(kept_estimates_t), intent(inout) :: kept  !! What the estimates keep.
+    type(error_budget_t), intent(inout) :: budget  !! Gets discretization, contact and norm.
+    type(error_t), allocatable, intent(out) :: error  !! As in `estimate_errors`.
     type(displacements_t) :: block(1)
     real(dp) :: norm_square, work
     integer :: b, i, k

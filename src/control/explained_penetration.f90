@@ -22,20 +22,13 @@ contains
   !> What contact pairs leave at the nodes of a body against another one: their own pairs, or, where they have none
   !> and only meet at edges, those with other bodies.
   subroutine find_left(problem, pairs, first_row, y, body, other, left)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The pairs of each body.
-    type(pairs_of_bodies_t), intent(in) :: pairs
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> The body.
-    integer, intent(in) :: body
-    !> The other body.
-    integer, intent(in) :: other
-    !> Penetration and widths at the nodes of the body.
-    type(left_by_pairs_t), intent(out) :: left
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    integer, intent(in) :: body  !! The body.
+    integer, intent(in) :: other  !! The other body.
+    type(left_by_pairs_t), intent(out) :: left  !! Penetration and widths at the nodes of the body.
     real(dp), allocatable :: at_points(:), width(:)
     logical, allocatable :: is_known(:)
     integer, allocatable :: list(:)
@@ -71,24 +64,15 @@ contains
   !> Penetration at the points of a pair: the largest of the rows that they belong to, and the part of a given gap that
   !> the surfaces do not have; and the widths of the slave facets of the points.
   subroutine penetration_at_points(pair, y, body_a, surface_a, body_b, surface_b, at_points, width, with_gaps)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Penetration of its rows, negative where they are open (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Penetration (n_points) [length].
-    real(dp), allocatable, intent(out) :: at_points(:)
-    !> Longest edge of the slave facet (n_points) [length].
-    real(dp), allocatable, intent(out) :: width(:)
-    !> Whether given gaps count.
-    logical, intent(in) :: with_gaps
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    real(dp), intent(in) :: y(:)  !! Penetration of its rows, negative where they are open (n_rows) [length].
+    type(body_t), intent(in) :: body_a  !! Body of the slave side.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(body_t), intent(in) :: body_b  !! Body of the master side.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    real(dp), allocatable, intent(out) :: at_points(:)  !! Penetration (n_points) [length].
+    real(dp), allocatable, intent(out) :: width(:)  !! Longest edge of the slave facet (n_points) [length].
+    logical, intent(in) :: with_gaps  !! Whether given gaps count.
     real(dp) :: shape(max_facet_nodes), x_b(pair%dimension), longest
     integer, allocatable :: corner(:)
     type(element_kind_t) :: kind
@@ -126,18 +110,12 @@ contains
 
   !> The largest penetration at the points of the facets around each node.
   pure subroutine spread_points(at_points, width, surface, facet, left, is_known)
-    !> Penetration (n_points) [length].
-    real(dp), intent(in) :: at_points(:)
-    !> Width of the slave facet (n_points) [length].
-    real(dp), intent(in) :: width(:)
-    !> Surface of this side.
-    type(surface_t), intent(in) :: surface
-    !> Facets of the points on this side (n_points).
-    integer, intent(in) :: facet(:)
-    !> Penetration and widths at the nodes of the body.
-    type(left_by_pairs_t), intent(inout) :: left
-    !> Nodes of facets that carry points; they are added (n_nodes).
-    logical, intent(inout) :: is_known(:)
+    real(dp), intent(in) :: at_points(:)  !! Penetration (n_points) [length].
+    real(dp), intent(in) :: width(:)  !! Width of the slave facet (n_points) [length].
+    type(surface_t), intent(in) :: surface  !! Surface of this side.
+    integer, intent(in) :: facet(:)  !! Facets of the points on this side (n_points).
+    type(left_by_pairs_t), intent(inout) :: left  !! Penetration and widths at the nodes of the body.
+    logical, intent(inout) :: is_known(:)  !! Nodes of facets that carry points; they are added (n_nodes).
     integer :: k, j, node
     do k = 1, size(at_points)
       do j = 1, kind_nodes(surface%kind(facet(k)))

@@ -25,31 +25,21 @@ module dotyk_control_factorization
   !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have
   !> `forms_matrix`, the entries of products and of the class, `is_slow` and `steps` only.
   type, public :: factor_size_t
-    !> Entries that are stored.
-    integer(int64) :: entries = 0
-    !> Their memory [bytes].
-    integer(int64) :: bytes = 0
-    !> Memory of the stiffness [bytes].
-    integer(int64) :: stiffness_bytes = 0
-    !> Floating-point operations of the factorization.
-    real(dp) :: flops = 0
-    !> Whether the entries of the compliance are formed before the iteration.
-    logical :: forms_matrix = .false.
-    !> Entries that a product goes through.
-    integer(int64) :: product_entries = 0
-    !> Entries of the factor of the class, or of the levels in its place.
-    integer(int64) :: class_entries = 0
+    integer(int64) :: entries = 0  !! Entries that are stored.
+    integer(int64) :: bytes = 0  !! Their memory [bytes].
+    integer(int64) :: stiffness_bytes = 0  !! Memory of the stiffness [bytes].
+    real(dp) :: flops = 0  !! Floating-point operations of the factorization.
+    logical :: forms_matrix = .false.  !! Whether the entries of the compliance are formed before the iteration.
+    integer(int64) :: product_entries = 0  !! Entries that a product goes through.
+    integer(int64) :: class_entries = 0  !! Entries of the factor of the class, or of the levels in its place.
     !> Entries that the compliance of a contact row goes through in a corner space without a factor.
     integer(int64) :: row_entries = 0
-    !> Entries of the factor on the elimination-tree path of a contact row, on average.
-    real(dp) :: path_entries = 0
-    !> How the body is solved: one of `form_*` of dotyk_control_response_choice.
-    integer :: form = form_direct
+    real(dp) :: path_entries = 0  !! Entries of the factor on the elimination-tree path of a contact row, on average.
+    integer :: form = form_direct  !! How the body is solved: one of `form_*` of dotyk_control_response_choice.
     !> Whether p-multigrid takes too many iterations for this body, or a factor costs less: it is replaced, or the
     !> memory does not suffice for that.
     logical :: is_slow = .false.
-    !> Iterations of a solve that p-multigrid would take, about.
-    real(dp) :: steps = 0
+    real(dp) :: steps = 0  !! Iterations of a solve that p-multigrid would take, about.
     !> Operations of the factor of the body in place of p-multigrid, once its analysis has told them; 0 before.
     real(dp) :: whole_flops = 0
   contains
@@ -67,8 +57,7 @@ contains
   !> The size of a factor.
   subroutine size_take(self, factor)
     class(factor_size_t), intent(inout) :: self
-    !> Analysed.
-    type(cholesky_t), intent(in) :: factor
+    type(cholesky_t), intent(in) :: factor  !! Analysed.
     self%entries = factor%factor_entries
     self%bytes = factor%factor_bytes
     self%flops = factor%flops
@@ -76,26 +65,18 @@ contains
 
   !> Order and analyse the representatives, side by side.
   subroutine analyze_bodies(body, modes, stiffness, classes, ranks, block, response, n_products, slot, size_of, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Rigid body modes that supports leave (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Rigid body modes that supports leave (n_bodies).
     !> Stiffnesses of the representatives; without the graphs of their nodes on return (n_bodies).
     type(stiffness_t), intent(inout) :: stiffness(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> One of `response_*` of dotyk_base_options.
-    integer, intent(in) :: response
+    type(congruence_classes_t), intent(in) :: classes  !! Classes of congruent bodies.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    integer, intent(in) :: response  !! One of `response_*` of dotyk_base_options.
     !> Products with the compliance that the scheme takes one by one, about; 0: it forms entries.
     integer, intent(in) :: n_products
-    !> Assembled; analysed on return (n_bodies).
-    type(operator_slot_t), intent(inout) :: slot(:)
-    !> Sizes of the factors to come (n_bodies).
-    type(factor_size_t), allocatable, intent(out) :: size_of(:)
+    type(operator_slot_t), intent(inout) :: slot(:)  !! Assembled; analysed on return (n_bodies).
+    type(factor_size_t), allocatable, intent(out) :: size_of(:)  !! Sizes of the factors to come (n_bodies).
     !> Allocated where an analysis fails (`analyze` of `direct_response_t`) or an interrupt came; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
@@ -135,10 +116,8 @@ contains
 
   !> Make the sizes of all factors known to all ranks.
   subroutine share_sizes(ranks, size_of)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Those of this rank in, of all out (n_bodies).
-    type(factor_size_t), intent(inout) :: size_of(:)
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(factor_size_t), intent(inout) :: size_of(:)  !! Those of this rank in, of all out (n_bodies).
     integer(int8), allocatable :: bytes(:, :)
     integer :: b
     if (n_ranks() == 1) return
@@ -154,24 +133,15 @@ contains
 
   !> Order and analyse a representative, and choose how products with its compliance are made.
   subroutine analyze_body(body, modes, stiffness, contact_node, work, response, slot, size_of, error)
-    !> The representative, assembled.
-    type(body_t), intent(in) :: body
-    !> Its rigid body modes.
-    type(body_modes_t), intent(in) :: modes
-    !> Its stiffness; without the graph of the nodes on return.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Nodes where any body of the class may touch another (n).
-    integer, intent(in) :: contact_node(:)
-    !> Products to come.
-    type(workload_t), intent(in) :: work
-    !> One of `response_*` of dotyk_base_options.
-    integer, intent(in) :: response
-    !> Its operator; analysed on return.
-    type(operator_slot_t), intent(inout) :: slot
-    !> Size of the factor to come.
-    type(factor_size_t), intent(out) :: size_of
-    !> As in `analyze_bodies`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The representative, assembled.
+    type(body_modes_t), intent(in) :: modes  !! Its rigid body modes.
+    type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness; without the graph of the nodes on return.
+    integer, intent(in) :: contact_node(:)  !! Nodes where any body of the class may touch another (n).
+    type(workload_t), intent(in) :: work  !! Products to come.
+    integer, intent(in) :: response  !! One of `response_*` of dotyk_base_options.
+    type(operator_slot_t), intent(inout) :: slot  !! Its operator; analysed on return.
+    type(factor_size_t), intent(out) :: size_of  !! Size of the factor to come.
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze_bodies`.
     call set_item("body '"//body%name//"'")
     if (.not. allocated(slot%multigrid)) then
       if (.not. allocated(slot%direct)) allocate (slot%direct)
@@ -219,16 +189,12 @@ contains
 
   !> Refuse factors that are larger than the available memory; warn where it will be nearly exhausted.
   subroutine check_memory(memory, size_of, warning, error)
-    !> What is in use and what is left.
-    type(memory_t), intent(in) :: memory
-    !> Sizes of the factors of this rank (n).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Text of the warning; empty where there is none.
-    character(:), allocatable, intent(out) :: warning
+    type(memory_t), intent(in) :: memory  !! What is in use and what is left.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors of this rank (n).
+    character(:), allocatable, intent(out) :: warning  !! Text of the warning; empty where there is none.
     !> Allocated where the memory does not suffice; says how much is available.
     type(error_t), allocatable, intent(out) :: error
-    !> Memory beside the factors, as a fraction of theirs.
-    real(dp), parameter :: beside = 0.15_dp
+    real(dp), parameter :: beside = 0.15_dp  !! Memory beside the factors, as a fraction of theirs.
     real(dp) :: factors, stiffnesses
     warning = ''
     if (.not. memory%is_known) return
@@ -252,22 +218,14 @@ contains
   !> Factorize the representatives, the largest first: those that dominate one after the other, outside parallel
   !> regions (`set_factor_threads`), the others side by side. Stiffnesses are given back one by one.
   subroutine factorize_bodies(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Rigid body modes that supports leave (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Whether the scheme can solve for near-null-space modes.
-    logical, intent(in) :: split_near_null
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Stiffnesses of the representatives; empty on return (n_bodies).
-    type(stiffness_t), intent(inout) :: stiffness(:)
-    !> Analysed (n_bodies).
-    type(operator_slot_t), intent(inout) :: slot(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), allocatable, intent(out) :: report(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(body_modes_t), intent(in) :: modes(:)  !! Rigid body modes that supports leave (n_bodies).
+    logical, intent(in) :: split_near_null  !! Whether the scheme can solve for near-null-space modes.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    type(stiffness_t), intent(inout) :: stiffness(:)  !! Stiffnesses of the representatives; empty on return (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)  !! Analysed (n_bodies).
+    type(factorization_report_t), allocatable, intent(out) :: report(:)  !! Reports of the representatives (n_bodies).
     !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, and rarer ones; or an
     !> interrupt came. Names the bodies.
     type(error_t), allocatable, intent(out) :: error
@@ -300,8 +258,7 @@ contains
   contains
     !> Factorize a body, unless it is another rank's or an interrupt came.
     subroutine factorize(b)
-      !> Number of the body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! Number of the body.
       if (interrupted() .or. .not. ranks%factorizes(b)) return
       call set_item("body '"//body(b)%name//"'")
       select case (size_of(b)%form)
@@ -319,8 +276,7 @@ contains
 
   !> Make what factorizations found out about the condition known to all ranks.
   subroutine share_reports(ranks, report)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
     !> Those of this rank in, of all out; diagonals, near-null-space modes and springs stay where they are (n_bodies).
     type(factorization_report_t), intent(inout) :: report(:)
     real(dp) :: n_near_null(size(report))
@@ -334,14 +290,10 @@ contains
 
   !> All bodies' errors as one.
   subroutine collect(body, ranks, failed, error)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Errors of the bodies, not allocated on return (n_bodies).
-    type(error_slot_t), intent(inout) :: failed(:)
-    !> Allocated where one of them is.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(error_slot_t), intent(inout) :: failed(:)  !! Errors of the bodies, not allocated on return (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where one of them is.
     type(problem_list_t) :: problems
     integer :: b
     call share_errors(ranks%owner, failed)

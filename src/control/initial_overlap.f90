@@ -20,8 +20,7 @@ contains
 
   !> Find the bodies that overlap before they are loaded.
   subroutine find_initial_overlap(problem, found)
-    !> Bodies and contact pairs, with what the search for pairs found.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs, with what the search for pairs found.
     !> Couples of bodies, the deepest first, without those that the search names (n_found).
     type(body_penetration_t), allocatable, intent(out) :: found(:)
     type(body_solution_t) :: at_rest(size(problem%body))
@@ -56,12 +55,9 @@ contains
   !> Whether the log names the overlap of two bodies in other lines: they are in a contact pair, which has its smallest
   !> gap there, or near each other in no pair.
   pure logical function is_known(problem, a, b)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Index of a body.
-    integer, intent(in) :: a
-    !> Index of the other body, not lower.
-    integer, intent(in) :: b
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    integer, intent(in) :: a  !! Index of a body.
+    integer, intent(in) :: b  !! Index of the other body, not lower.
     is_known = a == b .or. problem%are_tied(a, b) .or. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
                                max(problem%pair%body_a, problem%pair%body_b) == b)
     if (is_known .or. .not. allocated(problem%found%unnamed)) return
@@ -70,10 +66,8 @@ contains
 
   !> Whether an overlap is none that meshes of curved faces make.
   logical function is_gross(problem, overlap)
-    !> Bodies.
-    type(contact_problem_t), intent(in) :: problem
-    !> The overlap.
-    type(body_penetration_t), intent(in) :: overlap
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    type(body_penetration_t), intent(in) :: overlap  !! The overlap.
     is_gross = overlap%worst%depth > least_fraction*min(problem%body(overlap%body)%mesh%diameter(), &
                                                         problem%body(overlap%other)%mesh%diameter())
   end function is_gross

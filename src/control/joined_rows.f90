@@ -23,14 +23,11 @@ module dotyk_control_joined_rows
   !> A generic direction: not normal to the planes of a regular mesh, whose vertices would all be close along it [].
   real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
 
-  !> Contact rows near a side of a tie.
-  type :: side_rows_t
+  type :: side_rows_t  !! Contact rows near a side of a tie.
     !> Contact rows, their pairs, and the nearest vertices of the tie (n).
     integer, allocatable :: row(:), pair(:), vertex(:)
-    !> Their numbers in the pairs (n).
-    integer, allocatable :: own(:)
-    !> Whether the row is in that vertex (n).
-    logical, allocatable :: is_there(:)
+    integer, allocatable :: own(:)  !! Their numbers in the pairs (n).
+    logical, allocatable :: is_there(:)  !! Whether the row is in that vertex (n).
     !> Normals, those of the master side rotated to the slave side (dimension, n) [].
     real(dp), allocatable :: normal(:, :)
   end type side_rows_t
@@ -39,12 +36,9 @@ contains
 
   !> Number the rows, those that are one together, in the order of the first of each.
   subroutine find_joined_rows(pair, tie, n_rows, joined_row, n_split)
-    !> Contact pairs, whose rows follow each other (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Ties; none if absent (n_ties).
-    type(tied_surfaces_t), intent(in), optional :: tie(:)
-    !> Number of rows, with those of the ties after those of the pairs.
-    integer, intent(in) :: n_rows
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs, whose rows follow each other (n_pairs).
+    type(tied_surfaces_t), intent(in), optional :: tie(:)  !! Ties; none if absent (n_ties).
+    integer, intent(in) :: n_rows  !! Number of rows, with those of the ties after those of the pairs.
     !> Number of each row; not allocated where each is one by itself (n_rows).
     integer, allocatable, intent(out) :: joined_row(:)
     !> Number of rows of each pair at each tie that have no counterpart on the other side, where contact goes on, in the
@@ -89,20 +83,13 @@ contains
 
   !> The row on the master side of a tie that is one with a row on the slave side.
   subroutine find_counterpart(pair, tie, slave, i, master, parent, found, faces_other)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> Rows on the slave side.
-    type(side_rows_t), intent(in) :: slave
-    !> The row among these.
-    integer, intent(in) :: i
-    !> Rows on the master side.
-    type(side_rows_t), intent(in) :: master
-    !> Rows that are one already; paths are shortened (n_rows).
-    integer, intent(inout) :: parent(:)
-    !> Number of the row; 0 where there is none.
-    integer, intent(out) :: found
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    type(side_rows_t), intent(in) :: slave  !! Rows on the slave side.
+    integer, intent(in) :: i  !! The row among these.
+    type(side_rows_t), intent(in) :: master  !! Rows on the master side.
+    integer, intent(inout) :: parent(:)  !! Rows that are one already; paths are shortened (n_rows).
+    integer, intent(out) :: found  !! Number of the row; 0 where there is none.
     !> Whether rows near the vertex on the master side touch the same body, or one that is tied to it there, from the
     !> same side.
     logical, intent(out) :: faces_other
@@ -123,14 +110,10 @@ contains
 
   !> Join the rows of a slave vertex that has one on each of two master bodies, near the edge at which these are tied.
   subroutine join_rows_on_masters(pair, tie, k, parent)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> The tie of the bodies.
-    integer, intent(in) :: k
-    !> Rows that are one already; joined (n_rows).
-    integer, intent(inout) :: parent(:)
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    integer, intent(in) :: k  !! The tie of the bodies.
+    integer, intent(inout) :: parent(:)  !! Rows that are one already; joined (n_rows).
     real(dp), allocatable :: along(:)
     integer, allocatable :: order(:)
     real(dp) :: apart
@@ -167,14 +150,10 @@ contains
 
   !> Whether two rows have the same master body, or bodies that are tied to each other within their reach.
   logical function is_one_master(pair, tie, p, i, q, j) result(is_one)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> Pair of the first row, and its number in it.
-    integer, intent(in) :: p, i
-    !> Pair of the other one, and its number in it.
-    integer, intent(in) :: q, j
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    integer, intent(in) :: p, i  !! Pair of the first row, and its number in it.
+    integer, intent(in) :: q, j  !! Pair of the other one, and its number in it.
     integer :: k, l
     real(dp) :: reach
     associate (a => pair(p)%body_b, b => pair(q)%body_b, x => pair(p)%row_position(:, i))
@@ -195,12 +174,9 @@ contains
   !> and the slave of the other one; 0 where there is none. The rows are in the vertices of different bodies then, and
   !> none are joined.
   integer function pair_of_other_roles(pair, tie, p) result(other)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> The tie.
-    type(tied_surfaces_t), intent(in) :: tie
-    !> The pair in which a side of the tie is the slave.
-    integer, intent(in) :: p
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(tied_surfaces_t), intent(in) :: tie  !! The tie.
+    integer, intent(in) :: p  !! The pair in which a side of the tie is the slave.
     integer :: i, j, l, side
     associate (rows => tie%component(1), x => pair(p)%row_position)
       side = 0
@@ -226,10 +202,8 @@ contains
 
   !> Greatest distance of the points of a row from it [length].
   pure real(dp) function extent(pair, i)
-    !> The pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> The row.
-    integer, intent(in) :: i
+    type(contact_pair_t), intent(in) :: pair  !! The pair.
+    integer, intent(in) :: i  !! The row.
     integer :: k
     extent = 0
     do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
@@ -239,16 +213,11 @@ contains
 
   !> Contact rows of a slave body near the vertices of a tie.
   subroutine find_rows_near(pair, body, tie, from_master, near)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> The slave body.
-    integer, intent(in) :: body
-    !> The tie.
-    type(tied_surfaces_t), intent(in) :: tie
-    !> Whether the body is on the master side, which is rotated to the slave side.
-    logical, intent(in) :: from_master
-    !> The rows.
-    type(side_rows_t), intent(out) :: near
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(in) :: body  !! The slave body.
+    type(tied_surfaces_t), intent(in) :: tie  !! The tie.
+    logical, intent(in) :: from_master  !! Whether the body is on the master side, which is rotated to the slave side.
+    type(side_rows_t), intent(out) :: near  !! The rows.
     real(dp), allocatable :: along(:)
     integer, allocatable :: order(:)
     real(dp) :: x(tie%component(1)%dimension), normal(tie%component(1)%dimension), distance, nearest
@@ -302,10 +271,8 @@ contains
 
   !> Place of the first number that is not below a value.
   pure integer function first_above(sorted, value) result(place)
-    !> Ascending (n) [any].
-    real(dp), intent(in) :: sorted(:)
-    !> The value [any].
-    real(dp), intent(in) :: value
+    real(dp), intent(in) :: sorted(:)  !! Ascending (n) [any].
+    real(dp), intent(in) :: value  !! The value [any].
     integer :: last, middle
     place = 1
     last = size(sorted) + 1

@@ -11,22 +11,17 @@ module dotyk_control_kept_estimates
   implicit none
   private
 
-  !> Of one class of congruent bodies.
-  type, public :: kept_class_t
+  type, public :: kept_class_t  !! Of one class of congruent bodies.
     !> Recovered strains in each material, those of the last displacements (n_materials).
     type(gradient_recovery_t), allocatable :: recovery(:)
-    !> Factors of the element residuals (n_elements).
-    type(bubble_factor_t), allocatable :: factor(:)
-    !> Memory for these factors.
-    type(allowance_t) :: room
+    type(bubble_factor_t), allocatable :: factor(:)  !! Factors of the element residuals (n_elements).
+    type(allowance_t) :: room  !! Memory for these factors.
   contains
     procedure :: init => class_init
   end type kept_class_t
 
-  !> Of all bodies.
-  type, public :: kept_estimates_t
-    !> At the place of the representative (n_bodies).
-    type(kept_class_t), allocatable :: of_class(:)
+  type, public :: kept_estimates_t  !! Of all bodies.
+    type(kept_class_t), allocatable :: of_class(:)  !! At the place of the representative (n_bodies).
   contains
     procedure :: init => kept_init
     procedure :: allow => kept_allow
@@ -34,24 +29,21 @@ module dotyk_control_kept_estimates
 
   !> Patches take one of so many parts of the memory, at most; factors of element residuals the rest.
   integer, parameter :: part_of_patches = 4
-  !> Fraction of the memory that is left which is taken at most [].
-  real(dp), parameter :: most_of_memory = 0.25_dp
+  real(dp), parameter :: most_of_memory = 0.25_dp  !! Fraction of the memory that is left which is taken at most [].
 
 contains
 
   !> Nothing is kept yet, and nothing may be; unless that was done before.
   subroutine kept_init(self, n)
     class(kept_estimates_t), intent(inout) :: self
-    !> Number of bodies.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of bodies.
     if (.not. allocated(self%of_class)) allocate (self%of_class(n))
   end subroutine kept_init
 
   !> Make the places of what is kept, unless that was done before.
   subroutine class_init(self, body)
     class(kept_class_t), intent(inout) :: self
-    !> The representative.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The representative.
     if (allocated(self%recovery)) return
     allocate (self%recovery(size(body%material)), self%factor(body%mesh%n_elements()))
   end subroutine class_init
@@ -59,12 +51,9 @@ contains
   !> Allow to keep data between load cases, unless that was done before: a quarter of the memory that is left at most.
   subroutine kept_allow(self, body, represents, bytes)
     class(kept_estimates_t), intent(inout) :: self
-    !> The bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Whether a body represents a class of which this rank has bodies (n_bodies).
-    logical, intent(in) :: represents(:)
-    !> Memory that data of each may take (n_bodies) [bytes].
-    integer(int64), intent(in) :: bytes(:)
+    type(body_t), intent(in) :: body(:)  !! The bodies (n_bodies).
+    logical, intent(in) :: represents(:)  !! Whether a body represents a class of which this rank has bodies (n_bodies).
+    integer(int64), intent(in) :: bytes(:)  !! Memory that data of each may take (n_bodies) [bytes].
     type(memory_t) :: memory
     real(dp) :: allowed
     integer :: b

@@ -31,14 +31,11 @@ contains
   subroutine estimate_mesh_errors(problem, first_row, kept, block, error)
     !> Bodies, classes and pairs; any of the load cases acts on the bodies on return.
     type(contact_problem_t), intent(inout) :: problem
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     !> What does not depend on the loads; the recovered strains of a load case that acts on the bodies stay here.
     type(kept_estimates_t), intent(inout) :: kept
-    !> With displacements and pressures (n).
-    type(displacements_t), intent(inout) :: block(:)
-    !> Allocated where a formula of a material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(displacements_t), intent(inout) :: block(:)  !! With displacements and pressures (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
     type(congruent_group_t), allocatable :: group(:)
     real(dp) :: of_body(size(problem%body), size(block)), of_elements(size(problem%body)), least(size(block))
     integer :: b, first, g, j, last, n, part
@@ -86,18 +83,13 @@ contains
   subroutine estimate_group(problem, g, some, kept, block, norm_square, error)
     !> Bodies, classes and ranks; the last of the load cases acts on these bodies on return.
     type(contact_problem_t), intent(inout) :: problem
-    !> The group.
-    integer, intent(in) :: g
-    !> Its bodies (n_bodies).
-    integer, intent(in) :: some(:)
-    !> What does not depend on the loads.
-    type(kept_class_t), intent(inout) :: kept
-    !> Get squared errors and recovered strains (n).
-    type(displacements_t), intent(inout) :: block(:)
+    integer, intent(in) :: g  !! The group.
+    integer, intent(in) :: some(:)  !! Its bodies (n_bodies).
+    type(kept_class_t), intent(inout) :: kept  !! What does not depend on the loads.
+    type(displacements_t), intent(inout) :: block(:)  !! Get squared errors and recovered strains (n).
     !> Squared energy norms of all bodies; those of these are set (n_all_bodies, n) [energy].
     real(dp), intent(inout) :: norm_square(:, :)
-    !> Allocated where a formula of a material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
     real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :), of_case(:, :, :), norm(:)
     integer :: i, j, m, n
     n = size(some)
@@ -135,18 +127,12 @@ contains
   subroutine check_group(problem, some, first_row, least, kept, block, error)
     !> Bodies, classes and pairs; the last of the load cases acts on these bodies on return.
     type(contact_problem_t), intent(inout) :: problem
-    !> The bodies (n_bodies).
-    integer, intent(in) :: some(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Elements with smaller squared errors are left alone (n) [energy].
-    real(dp), intent(in) :: least(:)
-    !> What does not depend on the loads.
-    type(kept_class_t), intent(inout) :: kept
-    !> Their squared errors change (n).
-    type(displacements_t), intent(inout) :: block(:)
-    !> Allocated where a formula of a material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: some(:)  !! The bodies (n_bodies).
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: least(:)  !! Elements with smaller squared errors are left alone (n) [energy].
+    type(kept_class_t), intent(inout) :: kept  !! What does not depend on the loads.
+    type(displacements_t), intent(inout) :: block(:)  !! Their squared errors change (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
     type(residual_data_t), target :: of_case(size(block)), joined
     type(residual_data_t), pointer :: data
     type(allowance_t) :: face_room
@@ -189,12 +175,9 @@ contains
 
   !> Let a load case act on some bodies.
   subroutine act(problem, some, case)
-    !> The bodies.
-    type(contact_problem_t), intent(inout) :: problem
-    !> Indices of those on which it is to act (n).
-    integer, intent(in) :: some(:)
-    !> The load case; 0: it acts on them already.
-    integer, intent(in) :: case
+    type(contact_problem_t), intent(inout) :: problem  !! The bodies.
+    integer, intent(in) :: some(:)  !! Indices of those on which it is to act (n).
+    integer, intent(in) :: case  !! The load case; 0: it acts on them already.
     integer :: i
     if (case == 0) return
     do i = 1, size(some)
@@ -204,14 +187,10 @@ contains
 
   !> Displacements of congruent bodies in all load cases, case after case, in the axes of the representative.
   subroutine displacements_of(problem, some, block, u)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> The bodies (n_bodies).
-    integer, intent(in) :: some(:)
-    !> With displacements (n).
-    type(displacements_t), intent(in) :: block(:)
-    !> (n_bodies*n, dim, n_nodes) [length]
-    real(dp), allocatable, intent(out) :: u(:, :, :)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    integer, intent(in) :: some(:)  !! The bodies (n_bodies).
+    type(displacements_t), intent(in) :: block(:)  !! With displacements (n).
+    real(dp), allocatable, intent(out) :: u(:, :, :)  !! (n_bodies*n, dim, n_nodes) [length]
     real(dp), allocatable :: of_case(:, :, :)
     integer :: j
     do j = 1, size(block)
@@ -223,14 +202,10 @@ contains
 
   !> Displacements of congruent bodies in the axes of their representative; 0 for those of other ranks.
   subroutine to_representative(problem, alike, solution, u)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of the bodies (n).
-    integer, intent(in) :: alike(:)
-    !> Solutions of all bodies, with displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Displacements (n, dim, n_nodes) [length].
-    real(dp), allocatable, intent(out) :: u(:, :, :)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    integer, intent(in) :: alike(:)  !! Indices of the bodies (n).
+    type(body_solution_t), intent(in) :: solution(:)  !! Solutions of all bodies, with displacements (n_bodies).
+    real(dp), allocatable, intent(out) :: u(:, :, :)  !! Displacements (n, dim, n_nodes) [length].
     integer :: d, i
     associate (first => problem%body(problem%classes%first(alike(1))))
       d = first%dimension
@@ -250,10 +225,8 @@ contains
 
   !> Thermal dilatations of congruent bodies at their nodes.
   subroutine collect_thermal(problem, alike, thermal)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of the bodies (n).
-    integer, intent(in) :: alike(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    integer, intent(in) :: alike(:)  !! Indices of the bodies (n).
     !> Those in each material; not allocated where no own body has a temperature (n, n_nodes, n_materials) [].
     real(dp), allocatable, intent(out) :: thermal(:, :, :)
     real(dp), allocatable :: of_material(:)

@@ -8,16 +8,12 @@ module dotyk_control_nodal_pressures
   implicit none
   private
 
-  !> What the pairs of one body have at its nodes.
-  type, public :: nodal_pressures_t
-    !> Number of entries, in the order of the pairs.
-    integer, private :: n = 0
-    !> Node of each entry (n_allocated).
-    integer, allocatable, private :: node(:)
+  type, public :: nodal_pressures_t  !! What the pairs of one body have at its nodes.
+    integer, private :: n = 0  !! Number of entries, in the order of the pairs.
+    integer, allocatable, private :: node(:)  !! Node of each entry (n_allocated).
     !> Its pressure [pressure], and the weight of the pair around the node [as the weights of the pair] (n_allocated).
     real(dp), allocatable, private :: pressure(:), weight(:)
-    !> Its unit normal into the body (dim, n_allocated) [].
-    real(dp), allocatable, private :: normal(:, :)
+    real(dp), allocatable, private :: normal(:, :)  !! Its unit normal into the body (dim, n_allocated) [].
   contains
     procedure :: add => nodal_add
     procedure :: combine => nodal_combine
@@ -31,14 +27,10 @@ contains
   !> Add one side of a pair.
   subroutine nodal_add(self, pair, side, sign, pressure)
     class(nodal_pressures_t), intent(inout) :: self
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Interpolation on this side.
-    type(corner_interpolation_t), intent(in) :: side
-    !> -1 on body a, 1 on body b: from the normals of the pair to those into the body [].
-    real(dp), intent(in) :: sign
-    !> Projected pressures at side%node (their number) [pressure].
-    real(dp), intent(in) :: pressure(:)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(corner_interpolation_t), intent(in) :: side  !! Interpolation on this side.
+    real(dp), intent(in) :: sign  !! -1 on body a, 1 on body b: from the normals of the pair to those into the body [].
+    real(dp), intent(in) :: pressure(:)  !! Projected pressures at side%node (their number) [pressure].
     real(dp) :: corner(side%n), component(size(side%node)), normal(pair%dimension, size(side%node))
     integer :: c, i
     if (self%n == 0) then
@@ -68,10 +60,8 @@ contains
   !> where faces meet at an edge the node has the greatest of their pressures, and the sum of their tractions.
   pure subroutine nodal_combine(self, pressure, traction)
     class(nodal_pressures_t), intent(in) :: self
-    !> Pressures; 0 at nodes without entries (n_nodes) [pressure].
-    real(dp), intent(out) :: pressure(:)
-    !> Tractions, likewise (dim, n_nodes) [pressure].
-    real(dp), intent(out) :: traction(:, :)
+    real(dp), intent(out) :: pressure(:)  !! Pressures; 0 at nodes without entries (n_nodes) [pressure].
+    real(dp), intent(out) :: traction(:, :)  !! Tractions, likewise (dim, n_nodes) [pressure].
     integer :: order(self%n), group(self%n), i, j, k, first, last
     real(dp) :: p
     pressure = 0
@@ -113,8 +103,7 @@ contains
 
     !> Mean pressure of some entries.
     pure real(dp) function mean_of(entry) result(mean)
-      !> The entries, at least one (n).
-      integer, intent(in) :: entry(:)
+      integer, intent(in) :: entry(:)  !! The entries, at least one (n).
       mean = self%pressure(entry(1))
       if (size(entry) == 1) return
       if (sum(self%weight(entry)) > 0) then

@@ -15,8 +15,7 @@ module dotyk_control_nodal_stresses
   implicit none
   private
 
-  !> Stresses at the nodes of a body.
-  type, public :: nodal_stress_t
+  type, public :: nodal_stress_t  !! Stresses at the nodes of a body.
     !> In global axes, order xx yy zz xy yz xz; not allocated for bodies of other ranks (6, n_nodes) [pressure].
     real(dp), allocatable :: value(:, :)
   end type nodal_stress_t
@@ -27,16 +26,11 @@ contains
 
   !> Recover the stresses of all bodies whose displacements are known.
   subroutine recover_nodal_stresses(problem, displacements, kept, stress, error)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Known; recovered strains are not, on return.
-    type(displacements_t), intent(inout) :: displacements
-    !> Recovered strains, those of the error estimate where there is one.
-    type(kept_estimates_t), intent(inout) :: kept
-    !> Their stresses (n_bodies).
-    type(nodal_stress_t), allocatable, intent(out) :: stress(:)
-    !> Allocated where a formula of a material cannot be parsed.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    type(displacements_t), intent(inout) :: displacements  !! Known; recovered strains are not, on return.
+    type(kept_estimates_t), intent(inout) :: kept  !! Recovered strains, those of the error estimate where there is one.
+    type(nodal_stress_t), allocatable, intent(out) :: stress(:)  !! Their stresses (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be parsed.
     type(congruent_group_t), allocatable :: group(:)
     integer :: g, m
     allocate (stress(size(problem%body)))
@@ -60,18 +54,12 @@ contains
 
   !> Some congruent bodies.
   subroutine recover_some(problem, alike, solution, kept, stress, error)
-    !> Bodies, classes and ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of the bodies (n).
-    integer, intent(in) :: alike(:)
-    !> Displacements of all bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Recovered strains.
-    type(kept_class_t), intent(inout) :: kept
-    !> Stresses; those of these bodies are set (n_bodies).
-    type(nodal_stress_t), intent(inout) :: stress(:)
-    !> Allocated where a formula of the material cannot be parsed.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    integer, intent(in) :: alike(:)  !! Indices of the bodies (n).
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of all bodies (n_bodies).
+    type(kept_class_t), intent(inout) :: kept  !! Recovered strains.
+    type(nodal_stress_t), intent(inout) :: stress(:)  !! Stresses; those of these bodies are set (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of the material cannot be parsed.
     real(dp), allocatable :: u(:, :, :), of_alike(:, :, :), of_material(:, :, :), temperature(:, :), expansion(:, :, :)
     logical, allocatable :: has(:), is_set(:)
     integer :: i, k, m
@@ -129,12 +117,9 @@ contains
 
   !> Take the fit of mean stresses where that is the better one.
   subroutine take_means(body, solution, stress)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its displacements, and stresses where they are known.
-    type(body_solution_t), intent(in) :: solution
-    !> Stresses at the nodes (6, n_nodes) [pressure].
-    real(dp), intent(inout) :: stress(:, :)
+    type(body_t), intent(in) :: body  !! The body.
+    type(body_solution_t), intent(in) :: solution  !! Its displacements, and stresses where they are known.
+    real(dp), intent(inout) :: stress(:, :)  !! Stresses at the nodes (6, n_nodes) [pressure].
     logical :: is_set(size(stress, 2))
     integer :: m
     if (.not. allocated(solution%stress)) return

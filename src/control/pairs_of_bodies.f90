@@ -4,12 +4,9 @@ module dotyk_control_pairs_of_bodies
   implicit none
   private
 
-  !> Lists of pairs.
-  type, public :: pairs_of_bodies_t
-    !> Pairs of body b, ascending: pair(start(b):start(b+1)-1) (n_bodies + 1).
-    integer, allocatable :: start(:)
-    !> See `start`.
-    integer, allocatable :: pair(:)
+  type, public :: pairs_of_bodies_t  !! Lists of pairs.
+    integer, allocatable :: start(:)  !! Pairs of body b, ascending: pair(start(b):start(b+1)-1) (n_bodies + 1).
+    integer, allocatable :: pair(:)  !! See `start`.
   contains
     procedure :: init => pairs_of_bodies_init
     procedure :: of => pairs_of_bodies_of
@@ -21,10 +18,8 @@ contains
   !> Find the pairs of all bodies.
   subroutine pairs_of_bodies_init(self, pair, n_bodies)
     class(pairs_of_bodies_t), intent(out) :: self
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(in) :: n_bodies  !! Number of bodies.
     integer :: next(n_bodies), b, k
     next = 0
     do k = 1, size(pair)
@@ -45,8 +40,7 @@ contains
   contains
     !> Add pair k to the list of a body.
     subroutine put(body)
-      !> The body.
-      integer, intent(in) :: body
+      integer, intent(in) :: body  !! The body.
       self%pair(next(body)) = k
       next(body) = next(body) + 1
     end subroutine put
@@ -55,8 +49,7 @@ contains
   !> Pairs of a body, ascending.
   pure function pairs_of_bodies_of(self, body) result(list)
     class(pairs_of_bodies_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: body
+    integer, intent(in) :: body  !! The body.
     integer, allocatable :: list(:)
     list = self%pair(self%start(body):self%start(body + 1) - 1)
   end function pairs_of_bodies_of
@@ -64,12 +57,9 @@ contains
   !> Pairs that two bodies have with each other, ascending.
   pure function pairs_of_bodies_between(self, pair, a, b) result(list)
     class(pairs_of_bodies_t), intent(in) :: self
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> One body.
-    integer, intent(in) :: a
-    !> The other body; may be the same.
-    integer, intent(in) :: b
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(in) :: a  !! One body.
+    integer, intent(in) :: b  !! The other body; may be the same.
     integer, allocatable :: list(:)
     list = self%of(a)
     list = pack(list, (pair(list)%body_a == a .and. pair(list)%body_b == b) .or. &

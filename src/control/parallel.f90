@@ -29,8 +29,7 @@ contains
   subroutine use_threads(n, used)
     !> Number of threads; 0: as OMP_NUM_THREADS says, or as many as there are processors for each rank.
     integer, intent(in) :: n
-    !> What will be used.
-    integer, intent(out) :: used
+    integer, intent(out) :: used  !! What will be used.
     integer :: workers, length
     used = n
     if (n == 0) then
@@ -52,12 +51,10 @@ contains
     !> Entries that the solve of each body, or batch of congruent bodies, goes through twice; it takes about 1 ns for
     !> each (n) [].
     real(dp), intent(in) :: entries(:)
-    !> The same digits on any number of threads: one BLAS thread.
-    logical, intent(in) :: reproducible
+    logical, intent(in) :: reproducible  !! The same digits on any number of threads: one BLAS thread.
     !> Whether bodies are solved at the same time, one thread each; otherwise one after the other.
     logical, intent(out) :: side_by_side
-    !> BLAS threads of each solve.
-    integer, intent(out) :: n_blas
+    integer, intent(out) :: n_blas  !! BLAS threads of each solve.
     n_blas = 1
     side_by_side = sum(entries) - maxval(entries) > worth_a_region
     if (.not. side_by_side .and. maxval(entries) > worth_blas_threads .and. &
@@ -67,8 +64,7 @@ contains
   !> Number of bodies that dominate: with BLAS threads for such a body, and the others side by side after it, all are
   !> done before one thread would be done with it.
   integer function n_dominating(flops) result(n)
-    !> Operations of each factorization, falling (n_bodies).
-    real(dp), intent(in) :: flops(:)
+    real(dp), intent(in) :: flops(:)  !! Operations of each factorization, falling (n_bodies).
     real(dp) :: alone, others
     alone = serial_part + (1 - serial_part)/factor_threads()
     do n = 0, size(flops) - 1
@@ -79,8 +75,7 @@ contains
 
   !> Indices by falling cost; equal costs keep their order.
   pure function largest_first(cost) result(order)
-    !> Costs (n) [any].
-    real(dp), intent(in) :: cost(:)
+    real(dp), intent(in) :: cost(:)  !! Costs (n) [any].
     integer :: order(size(cost))
     call sort_order(-cost, order)
   end function largest_first

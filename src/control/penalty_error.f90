@@ -42,10 +42,8 @@ module dotyk_control_penalty_error
   implicit none
   private
 
-  !> The model that a solution with penalty is compared with.
-  type, public :: penalty_reference_t
-    !> Its penalty parameters (n_rows) [length/pressure].
-    real(dp), allocatable :: theta(:)
+  type, public :: penalty_reference_t  !! The model that a solution with penalty is compared with.
+    real(dp), allocatable :: theta(:)  !! Its penalty parameters (n_rows) [length/pressure].
     !> Its theta over that of the solution, the smallest of all rows where both differ; 0 where the distance is the
     !> error itself [].
     real(dp) :: reduction = 0
@@ -64,28 +62,21 @@ module dotyk_control_penalty_error
   !> theta_1/theta up to which d_1 is nearly all of the distance, and the order is not measured: the solution with such
   !> a large theta takes few steps [].
   real(dp), parameter :: negligible = 1.0_dp/16
-  !> The order that is assumed then: the mean of 1/2 and 1 [].
-  real(dp), parameter :: assumed_order = 0.75_dp
-  !> Residual of the gaps of a reference over that at its start [].
-  real(dp), parameter :: accuracy = 1.0e-3_dp
+  real(dp), parameter :: assumed_order = 0.75_dp  !! The order that is assumed then: the mean of 1/2 and 1 [].
+  real(dp), parameter :: accuracy = 1.0e-3_dp  !! Residual of the gaps of a reference over that at its start [].
   !> Bounds from which a solution is too far from its end for more accurate ones to follow it [].
   real(dp), parameter :: near_enough = 0.5_dp
-  !> Linear systems of a reference at most.
-  integer, parameter :: most_systems = 4
+  integer, parameter :: most_systems = 4  !! Linear systems of a reference at most.
 
 contains
 
   !> The reference of the pairs: the theta of layers stays, that of penalties vanishes, or is reduced where one of them
   !> is at quadrature points.
   subroutine reference_init(self, problem, first_row, theta)
-    !> The reference.
     class(penalty_reference_t), intent(out) :: self
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Penalty parameters of the solution (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
     real(dp) :: most
     integer :: k
     logical :: vanishes
@@ -110,27 +101,21 @@ contains
 
   !> Whether the distance to its solution is the penalty error: a bound with the bounds of both solutions.
   pure logical function reference_is_exact(self) result(is_exact)
-    !> The reference.
     class(penalty_reference_t), intent(in) :: self
     is_exact = .not. self%reduction > 0
   end function reference_is_exact
 
   !> Estimate from the state where a scheme ended.
   subroutine estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters of the state (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The model without penalty.
-    type(penalty_reference_t), intent(in) :: reference
-    !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
-    integer, intent(in) :: linear_solver
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters of the state (n_rows) [length/pressure].
+    type(penalty_reference_t), intent(in) :: reference  !! The model without penalty.
+    integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     !> Scheme of the state. Where it knows no theta = 0, the state is solved to the end first, by the dual scheme.
     class(scheme_t), intent(in) :: scheme
-    !> Where the scheme ended; used as a start.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! Where the scheme ended; used as a start.
     !> ||u_theta - u_0||_A; NaN where the reference has no solution, or none that was found [sqrt(energy)].
     real(dp), intent(out) :: distance
     !> As in `dual_t`, from the solution with theta or the reference: the compliance of an active set is not positive
@@ -169,24 +154,15 @@ contains
 
   !> The distance to theta = 0 from those of two references.
   subroutine extrapolate(qp, compliance, theta, reference, solver, settings, penalized, distance, error)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters of the solution (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The first reference.
-    type(penalty_reference_t), intent(in) :: reference
-    !> Scheme that found the solution.
-    class(scheme_t), intent(in) :: solver
-    !> For it.
-    type(solver_settings_t), intent(in) :: settings
-    !> The solution.
-    type(solver_state_t), intent(in) :: penalized
-    !> The estimate; NaN where a reference has no solution [sqrt(energy)].
-    real(dp), intent(out) :: distance
-    !> As in `estimate_penalty_error`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
+    type(penalty_reference_t), intent(in) :: reference  !! The first reference.
+    class(scheme_t), intent(in) :: solver  !! Scheme that found the solution.
+    type(solver_settings_t), intent(in) :: settings  !! For it.
+    type(solver_state_t), intent(in) :: penalized  !! The solution.
+    real(dp), intent(out) :: distance  !! The estimate; NaN where a reference has no solution [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
     type(solver_state_t) :: first, second
     real(dp) :: d_1, d_2, rounding
     rounding = uncertainty(qp, penalized)
@@ -214,12 +190,9 @@ contains
   pure real(dp) function ratio_of(d_1, d_2, rounding, reduction) result(ratio)
     !> Distance of the solution to the first reference, and of both references [sqrt(energy)].
     real(dp), intent(in) :: d_1, d_2
-    !> Uncertainty of the distances [sqrt(energy)].
-    real(dp), intent(in) :: rounding
-    !> theta of the first reference over that of the solution [].
-    real(dp), intent(in) :: reduction
-    !> Halvings of the interval of ratios: to 1e-6 of it.
-    integer, parameter :: halvings = 20
+    real(dp), intent(in) :: rounding  !! Uncertainty of the distances [sqrt(energy)].
+    real(dp), intent(in) :: reduction  !! theta of the first reference over that of the solution [].
+    integer, parameter :: halvings = 20  !! Halvings of the interval of ratios: to 1e-6 of it.
     real(dp) :: low, high, quarters
     integer :: k
     ratio = most_ratio
@@ -242,12 +215,9 @@ contains
 
   !> Distance of two states in the energy norm; NaN where one of them is no solution [sqrt(energy)].
   real(dp) function distance_of(qp, compliance, one, other) result(distance)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> Where schemes ended.
-    type(solver_state_t), intent(in) :: one, other
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
+    type(solver_state_t), intent(in) :: one, other  !! Where schemes ended.
     if (is_usable(one) .and. is_usable(other)) then
       distance = compliance%distance(qp, one%m - other%m, one%alpha - other%alpha)
     else
@@ -257,10 +227,8 @@ contains
 
   !> Guaranteed bound of the error of a state [sqrt(energy)].
   real(dp) function uncertainty(qp, state)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Where a scheme ended.
-    type(solver_state_t), intent(in) :: state
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
     uncertainty = state%error_bound*qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
   end function uncertainty
 
@@ -268,23 +236,16 @@ contains
   !> few linear systems, each without the forces that are tensile in the one before. Contact zones shrink with theta, so
   !> that no other rows are looked at.
   subroutine follow_theta(qp, compliance, theta, reduction, solver, settings, state, error)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> The smaller penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> As in `active_system_t` [].
-    real(dp), intent(in) :: reduction
-    !> Scheme that found the solution with the larger theta.
-    class(scheme_t), intent(in) :: solver
-    !> For it.
-    type(solver_settings_t), intent(in) :: settings
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: theta(:)  !! The smaller penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
+    class(scheme_t), intent(in) :: solver  !! Scheme that found the solution with the larger theta.
+    type(solver_settings_t), intent(in) :: settings  !! For it.
     !> Solution with the larger theta; its pressures and modes are those of the smaller theta on return. Not usable
     !> where there are none.
     type(solver_state_t), intent(inout) :: state
-    !> As in `estimate_penalty_error`.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
     type(monitor_t) :: silent
     if (.not. any(state%m > 0)) return
     if (solver%finds_displacements(qp, compliance, theta)) then
@@ -296,16 +257,11 @@ contains
 
   !> The same by a few linear systems.
   subroutine drop_tensile_forces(qp, compliance, theta, reduction, state)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> The smaller penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> As in `active_system_t` [].
-    real(dp), intent(in) :: reduction
-    !> As in `follow_theta`.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: theta(:)  !! The smaller penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
+    type(solver_state_t), intent(inout) :: state  !! As in `follow_theta`.
     type(active_system_t) :: system
     type(contact_qp_t) :: part, with_springs
     type(proximal_motion_t) :: motion
@@ -347,8 +303,7 @@ contains
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)
-    !> Where a scheme ended.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
     is_usable = any(state%ended == [ended_converged, ended_stalled, ended_solves]) .and. allocated(state%m) .and. &
                 .not. ieee_is_nan(state%error_bound)
   end function is_usable

@@ -25,14 +25,10 @@ module dotyk_control_penetration_check
   implicit none
   private
 
-  !> Outcome of the check.
-  type, public :: penetration_check_t
-    !> Whether it was done: it needs displacements.
-    logical :: is_done = .false.
-    !> Pairs of bodies that penetrate each other, the deepest first.
-    type(body_penetration_t), allocatable :: found(:)
-    !> Pairs of bodies that touch, and are in no contact pair.
-    type(body_penetration_t), allocatable :: touching(:)
+  type, public :: penetration_check_t  !! Outcome of the check.
+    logical :: is_done = .false.  !! Whether it was done: it needs displacements.
+    type(body_penetration_t), allocatable :: found(:)  !! Pairs of bodies that penetrate each other, the deepest first.
+    type(body_penetration_t), allocatable :: touching(:)  !! Pairs of bodies that touch, and are in no contact pair.
     !> Pairs of bodies that are inside each other by a notable part of their displacements, which facets explain, the
     !> deepest first.
     type(body_penetration_t), allocatable :: unresolved(:)
@@ -79,18 +75,12 @@ contains
 
   !> Check all bodies.
   subroutine check_penetration(problem, solution, first_row, y, error_bound, check)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Relative error of the iteration [].
-    real(dp), intent(in) :: error_bound
-    !> Outcome.
-    type(penetration_check_t), intent(out) :: check
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
+    type(penetration_check_t), intent(out) :: check  !! Outcome.
     integer, allocatable :: couple(:, :)
     real(dp) :: box(6, size(problem%body))
     integer :: b, k
@@ -115,20 +105,13 @@ contains
 
   !> Check some couples of bodies.
   subroutine check_couples(problem, solution, first_row, y, error_bound, couple, check)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Relative error of the iteration [].
-    real(dp), intent(in) :: error_bound
-    !> The couples; a body with itself for its parts (2, n_couples).
-    integer, intent(in) :: couple(:, :)
-    !> Outcome.
-    type(penetration_check_t), intent(out) :: check
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
+    integer, intent(in) :: couple(:, :)  !! The couples; a body with itself for its parts (2, n_couples).
+    type(penetration_check_t), intent(out) :: check  !! Outcome.
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
     type(pairs_of_bodies_t) :: pairs
@@ -181,10 +164,8 @@ contains
 
     !> Check one couple.
     subroutine check_couple(division, k)
-      !> How ranks divide the nodes.
-      type(division_t), intent(in) :: division
-      !> The couple.
-      integer, intent(in) :: k
+      type(division_t), intent(in) :: division  !! How ranks divide the nodes.
+      integer, intent(in) :: k  !! The couple.
       associate (a => couple(1, k), c => couple(2, k))
         call check_bodies(division, problem, pairs, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
                           error_bound, check%depth, found(k))
@@ -194,12 +175,9 @@ contains
 
   !> Rank of each couple, by its nodes: the larger ones are divided among all.
   function owners_of(problem, couple) result(owner)
-    !> Bodies.
-    type(contact_problem_t), intent(in) :: problem
-    !> The couples (2, n_couples).
-    integer, intent(in) :: couple(:, :)
-    !> Ranks, or `all_ranks` (n_couples).
-    integer, allocatable :: owner(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    integer, intent(in) :: couple(:, :)  !! The couples (2, n_couples).
+    integer, allocatable :: owner(:)  !! Ranks, or `all_ranks` (n_couples).
     real(dp) :: n_nodes(size(problem%body)), n_parts(size(problem%body)), cost(size(couple, 2))
     integer, allocatable :: node(:), component(:)
     integer :: b, k, n
@@ -232,16 +210,11 @@ contains
 
   !> Boundaries of the bodies of couples that this rank checks, unless they are there.
   subroutine split_bodies(problem, solution, couple, owner, parts)
-    !> Bodies.
-    type(contact_problem_t), intent(in) :: problem
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> The couples (2, n_couples).
-    integer, intent(in) :: couple(:, :)
-    !> Rank of each, or `all_ranks` (n_couples).
-    integer, intent(in) :: owner(:)
-    !> Gets the parts (n_bodies).
-    type(parts_t), intent(inout) :: parts(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    integer, intent(in) :: couple(:, :)  !! The couples (2, n_couples).
+    integer, intent(in) :: owner(:)  !! Rank of each, or `all_ranks` (n_couples).
+    type(parts_t), intent(inout) :: parts(:)  !! Gets the parts (n_bodies).
     logical :: needed(size(parts))
     integer :: b, k
     needed = .false.
@@ -260,10 +233,8 @@ contains
 
   !> Nodes on the boundary of a body, in an order that is the same on all ranks.
   subroutine boundary_nodes(mesh, node)
-    !> The body, or its boundary.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Ascending (n).
-    integer, allocatable, intent(out) :: node(:)
+    type(body_mesh_t), intent(in) :: mesh  !! The body, or its boundary.
+    integer, allocatable, intent(out) :: node(:)  !! Ascending (n).
     type(surface_t) :: boundary
     call extract_boundary(mesh, boundary)
     call surface_nodes(boundary, node)
@@ -271,14 +242,11 @@ contains
 
   !> Make what the ranks have found in couples of their own known to all.
   subroutine share_findings(body, owner, found, depth)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Rank of each couple, or `all_ranks` (n_couples).
-    integer, intent(in) :: owner(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    integer, intent(in) :: owner(:)  !! Rank of each couple, or `all_ranks` (n_couples).
     !> Penetration of each couple; of this rank in, of all out (n_couples).
     type(body_penetration_t), intent(inout) :: found(:)
-    !> Depth at the nodes, likewise (n_bodies) [length].
-    type(nodal_field_t), intent(inout) :: depth(:)
+    type(nodal_field_t), intent(inout) :: depth(:)  !! Depth at the nodes, likewise (n_bodies) [length].
     type(division_t) :: division
     integer(int8), allocatable :: bytes(:, :)
     real(dp), allocatable :: list(:, :), all(:, :)
@@ -323,10 +291,8 @@ contains
 
   !> Sort penetrations.
   pure subroutine sort_found(key, found)
-    !> Key, in ascending order afterwards (n) [length].
-    real(dp), intent(in) :: key(:)
-    !> Penetrations (n).
-    type(body_penetration_t), intent(inout) :: found(:)
+    real(dp), intent(in) :: key(:)  !! Key, in ascending order afterwards (n) [length].
+    type(body_penetration_t), intent(inout) :: found(:)  !! Penetrations (n).
     integer :: order(size(found))
     call sort_order(key, order)
     found = found(order)

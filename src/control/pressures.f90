@@ -12,37 +12,25 @@ module dotyk_control_pressures
   implicit none
   private
 
-  !> Pressures of one pair.
-  type, public :: pair_solution_t
-    !> Pressure of the scheme (n_rows) [pressure].
-    real(dp), allocatable :: pressure(:)
+  type, public :: pair_solution_t  !! Pressures of one pair.
+    real(dp), allocatable :: pressure(:)  !! Pressure of the scheme (n_rows) [pressure].
     !> The same, projected on the linear shape functions of surface_a (n_rows) [pressure].
     real(dp), allocatable :: projected(:)
-    !> Gap that is left, negative where the points penetrate (n_rows) [length].
-    real(dp), allocatable :: gap(:)
-    !> Resultant on body a (3) [force].
-    real(dp) :: force(3) = 0
+    real(dp), allocatable :: gap(:)  !! Gap that is left, negative where the points penetrate (n_rows) [length].
+    real(dp) :: force(3) = 0  !! Resultant on body a (3) [force].
     !> Radial components on body a, summed around the circumference: no resultant; 0 in other analyses [force].
     real(dp) :: radial_force = 0
     !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of the
     !> Neumann scheme decay on rows that have opened, but do not vanish.
     integer :: n_active = 0
-    !> Moment on body a about the origin; 0 in axisymmetric analyses (3) [force length].
-    real(dp) :: moment(3) = 0
-    !> Centre of pressure, see `pair_resultant_t`; NaN where there is none (3) [length].
-    real(dp) :: centre(3) = 0
-    !> Sum of the weights of active rows [as the weights].
-    real(dp) :: area = 0
-    !> Greatest projected pressure [pressure].
-    real(dp) :: peak = 0
-    !> Position of its row (3) [length].
-    real(dp) :: peak_position(3) = 0
-    !> Fraction of the slave surface around this row that the master covers [].
-    real(dp) :: peak_covered = 1
-    !> Least gap [length].
-    real(dp) :: least_gap = 0
-    !> Position of its row (3) [length].
-    real(dp) :: gap_position(3) = 0
+    real(dp) :: moment(3) = 0  !! Moment on body a about the origin; 0 in axisymmetric analyses (3) [force length].
+    real(dp) :: centre(3) = 0  !! Centre of pressure, see `pair_resultant_t`; NaN where there is none (3) [length].
+    real(dp) :: area = 0  !! Sum of the weights of active rows [as the weights].
+    real(dp) :: peak = 0  !! Greatest projected pressure [pressure].
+    real(dp) :: peak_position(3) = 0  !! Position of its row (3) [length].
+    real(dp) :: peak_covered = 1  !! Fraction of the slave surface around this row that the master covers [].
+    real(dp) :: least_gap = 0  !! Least gap [length].
+    real(dp) :: gap_position(3) = 0  !! Position of its row (3) [length].
   contains
     procedure :: is_rounding => pair_solution_is_rounding
   end type pair_solution_t
@@ -50,10 +38,8 @@ module dotyk_control_pressures
   !> Contact forces below this fraction of all forces on the bodies are rounding [].
   real(dp), parameter :: rounding = 1.0e-12_dp
 
-  !> One number per node of a body.
-  type, public :: nodal_field_t
-    !> (n_nodes).
-    real(dp), allocatable :: value(:)
+  type, public :: nodal_field_t  !! One number per node of a body.
+    real(dp), allocatable :: value(:)  !! (n_nodes).
   end type nodal_field_t
 
   public :: project_pressures
@@ -63,28 +49,21 @@ contains
   !> Whether there are contact forces that are rounding beside the others: they are no contact, which has no place.
   pure logical function pair_solution_is_rounding(self, pair, force) result(is_rounding)
     class(pair_solution_t), intent(in) :: self
-    !> The pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Sum of the sizes of all nodal forces on its bodies [force].
-    real(dp), intent(in) :: force
+    type(contact_pair_t), intent(in) :: pair  !! The pair.
+    real(dp), intent(in) :: force  !! Sum of the sizes of all nodal forces on its bodies [force].
     is_rounding = (self%n_active > 0 .or. any(abs(self%pressure) > 0)) .and. &
       sum(pair%row_weight*abs(self%pressure)) <= rounding*force
   end function pair_solution_is_rounding
 
   !> Pressures of all pairs.
   subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields, forgotten)
-    !> Bodies, pairs and their surfaces.
-    type(contact_problem_t), intent(in) :: problem
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, pairs and their surfaces.
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     !> Pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: solution(:)
-    !> Projected pressure at the nodes (n_bodies) [pressure].
-    type(nodal_field_t), allocatable, intent(out) :: nodal(:)
+    type(nodal_field_t), allocatable, intent(out) :: nodal(:)  !! Projected pressure at the nodes (n_bodies) [pressure].
     !> Allocated where the mass matrix of a surface cannot be factorized; names the pair.
     type(error_t), allocatable, intent(out) :: error
     !> Tractions, gaps and contact status at the nodes (n_bodies).
@@ -153,10 +132,8 @@ contains
 
   !> Greatest pressure and least gap of a pair, and where they are.
   pure subroutine find_extremes(pair, solution)
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Its projected pressures and gaps in, the extremes out.
-    type(pair_solution_t), intent(inout) :: solution
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(pair_solution_t), intent(inout) :: solution  !! Its projected pressures and gaps in, the extremes out.
     integer :: i
     if (pair%n_rows == 0) return
     i = maxloc(solution%projected, 1)

@@ -26,8 +26,7 @@ module dotyk_control_refinement
   private
   public :: energy_of, refine_bodies, refuse_lost_pressures, penetrations
 
-  !> Restarts with a true residual, and steps between them.
-  integer, parameter :: most_restarts = 4, most_steps = 8
+  integer, parameter :: most_restarts = 4, most_steps = 8  !! Restarts with a true residual, and steps between them.
   !> Residuals below this fraction of the displacement, in the energy norm, are as small as they get.
   real(dp), parameter :: enough = 1.0e-15_dp
   !> A displacement of which more than this fraction is rounding has no significant digit.
@@ -41,22 +40,15 @@ contains
 
   !> Refine the displacements of the bodies that need it.
   subroutine refine_bodies(problem, rows, compliance, m, alpha, conditioning, solution, left, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme, for its contact forces.
-    type(contact_qp_t), intent(in) :: rows
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
+    type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
     !> Amplitudes of the modes of all bodies, body after body (number of modes) [length].
     real(dp), intent(in) :: alpha(:)
-    !> Counts steps (n_bodies).
-    type(conditioning_t), intent(inout) :: conditioning(:)
-    !> Recovered (n_bodies).
-    type(body_solution_t), intent(inout) :: solution(:)
-    !> Energy norm of what is left of the residuals [sqrt(energy)].
-    real(dp), intent(out) :: left
+    type(conditioning_t), intent(inout) :: conditioning(:)  !! Counts steps (n_bodies).
+    type(body_solution_t), intent(inout) :: solution(:)  !! Recovered (n_bodies).
+    real(dp), intent(out) :: left  !! Energy norm of what is left of the residuals [sqrt(energy)].
     !> Allocated where no significant digit of the displacement of a body is left, or a formula of a material cannot be
     !> evaluated.
     type(error_t), allocatable, intent(out) :: error
@@ -109,14 +101,10 @@ contains
   !> rounding of the dilatation, are not: their relative error is larger than that in the energy norm by the root of
   !> bulk over shear modulus.
   subroutine refuse_lost_pressures(body, conditioning, distance, norm, error)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Bodies that are not refined are not refused (n_bodies).
-    type(conditioning_t), intent(in) :: conditioning(:)
-    !> Rounding of each body in the energy norm (n_bodies) [sqrt(energy)].
-    real(dp), intent(in) :: distance(:)
-    !> Energy norm of the solution [sqrt(energy)].
-    real(dp), intent(in) :: norm
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(conditioning_t), intent(in) :: conditioning(:)  !! Bodies that are not refined are not refused (n_bodies).
+    real(dp), intent(in) :: distance(:)  !! Rounding of each body in the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
     !> Allocated where no significant digit of the pressures in a body is left.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: ratio
@@ -137,12 +125,9 @@ contains
 
   !> The error of a body whose displacement has no significant digit.
   subroutine refuse(body, condition, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Condition number of its stiffness [].
-    real(dp), intent(in) :: condition
-    !> Allocated on return; names a likely cause.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body.
+    real(dp), intent(in) :: condition  !! Condition number of its stiffness [].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return; names a likely cause.
     character(:), allocatable :: cause
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) == 0) cause = 'supports that hardly resist some rigid body mode, or a very slender shape'
@@ -152,12 +137,9 @@ contains
 
   !> Penetrations of the contact rows, from the displacements.
   subroutine penetrations(rows, solution, y)
-    !> Rows of B and gaps.
-    type(contact_qp_t), intent(in) :: rows
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    type(contact_qp_t), intent(in) :: rows  !! Rows of B and gaps.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
     real(dp), allocatable :: of_body(:)
     integer :: b
     y = -rows%gap
@@ -175,18 +157,12 @@ contains
 
   !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
   real(dp) function energy_of(problem, rows, theta, solution, m, y) result(energy)
-    !> Bodies and their ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Weights of the rows.
-    type(contact_qp_t), intent(in) :: rows
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(contact_qp_t), intent(in) :: rows  !! Weights of the rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp), dimension(size(solution)) :: strained, work
     integer :: b
     strained = 0
@@ -206,24 +182,15 @@ contains
 
   !> Refine one body, without its modes.
   subroutine refine(body, report, response, load, u, steps, left, norm, error)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Report of the representative of its class.
-    type(factorization_report_t), intent(in) :: report
-    !> Compliance operator of its representative, the preconditioner.
-    class(response_t), intent(in) :: response
-    !> All forces (dim, n_nodes) [force].
-    real(dp), intent(in) :: load(:, :)
-    !> Displacement (dim, n_nodes) [length].
-    real(dp), intent(inout) :: u(:, :)
-    !> Grows.
-    integer, intent(inout) :: steps
-    !> Energy norm of what is left of the residual [sqrt(energy)].
-    real(dp), intent(out) :: left
-    !> Energy norm of the displacement [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    !> Allocated where a formula of the material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(factorization_report_t), intent(in) :: report  !! Report of the representative of its class.
+    class(response_t), intent(in) :: response  !! Compliance operator of its representative, the preconditioner.
+    real(dp), intent(in) :: load(:, :)  !! All forces (dim, n_nodes) [force].
+    real(dp), intent(inout) :: u(:, :)  !! Displacement (dim, n_nodes) [length].
+    integer, intent(inout) :: steps  !! Grows.
+    real(dp), intent(out) :: left  !! Energy norm of what is left of the residual [sqrt(energy)].
+    real(dp), intent(out) :: norm  !! Energy norm of the displacement [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of the material cannot be evaluated.
     real(qp), allocatable :: x(:), best(:)
     real(dp), allocatable :: r(:), z(:), d(:), q(:)
     real(dp) :: rz, before, now, curvature, energy
@@ -275,20 +242,13 @@ contains
 
   !> The stiffness, with its springs against near-null-space modes, times a displacement.
   subroutine apply_stiffness(body, report, x, with_prescribed, product, energy, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Report of the representative of its class.
-    type(factorization_report_t), intent(in) :: report
-    !> Displacement over the equations (n_equations) [length].
-    real(qp), intent(in) :: x(:)
-    !> Whether given displacements are put in.
-    logical, intent(in) :: with_prescribed
-    !> Forces over the equations (n_equations) [force].
-    real(dp), intent(out) :: product(:)
-    !> Twice the strain energy [energy].
-    real(dp), intent(out) :: energy
-    !> Allocated where a formula of the material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body.
+    type(factorization_report_t), intent(in) :: report  !! Report of the representative of its class.
+    real(qp), intent(in) :: x(:)  !! Displacement over the equations (n_equations) [length].
+    logical, intent(in) :: with_prescribed  !! Whether given displacements are put in.
+    real(dp), intent(out) :: product(:)  !! Forces over the equations (n_equations) [force].
+    real(dp), intent(out) :: energy  !! Twice the strain energy [energy].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of the material cannot be evaluated.
     real(qp), allocatable :: u(:, :)
     real(dp), allocatable :: force(:, :)
     allocate (u(body%dimension, body%mesh%n_nodes()), force(body%dimension, body%mesh%n_nodes()))

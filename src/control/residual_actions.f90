@@ -33,18 +33,12 @@ contains
 
   !> Collect the actions on congruent bodies, in the axes of their representative; none on those of other ranks.
   subroutine collect_actions(problem, alike, first_row, m, solution, data)
-    !> Bodies, classes and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of congruent bodies; their representative is that of the class (n).
-    integer, intent(in) :: alike(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> With displacements (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Loads, forces of springs, and held directions.
-    type(residual_data_t), intent(out) :: data
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and pairs.
+    integer, intent(in) :: alike(:)  !! Indices of congruent bodies; their representative is that of the class (n).
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    type(body_solution_t), intent(in) :: solution(:)  !! With displacements (n_bodies).
+    type(residual_data_t), intent(out) :: data  !! Loads, forces of springs, and held directions.
     integer, allocatable :: first(:), order(:)
     integer :: b, d, i, k, n
     real(dp) :: back(3, 3)
@@ -108,10 +102,8 @@ contains
 
   !> The actions on bodies of one mesh, in one list.
   subroutine join_actions(part, data)
-    !> Parts of the list, with the same faces.
-    type(residual_data_t), intent(in) :: part(:)
-    !> All bodies, part after part.
-    type(residual_data_t), intent(out) :: data
+    type(residual_data_t), intent(in) :: part(:)  !! Parts of the list, with the same faces.
+    type(residual_data_t), intent(out) :: data  !! All bodies, part after part.
     integer :: first, i, last, n
     n = sum([(size(part(i)%applied), i=1, size(part))])
     associate (some => part(1))
@@ -147,32 +139,25 @@ contains
 
   !> Pressures beside which others of the body are no rounding.
   pure function significant(pressure, largest) result(p)
-    !> Pressures of a pair (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Greatest pressure or stress [pressure].
-    real(dp), intent(in) :: largest
+    real(dp), intent(in) :: pressure(:)  !! Pressures of a pair (n_rows) [pressure].
+    real(dp), intent(in) :: largest  !! Greatest pressure or stress [pressure].
     real(dp) :: p(size(pressure))
     p = merge(pressure, 0.0_dp, pressure > negligible*largest)
   end function significant
 
   !> Greatest contact pressure, or stress of a body where it is known [pressure].
   pure real(dp) function largest_stress(solution, m) result(largest)
-    !> The body.
-    type(body_solution_t), intent(in) :: solution
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
+    type(body_solution_t), intent(in) :: solution  !! The body.
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
     largest = maxval([0.0_dp, abs(m)])
     if (allocated(solution%stress)) largest = max(largest, maxval(abs(solution%stress)))
   end function largest_stress
 
   !> Stresses of congruent bodies at rest, in the axes of their representative; nothing where none of them has any.
   subroutine collect_initial_stresses(problem, alike, data)
-    !> Bodies, classes and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Indices of congruent bodies (n).
-    integer, intent(in) :: alike(:)
-    !> Gets the stresses.
-    type(residual_data_t), intent(inout) :: data
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and pairs.
+    integer, intent(in) :: alike(:)  !! Indices of congruent bodies (n).
+    type(residual_data_t), intent(inout) :: data  !! Gets the stresses.
     type(energy_form_t) :: form
     integer :: i
     if (.not. any([(problem%body(alike(i))%initial%is_set(), i=1, size(alike))])) return
@@ -195,12 +180,9 @@ contains
 
   !> Add the tractions of springs at the displacements of their body.
   subroutine add_springs(body, u, applied)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Forces at points, added to.
-    type(point_forces_t), intent(inout) :: applied
+    type(body_t), intent(in) :: body  !! The body.
+    real(dp), intent(in) :: u(:, :)  !! Its displacements (dim, n_nodes) [length].
+    type(point_forces_t), intent(inout) :: applied  !! Forces at points, added to.
     type(foundation_points_t) :: points
     type(element_kind_t) :: kind
     integer :: element, f, face, i, q
@@ -227,16 +209,11 @@ contains
 
   !> Directions that all nodes of a face hold.
   subroutine hold_supports(dim, mesh, constraint, faces, projection)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Its held unknowns.
-    type(constraint_t), intent(in) :: constraint
-    !> Faces of its elements.
-    type(face_table_t), intent(in) :: faces
-    !> Projections on the held directions (dim, dim, n_boundary) [].
-    real(dp), intent(out) :: projection(:, :, :)
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(constraint_t), intent(in) :: constraint  !! Its held unknowns.
+    type(face_table_t), intent(in) :: faces  !! Faces of its elements.
+    real(dp), intent(out) :: projection(:, :, :)  !! Projections on the held directions (dim, dim, n_boundary) [].
     type(element_kind_t) :: kind, of_face
     real(dp) :: mean(dim, dim), vectors(dim, dim)
     integer :: b, e, f, i, k
@@ -268,10 +245,8 @@ contains
 
     !> Add the projection on the held directions of a node.
     subroutine add_node(node, total)
-      !> The node.
-      integer, intent(in) :: node
-      !> Projections, added to (dim, dim) [].
-      real(dp), intent(inout) :: total(dim, dim)
+      integer, intent(in) :: node  !! The node.
+      real(dp), intent(inout) :: total(dim, dim)  !! Projections, added to (dim, dim) [].
       real(dp) :: axis(dim)
       integer :: c
       do c = 1, dim
@@ -286,14 +261,10 @@ contains
 
   !> Hold all directions of tied facets.
   subroutine hold_tie(body, surface, facet, faces, projection)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its tied surface.
-    type(surface_t), intent(in) :: surface
-    !> Its facet at each integration point (n_points).
-    integer, intent(in) :: facet(:)
-    !> Faces of the elements of the representative.
-    type(face_table_t), intent(in) :: faces
+    type(body_t), intent(in) :: body  !! The body.
+    type(surface_t), intent(in) :: surface  !! Its tied surface.
+    integer, intent(in) :: facet(:)  !! Its facet at each integration point (n_points).
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements of the representative.
     !> Projections on the held directions; set (dim, dim, n_boundary) [].
     real(dp), intent(inout) :: projection(:, :, :)
     logical :: is_tied(surface%n_facets)
@@ -317,20 +288,13 @@ contains
 
   !> Hold the normals of the facets under contact pressure.
   subroutine hold_contact(body, pair, surface, facet, pressure, back, faces, projection)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Surface of the body in the pair.
-    type(surface_t), intent(in) :: surface
-    !> Its facet at each integration point (n_points).
-    integer, intent(in) :: facet(:)
-    !> Pressures of the rows (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Rotation to the axes of the representative (dim, dim) [].
-    real(dp), intent(in) :: back(:, :)
-    !> Faces of the elements of the representative.
-    type(face_table_t), intent(in) :: faces
+    type(body_t), intent(in) :: body  !! The body.
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface  !! Surface of the body in the pair.
+    integer, intent(in) :: facet(:)  !! Its facet at each integration point (n_points).
+    real(dp), intent(in) :: pressure(:)  !! Pressures of the rows (n_rows) [pressure].
+    real(dp), intent(in) :: back(:, :)  !! Rotation to the axes of the representative (dim, dim) [].
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements of the representative.
     !> Projections on the held directions, added to (dim, dim, n_boundary) [].
     real(dp), intent(inout) :: projection(:, :, :)
     real(dp) :: force(pair%n_points), normal(size(back, 1), surface%n_facets), direction(size(back, 1))

@@ -24,12 +24,9 @@ module dotyk_control_response_choice
   integer, parameter, public :: form_whole = 3      !< by its factor, beside others that are solved by p-multigrid
   integer, parameter, public :: form_split = 4      !< by p-multigrid over all ranks
 
-  !> The compliance operator of a representative on the way: one of both is allocated.
-  type, public :: operator_slot_t
-    !> By its factor.
-    type(direct_response_t), allocatable :: direct
-    !> By p-multigrid, or by its factor beside others that are.
-    type(multigrid_response_t), allocatable :: multigrid
+  type, public :: operator_slot_t  !! The compliance operator of a representative on the way: one of both is allocated.
+    type(direct_response_t), allocatable :: direct  !! By its factor.
+    type(multigrid_response_t), allocatable :: multigrid  !! By p-multigrid, or by its factor beside others that are.
   end type operator_slot_t
 
   public :: assemble_representative, choose_forms, keeps_factor, suits_multigrid
@@ -46,16 +43,11 @@ contains
 
   !> Choose for all bodies.
   function choose_forms(body, classes, response, allowed) result(form)
-    !> Bodies, not assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(in) :: classes
-    !> One of `response_*` of dotyk_base_options.
-    integer, intent(in) :: response
-    !> Whether the scheme of the run can do without factors.
-    logical, intent(in) :: allowed
-    !> One of `form_*` (n_bodies).
-    integer, allocatable :: form(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies, not assembled (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
+    integer, intent(in) :: response  !! One of `response_*` of dotyk_base_options.
+    logical, intent(in) :: allowed  !! Whether the scheme of the run can do without factors.
+    integer, allocatable :: form(:)  !! One of `form_*` (n_bodies).
     logical :: large(size(body))
     integer :: b
     allocate (form(size(body)), source=form_direct)
@@ -73,47 +65,38 @@ contains
 
   !> Whether p-multigrid pays for a body, by its size and material.
   logical function is_worth_multigrid(body)
-    !> Not assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! Not assembled.
     is_worth_multigrid = is_large(body)
     if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body)
   end function is_worth_multigrid
 
   !> Whether a body is large enough for p-multigrid to pay.
   pure logical function is_large(body)
-    !> Assembled or not.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! Assembled or not.
     is_large = body%dimension == 3 .and. body%n_unknowns() > crossover
   end function is_large
 
   !> Whether a body that is large enough for p-multigrid has a factor because it is nearly incompressible.
   logical function keeps_factor(body)
-    !> Assembled or not.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! Assembled or not.
     keeps_factor = is_large(body)
     if (keeps_factor) keeps_factor = .not. suits_multigrid(body)
   end function keeps_factor
 
   !> Whether the iterations of p-multigrid do not grow much with the material.
   logical function suits_multigrid(body)
-    !> Assembled or not.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! Assembled or not.
     suits_multigrid = body%material(least_compressible(body%material))%bulk_over_shear() < &
                       merge(most_of_linear, most_bulk_over_shear, is_linear(body%mesh))
   end function suits_multigrid
 
   !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.
   subroutine assemble_representative(body, form, modes, stiffness, slot, error)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> One of `form_*`.
-    integer, intent(in) :: form
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(inout) :: modes
-    !> Its stiffness matrix; empty with p-multigrid.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Its compliance operator to come.
-    type(operator_slot_t), intent(inout) :: slot
+    type(body_t), intent(inout) :: body  !! The body.
+    integer, intent(in) :: form  !! One of `form_*`.
+    type(body_modes_t), intent(inout) :: modes  !! Rigid body modes that its supports leave.
+    type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness matrix; empty with p-multigrid.
+    type(operator_slot_t), intent(inout) :: slot  !! Its compliance operator to come.
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
     select case (form)

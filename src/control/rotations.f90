@@ -16,8 +16,7 @@ contains
 
   !> How far bodies rotate. A solution with a rotation by more than the size of a body is none.
   subroutine find_rotations(problem, state, ratio)
-    !> Bodies and their modes.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
     !> Where the scheme ended; ended by a rotation that is too large on return.
     type(solver_state_t), intent(inout) :: state
     !> Displacement by rotation, relative to the size of the body (n_bodies) [].
@@ -37,12 +36,9 @@ contains
 
   !> How far nodes move against their mean, relative to the size of the body [].
   pure real(dp) function rotation_ratio(body, modes, amplitude) result(ratio)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its modes.
-    type(body_modes_t), intent(in) :: modes
-    !> Amplitude of each mode (n) [length].
-    real(dp), intent(in) :: amplitude(:)
+    type(body_t), intent(in) :: body  !! The body.
+    type(body_modes_t), intent(in) :: modes  !! Its modes.
+    real(dp), intent(in) :: amplitude(:)  !! Amplitude of each mode (n) [length].
     real(dp) :: u(body%dimension, size(modes%shape, 2)), mean(body%dimension), length
     integer :: i, k
     u = 0

@@ -41,14 +41,10 @@ contains
   !> An upper limit of rounding, of each body: u is wrong by no more than epsilon of `sqrt(u^T D u)`, D the diagonal of
   !> the stiffness, over the root of the least eigenvalue with respect to D; u itself bounds that eigenvalue from above.
   subroutine expect_rounding(problem, solution, norm, distance)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Recovered (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Energy norm of the solution [sqrt(energy)].
-    real(dp), intent(in) :: norm
-    !> In the energy norm (n_bodies) [sqrt(energy)].
-    real(dp), intent(out) :: distance(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
+    real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(out) :: distance(:)  !! In the energy norm (n_bodies) [sqrt(energy)].
     real(dp), allocatable :: x(:)
     real(dp) :: size_of_u(size(solution))
     integer :: b
@@ -74,20 +70,13 @@ contains
 
   !> The rounding error of each body.
   subroutine measure_rounding(problem, rows, compliance, m, solution, distance, error)
-    !> Bodies, modes, factorization reports, pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme, for its contact forces.
-    type(contact_qp_t), intent(in) :: rows
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Recovered (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> In the energy norm (n_bodies) [sqrt(energy)].
-    real(dp), intent(out) :: distance(:)
-    !> Allocated where a formula of a material cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
+    type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
+    real(dp), intent(out) :: distance(:)  !! In the energy norm (n_bodies) [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
     type(error_slot_t) :: failed(size(solution))
     integer :: order(size(solution)), i, b
     distance = 0
@@ -113,22 +102,14 @@ contains
 
   !> One body.
   subroutine measure_body(body, rows, compliance, b, m, u, square, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> The quadratic programme, for its contact forces.
-    type(contact_qp_t), intent(in) :: rows
-    !> Its compliance operator.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Displacement (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Square of the rounding in the energy norm, the part of this rank [energy].
-    real(dp), intent(out) :: square
-    !> As in `measure_rounding`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body.
+    type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
+    type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
+    integer, intent(in) :: b  !! Index of the body.
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: u(:, :)  !! Displacement (dim, n_nodes) [length].
+    real(dp), intent(out) :: square  !! Square of the rounding in the energy norm, the part of this rank [energy].
+    type(error_t), allocatable, intent(out) :: error  !! As in `measure_rounding`.
     real(dp), allocatable :: force(:, :), contact(:, :), r(:), z(:)
     real(dp) :: energy
     square = 0
@@ -154,18 +135,12 @@ contains
   !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
   !> pressure: the nodes at each row move alone, against their nodal stiffness.
   real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
-    !> Rows of B, weights and gaps.
-    type(contact_qp_t), intent(in) :: rows
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> For the stiffness of the nodes.
-    type(body_compliance_t), intent(in) :: compliance
-    !> Recovered (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d of the scheme (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    type(contact_qp_t), intent(in) :: rows  !! Rows of B, weights and gaps.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(body_compliance_t), intent(in) :: compliance  !! For the stiffness of the nodes.
+    type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
+    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d of the scheme (n_rows) [length].
     real(dp), allocatable :: difference(:), yields(:)
     allocate (difference(size(y)), yields(size(y)))
     call penetrations(rows, solution, difference)
@@ -178,12 +153,9 @@ contains
   !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double
   !> precision is more accurate.
   subroutine storage_rounding(problem, solution, distance)
-    !> Bodies and their ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Recovered (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> In the energy norm (n_bodies) [sqrt(energy)].
-    real(dp), intent(out) :: distance(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
+    real(dp), intent(out) :: distance(:)  !! In the energy norm (n_bodies) [sqrt(energy)].
     real(dp), allocatable :: unit(:, :)
     integer :: b, i, k
     distance = 0
@@ -203,10 +175,8 @@ contains
   !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product
   !> overflows.
   elemental logical function is_negative(i, k)
-    !> Node.
-    integer, intent(in) :: i
-    !> Component.
-    integer, intent(in) :: k
+    integer, intent(in) :: i  !! Node.
+    integer, intent(in) :: k  !! Component.
     integer :: j
     j = mod(i, 7)
     is_negative = mod(j*(j + 3) + 5*k*j, 7) < 3
@@ -214,38 +184,28 @@ contains
 
   !> Have bodies refined whose rounding keeps the solution from the tolerance.
   subroutine flag_rounded(distance, norm, tolerance, conditioning)
-    !> Rounding of each body, in the energy norm (n_bodies) [sqrt(energy)].
-    real(dp), intent(in) :: distance(:)
-    !> Energy norm of the solution [sqrt(energy)].
-    real(dp), intent(in) :: norm
-    !> Relative, in the energy norm [].
-    real(dp), intent(in) :: tolerance
-    !> Conditioning of the bodies; gets the flags (n_bodies).
-    type(conditioning_t), intent(inout) :: conditioning(:)
+    real(dp), intent(in) :: distance(:)  !! Rounding of each body, in the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(in) :: tolerance  !! Relative, in the energy norm [].
+    type(conditioning_t), intent(inout) :: conditioning(:)  !! Conditioning of the bodies; gets the flags (n_bodies).
     if (.not. is_strain_free(distance, norm, conditioning)) &
       conditioning%is_rounded = conditioning%is_rounded .or. distance > worth_refining*tolerance*norm
   end subroutine flag_rounded
 
   !> Rounding as a fraction of the solution [].
   pure real(dp) function relative_rounding(distance, norm, conditioning) result(rounding)
-    !> Contributions (n) [sqrt(energy)].
-    real(dp), intent(in) :: distance(:)
-    !> Energy norm of the solution [sqrt(energy)].
-    real(dp), intent(in) :: norm
-    !> Conditioning of the bodies (n_bodies).
-    type(conditioning_t), intent(in) :: conditioning(:)
+    real(dp), intent(in) :: distance(:)  !! Contributions (n) [sqrt(energy)].
+    real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
+    type(conditioning_t), intent(in) :: conditioning(:)  !! Conditioning of the bodies (n_bodies).
     rounding = 0
     if (.not. is_strain_free(distance, norm, conditioning)) rounding = norm2(distance)/max(tiny(norm), norm)
   end function relative_rounding
 
   !> Whether all bodies move without strain, so that the energy of their displacements is nothing but rounding.
   pure logical function is_strain_free(distance, norm, conditioning)
-    !> Contributions (n) [sqrt(energy)].
-    real(dp), intent(in) :: distance(:)
-    !> Energy norm of the solution [sqrt(energy)].
-    real(dp), intent(in) :: norm
-    !> Conditioning of the bodies (n_bodies).
-    type(conditioning_t), intent(in) :: conditioning(:)
+    real(dp), intent(in) :: distance(:)  !! Contributions (n) [sqrt(energy)].
+    real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
+    type(conditioning_t), intent(in) :: conditioning(:)  !! Conditioning of the bodies (n_bodies).
     is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < all_rounding*norm)
   end function is_strain_free
 end module dotyk_control_rounding

@@ -14,40 +14,27 @@ module dotyk_control_run_prediction
   implicit none
   private
 
-  !> A prediction.
-  type, public :: run_prediction_t
-    !> Peak memory [bytes].
-    real(dp) :: memory = 0
-    !> Wall time of the whole run [s].
-    real(dp) :: seconds = 0
-    !> Number of threads that it is made for.
-    integer :: n_threads = 1
-    !> Speed of a thread, as measured [flop/s].
-    real(dp) :: speed = 0
-    !> Memory bandwidth, as measured [byte/s].
-    real(dp) :: bandwidth = 0
+  type, public :: run_prediction_t  !! A prediction.
+    real(dp) :: memory = 0  !! Peak memory [bytes].
+    real(dp) :: seconds = 0  !! Wall time of the whole run [s].
+    integer :: n_threads = 1  !! Number of threads that it is made for.
+    real(dp) :: speed = 0  !! Speed of a thread, as measured [flop/s].
+    real(dp) :: bandwidth = 0  !! Memory bandwidth, as measured [byte/s].
   contains
     procedure :: init => run_prediction_init
   end type run_prediction_t
 
-  !> Memory beside a factor while it is made, as a fraction of it [].
-  real(dp), parameter :: beside_factor = 0.15_dp
+  real(dp), parameter :: beside_factor = 0.15_dp  !! Memory beside a factor while it is made, as a fraction of it [].
   !> Vectors, low-precision copies and estimates of a body with p-multigrid, beside its block rows [byte/unknown].
   real(dp), parameter :: beside_rows = 200
-  !> The same of a body that is solved by its factor [byte/unknown].
-  real(dp), parameter :: beside_direct = 100
-  !> Speed of a factorization over that of dense products [].
-  real(dp), parameter :: factorization_speed = 0.7_dp
-  !> Cycles of p-multigrid in a run: trial steps, solution without contact, contact.
-  real(dp), parameter :: cycles = 66
-  !> Solves in the corner space: two in a cycle of the contact.
-  real(dp), parameter :: corner_solves = 90
-  !> Memory traffic of a cycle without its coarse solve [byte/unknown].
-  real(dp), parameter :: traffic = 2400
+  real(dp), parameter :: beside_direct = 100  !! The same of a body that is solved by its factor [byte/unknown].
+  real(dp), parameter :: factorization_speed = 0.7_dp  !! Speed of a factorization over that of dense products [].
+  real(dp), parameter :: cycles = 66  !! Cycles of p-multigrid in a run: trial steps, solution without contact, contact.
+  real(dp), parameter :: corner_solves = 90  !! Solves in the corner space: two in a cycle of the contact.
+  real(dp), parameter :: traffic = 2400  !! Memory traffic of a cycle without its coarse solve [byte/unknown].
   !> Speed of a cycle, with its vectors, over that of products with block rows [].
   real(dp), parameter :: cycle_speed = 0.7_dp
-  !> Solves with a factor in a run.
-  real(dp), parameter :: direct_solves = 10
+  real(dp), parameter :: direct_solves = 10  !! Solves with a factor in a run.
   !> Work of estimates, recovery and checks: dense operations that take the same time [flop/unknown].
   real(dp), parameter :: work_afterwards = 3.2e5_dp
 
@@ -56,24 +43,16 @@ contains
   !> Predict.
   subroutine run_prediction_init(self, n_unknowns, n_rows, size_of, used, elapsed, speed, n_tied, linear_solver, room)
     class(run_prediction_t), intent(out) :: self
-    !> Unknowns of the bodies (n_bodies).
-    integer, intent(in) :: n_unknowns(:)
-    !> Contact rows of the bodies (n_bodies).
-    integer, intent(in) :: n_rows(:)
+    integer, intent(in) :: n_unknowns(:)  !! Unknowns of the bodies (n_bodies).
+    integer, intent(in) :: n_rows(:)  !! Contact rows of the bodies (n_bodies).
     !> Sizes of the factors; without bytes for all but one of congruent bodies (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    !> Memory in use, all assembled and analysed [bytes].
-    real(dp), intent(in) :: used
-    !> Wall time so far [s].
-    real(dp), intent(in) :: elapsed
-    !> The machine.
-    type(machine_speed_t), intent(in) :: speed
-    !> Rows of ties among those of the bodies; none if absent (n_bodies).
-    integer, intent(in), optional :: n_tied(:)
-    !> One of `linear_solver_*`; present with `n_tied`.
-    integer, intent(in), optional :: linear_solver
-    !> Memory for matrices of the rows; present with `n_tied` [bytes].
-    real(dp), intent(in), optional :: room
+    real(dp), intent(in) :: used  !! Memory in use, all assembled and analysed [bytes].
+    real(dp), intent(in) :: elapsed  !! Wall time so far [s].
+    type(machine_speed_t), intent(in) :: speed  !! The machine.
+    integer, intent(in), optional :: n_tied(:)  !! Rows of ties among those of the bodies; none if absent (n_bodies).
+    integer, intent(in), optional :: linear_solver  !! One of `linear_solver_*`; present with `n_tied`.
+    real(dp), intent(in), optional :: room  !! Memory for matrices of the rows; present with `n_tied` [bytes].
     real(dp) :: n, bytes, flops, of_solve, cost(2), of_ties
     logical :: by_rows, by_products
     integer :: b

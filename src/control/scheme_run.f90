@@ -14,12 +14,9 @@ module dotyk_control_scheme_run
   implicit none
   private
 
-  !> A scheme and its settings.
-  type, public :: scheme_run_t
-    !> The scheme.
-    class(scheme_t), allocatable :: scheme
-    !> What the user chose for it.
-    type(solver_settings_t) :: settings
+  type, public :: scheme_run_t  !! A scheme and its settings.
+    class(scheme_t), allocatable :: scheme  !! The scheme.
+    type(solver_settings_t) :: settings  !! What the user chose for it.
   contains
     procedure :: solve => run_solve
   end type scheme_run_t
@@ -30,20 +27,14 @@ contains
   !> max_iterations holds for all of them.
   subroutine run_solve(self, qp, compliance, theta, n_blas, monitor, state, error)
     class(scheme_run_t), intent(in) :: self
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> BLAS threads of each solve.
-    integer, intent(in) :: n_blas
-    !> Watches the iteration.
-    class(monitor_t), intent(inout) :: monitor
-    !> Where to begin if it has pressures; where the scheme ended.
-    type(solver_state_t), intent(inout) :: state
-    !> As in `scheme_t`.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    integer, intent(in) :: n_blas  !! BLAS threads of each solve.
+    class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
+    type(solver_state_t), intent(inout) :: state  !! Where to begin if it has pressures; where the scheme ended.
+    type(error_t), allocatable, intent(out) :: error  !! As in `scheme_t`.
     type(solver_settings_t) :: settings
     type(history_t) :: earlier
     type(solver_state_t) :: from_nothing
@@ -70,10 +61,8 @@ contains
   !> Whether nothing acts on the bodies but initial penetrations: no loads, and no displacements, temperatures or
   !> stresses that strain a body by more than rounding of a motion without strain.
   logical function is_unloaded(qp, theta)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp) :: of_penetrations
     is_unloaded = .false.
     ! Ties may be tightened.
@@ -86,10 +75,8 @@ contains
   !> Where nothing acts, and rigid motions alone open all gaps, there are no forces: those of the scheme are rounding,
   !> which no norm of the solution tells from a solution.
   subroutine leave_at_rest(qp, theta, state)
-    !> Without loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Without loads.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Where the scheme ended; without forces, and converged, on return where that is the solution.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: y(qp%n_rows), alpha(qp%coarse%n)

@@ -16,18 +16,12 @@ contains
 
   !> Find the deepest middle of an element of a body inside another body, if half of those looked at are inside.
   pure subroutine find_shared_interior(mesh, u, own, other, depth, position)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Displacements of its nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Its boundary.
-    type(solid_t), intent(in) :: own
-    !> Boundary of the other body.
-    type(solid_t), intent(in) :: other
-    !> Depth; 0 where less than half of the body is inside [length].
-    real(dp), intent(out) :: depth
-    !> Position after deformation (3) [length].
-    real(dp), intent(out) :: position(3)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements of its nodes (dimension, n_nodes) [length].
+    type(solid_t), intent(in) :: own  !! Its boundary.
+    type(solid_t), intent(in) :: other  !! Boundary of the other body.
+    real(dp), intent(out) :: depth  !! Depth; 0 where less than half of the body is inside [length].
+    real(dp), intent(out) :: position(3)  !! Position after deformation (3) [length].
     real(dp) :: x(3), xi(2), here, size_of
     integer :: b, e, facet, n, n_inside, first, step
     depth = 0

@@ -13,8 +13,7 @@ module dotyk_control_slave_normals
   private
   public :: find_deviations
 
-  !> Deviations of normals below this are rounding errors [].
-  real(dp), parameter :: flat = 1.0e-8_dp
+  real(dp), parameter :: flat = 1.0e-8_dp  !! Deviations of normals below this are rounding errors [].
   !> Facets at a vertex belong to one smooth surface if their normals differ by less than 40 degrees.
   real(dp), parameter :: smooth_cosine = 0.766_dp
 
@@ -22,12 +21,9 @@ contains
 
   !> How uncertain the rows of the modes are: their change where the normals of the slave surfaces are taken.
   subroutine find_deviations(problem, block, modes, coarse)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> The modes at the contact nodes (n_bodies).
-    type(contact_modes_t), intent(in) :: modes(:)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)  !! The modes at the contact nodes (n_bodies).
     !> Gets `deviation`, 0 for rows of ties, unless all normals agree or all bodies are held.
     type(coarse_space_t), intent(inout) :: coarse
     type(contact_pair_t), allocatable :: pair(:)
@@ -65,12 +61,9 @@ contains
   !> Replace the normals of a pair by those of its slave surface: of the elements where they are curved, interpolated
   !> between the vertices where they are linear.
   subroutine take_slave_normals(x, surface, pair)
-    !> Nodes of the slave body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface
-    !> Its normals are replaced.
-    type(contact_pair_t), intent(inout) :: pair
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the slave body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Slave surface.
+    type(contact_pair_t), intent(inout) :: pair  !! Its normals are replaced.
     real(dp) :: position(pair%dimension), normal(pair%dimension), jacobian, shape(max_facet_nodes)
     real(dp), allocatable :: of_facet(:, :), at_vertex(:, :)
     integer, allocatable :: first(:), around(:)
@@ -105,12 +98,9 @@ contains
 
   !> Normals of the middle of facets, as long as the facets are large.
   subroutine facet_normals(x, surface, normal)
-    !> Nodes of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> (dimension, n_facets) [length^2; length in two dimensions].
-    real(dp), intent(out) :: normal(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(out) :: normal(:, :)  !! (dimension, n_facets) [length^2; length in two dimensions].
     real(dp) :: position(size(x, 1)), middle(size(x, 1) - 1), jacobian
     integer :: f
     do f = 1, surface%n_facets
@@ -125,8 +115,7 @@ contains
 
   !> The facets at each node.
   pure subroutine facets_of_nodes(surface, first, facet)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    type(surface_t), intent(in) :: surface  !! The surface.
     !> Facets of node i are facet(first(i):first(i+1)-1) (largest node + 1).
     integer, allocatable, intent(out) :: first(:), facet(:)
     integer, allocatable :: next(:)

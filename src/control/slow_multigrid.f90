@@ -18,8 +18,7 @@ module dotyk_control_slow_multigrid
   !> Iterations of a solve above which the least Ritz value of the trial may be too large for a bound
   !> (`benchmark_multigrid table`).
   real(dp), parameter :: most_steps = 100
-  !> Iterations of a solve before the trial: those of compact elements.
-  real(dp), parameter :: usual_steps = 14
+  real(dp), parameter :: usual_steps = 14  !! Iterations of a solve before the trial: those of compact elements.
   !> Cycles of a contact problem over the iterations of one solve: trial, solution without contact, active sets.
   real(dp), parameter :: cycles_per_step = 4
   !> Operations of a factorization in the time of a cycle, per unknown of the body.
@@ -37,16 +36,11 @@ contains
   !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
   !> held below.
   subroutine find_slow_ones(classes, n_rows, n_cases, slot, size_of)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Number of contact rows.
-    integer, intent(in) :: n_rows
-    !> Number of load cases: a factor serves all of them, p-multigrid solves each.
-    integer, intent(in) :: n_cases
-    !> Analysed, or factorized and tried (n_bodies).
-    type(operator_slot_t), intent(in) :: slot(:)
-    !> Analysed; says which ones are slow on return (n_bodies).
-    type(factor_size_t), intent(inout) :: size_of(:)
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
+    integer, intent(in) :: n_rows  !! Number of contact rows.
+    integer, intent(in) :: n_cases  !! Number of load cases: a factor serves all of them, p-multigrid solves each.
+    type(operator_slot_t), intent(in) :: slot(:)  !! Analysed, or factorized and tried (n_bodies).
+    type(factor_size_t), intent(inout) :: size_of(:)  !! Analysed; says which ones are slow on return (n_bodies).
     real(dp) :: flops, of_rows
     integer :: b
     of_rows = n_cases*dense_factors*(active*n_rows)**3/3
@@ -70,30 +64,22 @@ contains
 
   !> Whether a factor is better than p-multigrid.
   elemental logical function factor_is_better(steps, n_cases, n, flops) result(is_better)
-    !> Iterations of a solve by p-multigrid.
-    real(dp), intent(in) :: steps
-    !> Number of load cases.
-    integer, intent(in) :: n_cases
-    !> Unknowns of the bodies that would share the factor.
-    real(dp), intent(in) :: n
-    !> Operations of the factorization; 0 where they are not known.
-    real(dp), intent(in) :: flops
+    real(dp), intent(in) :: steps  !! Iterations of a solve by p-multigrid.
+    integer, intent(in) :: n_cases  !! Number of load cases.
+    real(dp), intent(in) :: n  !! Unknowns of the bodies that would share the factor.
+    real(dp), intent(in) :: flops  !! Operations of the factorization; 0 where they are not known.
     is_better = steps > most_steps
     if (flops > 0) is_better = is_better .or. flops < n_cases*cycles_per_step*steps*work_of_cycle*n
   end function factor_is_better
 
   !> Replace the p-multigrids that converge slowly.
   subroutine replace_slow_ones(body, modes, slot, size_of, report, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Rigid body modes that supports leave (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Factorized (n_bodies).
-    type(operator_slot_t), intent(inout) :: slot(:)
+    type(body_t), intent(in) :: body(:)  !! Assembled (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Rigid body modes that supports leave (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)  !! Factorized (n_bodies).
     !> Sizes of the factors; those of replaced bodies change (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(inout) :: report(:)
+    type(factorization_report_t), intent(inout) :: report(:)  !! Reports of the representatives (n_bodies).
     !> Allocated where a stiffness is not positive definite, memory runs out, or an interrupt came; names the body.
     type(error_t), allocatable, intent(out) :: error
     integer :: b
@@ -107,18 +93,13 @@ contains
 
   !> Replace one.
   subroutine replace(body, modes, slot, size_of, report, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that supports leave.
-    type(body_modes_t), intent(in) :: modes
+    type(body_t), intent(in) :: body  !! The body.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that supports leave.
     !> Factorized; another operator on return, unless the memory does not suffice for it.
     type(operator_slot_t), intent(inout) :: slot
-    !> Of the new factor on return.
-    type(factor_size_t), intent(inout) :: size_of
-    !> Report of the new factor on return.
-    type(factorization_report_t), intent(inout) :: report
-    !> As in `replace_slow_ones`.
-    type(error_t), allocatable, intent(out) :: error
+    type(factor_size_t), intent(inout) :: size_of  !! Of the new factor on return.
+    type(factorization_report_t), intent(inout) :: report  !! Report of the new factor on return.
+    type(error_t), allocatable, intent(out) :: error  !! As in `replace_slow_ones`.
     type(multigrid_response_t), allocatable :: whole
     type(stiffness_t) :: stiffness
     type(factor_size_t) :: new_size(1)

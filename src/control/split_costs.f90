@@ -32,19 +32,15 @@ contains
 
   !> Nodes of a separator over those of a cube with as many nodes, 1 at most.
   elemental real(dp) function compactness(n_nodes, n_boundary_nodes)
-    !> Nodes of the body.
-    integer, intent(in) :: n_nodes
-    !> Those on its boundary.
-    integer, intent(in) :: n_boundary_nodes
+    integer, intent(in) :: n_nodes  !! Nodes of the body.
+    integer, intent(in) :: n_boundary_nodes  !! Those on its boundary.
     compactness = min(1.0_dp, sqrt(6*real(n_nodes, dp)**(2.0_dp/3)/max(1, n_boundary_nodes)))
   end function compactness
 
   !> Of each body.
   function compactness_of(body) result(compact)
-    !> Wholly or in parts (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> (n_bodies)
-    real(dp) :: compact(size(body))
+    type(body_t), intent(in) :: body(:)  !! Wholly or in parts (n_bodies).
+    real(dp) :: compact(size(body))  !! (n_bodies)
     type(surface_t) :: boundary
     integer, allocatable :: node(:)
     integer :: b
@@ -57,8 +53,7 @@ contains
 
   !> Iterations of conjugate gradients that take far longer than to factorize each body on one rank; the same on all.
   integer function iterations_worth_factors(body) result(n)
-    !> Bodies in parts (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies in parts (n_bodies).
     real(dp) :: flops(size(body)), of_iteration
     flops = flops_per_square*real(body%n_unknowns(), dp)**2*compactness_of(body)**3
     of_iteration = work_of_iteration*sum(real(body%n_unknowns(), dp))/n_ranks()
@@ -68,8 +63,7 @@ contains
 
   !> Whether the memory suffices for factors, each on one rank; the same on all ranks, which call it together.
   logical function factors_fit(body) result(fit)
-    !> Bodies in parts (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies in parts (n_bodies).
     type(memory_t) :: memory
     real(dp) :: bytes(size(body))
     bytes = bytes_of_unknown*body%n_unknowns() + &

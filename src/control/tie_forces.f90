@@ -9,14 +9,10 @@ module dotyk_control_tie_forces
   implicit none
   private
 
-  !> Forces of one tie.
-  type, public :: tie_force_t
-    !> Force, moment about the origin, and radial force on the slave body.
-    type(pair_resultant_t) :: resultant
-    !> Of a bolt: force on the slave body along the normal of the cut, out of it [force].
-    real(dp) :: tension = 0
-    !> Of a bolt: how far its halves overlap; NaN where nothing determines it [length].
-    real(dp) :: shortening = 0
+  type, public :: tie_force_t  !! Forces of one tie.
+    type(pair_resultant_t) :: resultant  !! Force, moment about the origin, and radial force on the slave body.
+    real(dp) :: tension = 0  !! Of a bolt: force on the slave body along the normal of the cut, out of it [force].
+    real(dp) :: shortening = 0  !! Of a bolt: how far its halves overlap; NaN where nothing determines it [length].
   end type tie_force_t
 
   public :: find_tie_forces, keep_shortenings
@@ -28,14 +24,11 @@ contains
 
   !> Forces of all ties.
   function find_tie_forces(problem, m, y) result(of_tie)
-    !> Bodies, pairs and ties, with the shortenings of the solution.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, pairs and ties, with the shortenings of the solution.
     !> Pressures of the contact rows and tractions of the ties after them (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
-    !> B u - d of the same rows (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> (n_ties).
-    type(tie_force_t), allocatable :: of_tie(:)
+    real(dp), intent(in) :: y(:)  !! B u - d of the same rows (n_rows) [length].
+    type(tie_force_t), allocatable :: of_tie(:)  !! (n_ties).
     type(pair_resultant_t) :: part
     integer :: c, k, n
     allocate (of_tie(problem%n_ties()))
@@ -62,10 +55,8 @@ contains
 
   !> Keep how far bolts that slide are shortened, for the load cases in which they are locked.
   subroutine keep_shortenings(state, problem)
-    !> With amplitudes of all modes.
-    type(solver_state_t), intent(in) :: state
-    !> Its bolts that slide get their shortenings.
-    type(contact_problem_t), intent(inout) :: problem
+    type(solver_state_t), intent(in) :: state  !! With amplitudes of all modes.
+    type(contact_problem_t), intent(inout) :: problem  !! Its bolts that slide get their shortenings.
     real(dp) :: motion(size(state%alpha))
     integer :: i, k, j, first(size(problem%body) + 1), n_before(size(problem%body))
     if (problem%n_ties() == 0) return

@@ -28,20 +28,13 @@ contains
 
   !> A matrix of zeros with the pattern of the nodes of all parts.
   subroutine make_block_matrix(by_blocks, dim, n_own, part, corners, matrix, error)
-    !> Whether to store blocks.
-    logical, intent(in) :: by_blocks
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Own block rows.
-    integer, intent(in) :: n_own
-    !> Parts of this rank, numbered (n_parts).
-    type(part_t), intent(in) :: part(:)
-    !> Whether of the corners.
-    logical, intent(in) :: corners
-    !> The matrix.
-    type(tMat), intent(out) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: by_blocks  !! Whether to store blocks.
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n_own  !! Own block rows.
+    type(part_t), intent(in) :: part(:)  !! Parts of this rank, numbered (n_parts).
+    logical, intent(in) :: corners  !! Whether of the corners.
+    type(tMat), intent(out) :: matrix  !! The matrix.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer(int64), allocatable :: start(:)
     integer, allocatable :: near(:), far(:), neighbour(:), row(:)
     logical, allocatable :: is_own(:), counted(:)
@@ -103,14 +96,10 @@ contains
 
   !> Add the elements of a part to the rows of its own nodes, and the forces of prescribed displacements to vectors.
   subroutine add_elements(part, with_fine, fine, coarse, lift, error)
-    !> The part, numbered.
-    type(part_t), intent(in) :: part
-    !> Whether there is a fine matrix: not where all elements are linear.
-    logical, intent(in) :: with_fine
-    !> Fine matrix [force/length].
-    type(tMat), intent(inout) :: fine
-    !> Galerkin matrix of the corner space [force/length].
-    type(tMat), intent(inout) :: coarse
+    type(part_t), intent(in) :: part  !! The part, numbered.
+    logical, intent(in) :: with_fine  !! Whether there is a fine matrix: not where all elements are linear.
+    type(tMat), intent(inout) :: fine  !! Fine matrix [force/length].
+    type(tMat), intent(inout) :: coarse  !! Galerkin matrix of the corner space [force/length].
     !> K z of prescribed displacements z, along the axes of the nodes; complete at own ones (dim, n_nodes) [force].
     real(dp), intent(inout) :: lift(:, :)
     !> Allocated where an element is inverted, the modulus field is not positive, or PETSc fails.
@@ -174,20 +163,13 @@ contains
 
   !> Add an element matrix to rows.
   subroutine add_blocks(n, dim, row, column, k, matrix, code)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Block rows, -1 where they belong to other ranks (n).
-    integer, intent(in) :: row(n)
-    !> Block columns (n).
-    integer, intent(in) :: column(n)
-    !> Element matrix (n, n, dim, dim) [force/length].
-    real(dp), intent(in) :: k(n, n, dim, dim)
-    !> Gets it.
-    type(tMat), intent(inout) :: matrix
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: row(n)  !! Block rows, -1 where they belong to other ranks (n).
+    integer, intent(in) :: column(n)  !! Block columns (n).
+    real(dp), intent(in) :: k(n, n, dim, dim)  !! Element matrix (n, n, dim, dim) [force/length].
+    type(tMat), intent(inout) :: matrix  !! Gets it.
+    integer, intent(out) :: code  !! PETSc's error code.
     real(dp) :: blocks(dim*n*dim*n)
     integer :: a, b, i, j
     ! By rows or by columns alike: it is symmetric.
@@ -205,18 +187,13 @@ contains
 
   !> Add the forces of prescribed displacements of one element.
   pure subroutine add_lift(n, dim, node, k, prescribed, lift)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
     !> Element matrix along the axes of the nodes (n, n, dim, dim) [force/length].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> Prescribed displacements, 0 where free (dim, n_nodes) [length].
-    real(dp), intent(in) :: prescribed(:, :)
-    !> Gets them (dim, n_nodes) [force].
-    real(dp), intent(inout) :: lift(:, :)
+    real(dp), intent(in) :: prescribed(:, :)  !! Prescribed displacements, 0 where free (dim, n_nodes) [length].
+    real(dp), intent(inout) :: lift(:, :)  !! Gets them (dim, n_nodes) [force].
     integer :: a, b, i, j
     do b = 1, n
       do j = 1, dim
@@ -232,16 +209,11 @@ contains
 
   !> Diagonal entries of held components.
   subroutine hold(row, is_own, is_held, scale, matrix)
-    !> Block rows (n).
-    integer, intent(in) :: row(:)
-    !> Whether they are this rank's (n).
-    logical, intent(in) :: is_own(:)
-    !> (dim, n)
-    logical, intent(in) :: is_held(:, :)
-    !> The entry [force/length].
-    real(dp), intent(in) :: scale
-    !> Gets them.
-    type(tMat), intent(inout) :: matrix
+    integer, intent(in) :: row(:)  !! Block rows (n).
+    logical, intent(in) :: is_own(:)  !! Whether they are this rank's (n).
+    logical, intent(in) :: is_held(:, :)  !! (dim, n)
+    real(dp), intent(in) :: scale  !! The entry [force/length].
+    type(tMat), intent(inout) :: matrix  !! Gets them.
     integer :: i, j, code, at(1)
     do i = 1, size(row)
       if (.not. is_own(i)) cycle
@@ -255,16 +227,11 @@ contains
 
   !> The interpolation P from the corners, between displacements along the axes of the nodes.
   subroutine assemble_interpolation(dim, n_own, n_own_corners, part, matrix, error)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Own nodes, and own corners.
-    integer, intent(in) :: n_own, n_own_corners
-    !> Parts of this rank, numbered (n_parts).
-    type(part_t), intent(in) :: part(:)
-    !> P.
-    type(tMat), intent(out) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n_own, n_own_corners  !! Own nodes, and own corners.
+    type(part_t), intent(in) :: part(:)  !! Parts of this rank, numbered (n_parts).
+    type(tMat), intent(out) :: matrix  !! P.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer, allocatable :: near(:), far(:)
     real(dp) :: block(dim, dim)
     integer :: p, i, c, k, j, n, row, pass, first, code
@@ -310,16 +277,11 @@ contains
 
   !> Insert the nonzero entries of one row of a block.
   subroutine set_row(row, first_column, value, matrix, code)
-    !> The row, from 0.
-    integer, intent(in) :: row
-    !> First column of the block, from 0.
-    integer, intent(in) :: first_column
-    !> Entries (dim) [any].
-    real(dp), intent(in) :: value(:)
-    !> Gets them.
-    type(tMat), intent(inout) :: matrix
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    integer, intent(in) :: row  !! The row, from 0.
+    integer, intent(in) :: first_column  !! First column of the block, from 0.
+    real(dp), intent(in) :: value(:)  !! Entries (dim) [any].
+    type(tMat), intent(inout) :: matrix  !! Gets them.
+    integer, intent(out) :: code  !! PETSc's error code.
     integer :: j
     do j = 1, size(value)
       if (abs(value(j)) > 0) &
@@ -329,10 +291,8 @@ contains
 
   !> No entries are added any more.
   subroutine finish_matrix(matrix, error)
-    !> The matrix.
-    type(tMat), intent(inout) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(tMat), intent(inout) :: matrix  !! The matrix.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer :: code
     call MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY, code)
     call MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY, code)

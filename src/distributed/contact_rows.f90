@@ -19,26 +19,19 @@ module dotyk_distributed_contact_rows
   private
   public :: without_rounding
 
-  !> The rows.
-  type, public :: contact_rows_t
-    !> Number of rows.
-    integer :: n = 0
-    !> Number of displacement components.
-    integer :: dim = 0
-    !> Own nodes that rows touch: their places among the own nodes (n_nodes).
-    integer, allocatable :: node(:)
+  type, public :: contact_rows_t  !! The rows.
+    integer :: n = 0  !! Number of rows.
+    integer :: dim = 0  !! Number of displacement components.
+    integer, allocatable :: node(:)  !! Own nodes that rows touch: their places among the own nodes (n_nodes).
     !> Entries of the rows at these nodes, along their axes; none of held components (n x dim*n_nodes) [].
     type(sparse_rows_t) :: own
-    !> Displacement of the rows by prescribed displacements (n) [length].
-    real(dp), allocatable :: prescribed(:)
+    real(dp), allocatable :: prescribed(:)  !! Displacement of the rows by prescribed displacements (n) [length].
     !> Inverse diagonal blocks of the smoother at these nodes (dim, dim, n_nodes) [length/force].
     real(dp), allocatable :: inverse(:, :, :)
-    !> The rank of this node that has `compliance`.
-    type(node_keeper_t) :: keeper
+    type(node_keeper_t) :: keeper  !! The rank of this node that has `compliance`.
     !> B D^{-1} B^T, lower triangle; empty on the other ranks (n, n) [length/force].
     type(sparse_symmetric_t) :: compliance
-    !> Its diagonal, on all ranks (n) [length/force].
-    real(dp), allocatable :: self_compliance(:)
+    real(dp), allocatable :: self_compliance(:)  !! Its diagonal, on all ranks (n) [length/force].
     !> Contact nodes and contact blocks of this rank's nodes, for `set_inverse`.
     integer, allocatable, private :: contact_node(:), block_of(:)
     !> Axes of these nodes: global component, component of the node (dim, dim, n_nodes) [].
@@ -61,10 +54,8 @@ contains
   !> The rows without entries that are rounding errors: a row of a held node would else seem to move, by forces without
   !> bound.
   function without_rounding(block) result(clean)
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> The same, with zeros (n_bodies).
-    type(contact_block_t), allocatable :: clean(:)
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B, body by body (n_bodies).
+    type(contact_block_t), allocatable :: clean(:)  !! The same, with zeros (n_bodies).
     integer :: b, i
     clean = block
     do b = 1, size(clean)
@@ -82,16 +73,11 @@ contains
   !> Take the rows at the own nodes.
   subroutine rows_init(self, n_rows, dim, block, part, first)
     class(contact_rows_t), intent(out) :: self
-    !> Number of rows.
-    integer, intent(in) :: n_rows
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Parts of this rank, numbered (n_parts).
-    type(part_t), intent(in) :: part(:)
-    !> Block row of the first own node, from 0.
-    integer, intent(in) :: first
+    integer, intent(in) :: n_rows  !! Number of rows.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B, body by body (n_bodies).
+    type(part_t), intent(in) :: part(:)  !! Parts of this rank, numbered (n_parts).
+    integer, intent(in) :: first  !! Block row of the first own node, from 0.
     integer, allocatable :: local(:), column_of(:), row(:), column(:)
     real(dp), allocatable :: value(:)
     real(dp) :: entry(dim), rotation(dim, dim)
@@ -160,8 +146,7 @@ contains
   !> Set the inverse diagonal blocks, and from them the compliance of the rows.
   subroutine rows_set_inverse(self, block, inverse)
     class(contact_rows_t), intent(inout) :: self
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B, body by body (n_bodies).
     !> Inverse blocks at `node`, along the axes of the nodes (dim, dim, n_nodes) [length/force].
     real(dp), intent(in) :: inverse(:, :, :)
     real(dp), allocatable :: all(:)
@@ -188,18 +173,13 @@ contains
 
   !> B D^{-1} B^T.
   subroutine form_compliance(n_rows, dim, block, first, inverse, compliance)
-    !> Number of rows.
-    integer, intent(in) :: n_rows
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Contact nodes before each body (n_bodies + 1).
-    integer, intent(in) :: first(:)
+    integer, intent(in) :: n_rows  !! Number of rows.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B, body by body (n_bodies).
+    integer, intent(in) :: first(:)  !! Contact nodes before each body (n_bodies + 1).
     !> Inverse blocks at the contact nodes of all bodies (dim*dim*first(n_bodies + 1)) [length/force].
     real(dp), intent(in) :: inverse(:)
-    !> Lower triangle (n_rows, n_rows) [length/force].
-    type(sparse_symmetric_t), intent(out) :: compliance
+    type(sparse_symmetric_t), intent(out) :: compliance  !! Lower triangle (n_rows, n_rows) [length/force].
     type(sparse_rows_t) :: scaled, transposed, product
     integer, allocatable :: row(:), column(:), of_body(:)
     real(dp), allocatable :: value(:)
@@ -230,14 +210,10 @@ contains
 
   !> A block diagonal matrix.
   subroutine block_diagonal(dim, n, blocks, matrix)
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Number of blocks.
-    integer, intent(in) :: n
-    !> The blocks, symmetric (dim, dim, n) [any].
-    real(dp), intent(in) :: blocks(dim, dim, n)
-    !> The matrix.
-    type(sparse_rows_t), intent(inout) :: matrix
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n  !! Number of blocks.
+    real(dp), intent(in) :: blocks(dim, dim, n)  !! The blocks, symmetric (dim, dim, n) [any].
+    type(sparse_rows_t), intent(inout) :: matrix  !! The matrix.
     integer :: i, j, k
     call matrix%init_from_triplets(dim*n, dim*n, [(((dim*(k - 1) + i, i=1, dim), j=1, dim), k=1, n)], &
                                    [(((dim*(k - 1) + j, i=1, dim), j=1, dim), k=1, n)], reshape(blocks, [dim*dim*n]))
@@ -245,10 +221,8 @@ contains
 
   !> A^T.
   subroutine transpose_rows(matrix, transposed)
-    !> A.
-    type(sparse_rows_t), intent(in) :: matrix
-    !> Its transpose.
-    type(sparse_rows_t), intent(inout) :: transposed
+    type(sparse_rows_t), intent(in) :: matrix  !! A.
+    type(sparse_rows_t), intent(inout) :: transposed  !! Its transpose.
     integer :: row(matrix%row_start(matrix%n_rows + 1) - 1), i
     do i = 1, matrix%n_rows
       row(matrix%row_start(i):matrix%row_start(i + 1) - 1) = i
@@ -259,10 +233,8 @@ contains
 
   !> The lower triangle of a symmetric matrix with all diagonal entries.
   subroutine take_lower(all, lower)
-    !> The matrix.
-    type(sparse_rows_t), intent(in) :: all
-    !> Its lower triangle, by columns.
-    type(sparse_symmetric_t), intent(out) :: lower
+    type(sparse_rows_t), intent(in) :: all  !! The matrix.
+    type(sparse_symmetric_t), intent(out) :: lower  !! Its lower triangle, by columns.
     integer :: i, k
     integer(int64) :: n
     lower%n = all%n_rows
@@ -284,10 +256,8 @@ contains
   !> y = B x, without prescribed displacements.
   subroutine rows_displacement(self, x, y)
     class(contact_rows_t), intent(in) :: self
-    !> Displacements of the own nodes (dim*n_own) [length].
-    real(dp), intent(in), contiguous :: x(:)
-    !> On all ranks (n) [length].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Displacements of the own nodes (dim*n_own) [length].
+    real(dp), intent(out), contiguous :: y(:)  !! On all ranks (n) [length].
     real(dp) :: own(self%own%n_columns)
     integer :: i
     do i = 1, size(self%node)
@@ -300,10 +270,8 @@ contains
   !> r := r - B^T lambda.
   subroutine rows_subtract_force(self, lambda, r)
     class(contact_rows_t), intent(in) :: self
-    !> Forces, the same on all ranks (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Forces on the own nodes (dim*n_own) [force].
-    real(dp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in) :: lambda(:)  !! Forces, the same on all ranks (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces on the own nodes (dim*n_own) [force].
     real(dp) :: own(self%own%n_columns)
     integer :: i
     call self%own%multiply_transposed(lambda, own)
@@ -317,10 +285,8 @@ contains
   !> z := z - D^{-1} B^T lambda.
   subroutine rows_subtract_smoothed(self, lambda, z)
     class(contact_rows_t), intent(in) :: self
-    !> Forces, the same on all ranks (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the own nodes (dim*n_own) [length].
-    real(dp), intent(inout), contiguous :: z(:)
+    real(dp), intent(in) :: lambda(:)  !! Forces, the same on all ranks (n) [force].
+    real(dp), intent(inout), contiguous :: z(:)  !! Displacements of the own nodes (dim*n_own) [length].
     real(dp) :: own(self%own%n_columns)
     integer :: i
     call self%own%multiply_transposed(lambda, own)
@@ -334,20 +300,13 @@ contains
   !> Close gaps by forces on the diagonal blocks of the smoother (`dotyk_scheme_gap_closing`). All ranks call it.
   subroutine rows_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
     class(contact_rows_t), intent(in) :: self
-    !> Rows to close (n_rows).
-    logical, intent(in) :: chosen(:)
-    !> Gaps to close (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> theta/w (n_rows) [length/force].
-    real(dp), intent(in) :: softness(:)
-    !> Fraction of the diagonal that is added [].
-    real(dp), intent(in) :: shift
-    !> B g, of all rows (n_rows) [length].
-    real(dp), intent(out), contiguous :: closed(:)
-    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    !> As in `close_gaps`.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: chosen(:)  !! Rows to close (n_rows).
+    real(dp), intent(in) :: gap(:)  !! Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: softness(:)  !! theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: shift  !! Fraction of the diagonal that is added [].
+    real(dp), intent(out), contiguous :: closed(:)  !! B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: norm  !! Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! As in `close_gaps`.
     real(dp) :: found(1)
     if (self%keeper%keeps) call close_gaps(self%compliance, chosen, gap, softness, shift, closed, found(1), error)
     call agree_on_error(error)

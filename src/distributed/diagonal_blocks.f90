@@ -15,12 +15,9 @@ contains
 
   !> The diagonal blocks as a matrix.
   subroutine make_blocks(stiffness, blocks, error)
-    !> The stiffness.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> Gets them; to be destroyed [force/length].
-    type(tMat), intent(out) :: blocks
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    type(tMat), intent(out) :: blocks  !! Gets them; to be destroyed [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tMat) :: matrix
     real(dp) :: block(stiffness%dim**2)
     integer :: i, j, row(stiffness%dim), code
@@ -43,14 +40,10 @@ contains
 
   !> Inverse diagonal blocks of own nodes.
   subroutine inverse_blocks(stiffness, node, inverse, error)
-    !> The stiffness.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> Places among the own nodes (n).
-    integer, intent(in) :: node(:)
-    !> (dim, dim, n) [length/force]
-    real(dp), allocatable, intent(out) :: inverse(:, :, :)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    integer, intent(in) :: node(:)  !! Places among the own nodes (n).
+    real(dp), allocatable, intent(out) :: inverse(:, :, :)  !! (dim, dim, n) [length/force]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tMat) :: matrix
     real(dp) :: block(stiffness%dim**2)
     integer :: i, j, row(stiffness%dim), code
@@ -66,12 +59,9 @@ contains
 
   !> The inverse of a small symmetric positive definite matrix, by elimination.
   pure subroutine invert(n, matrix, inverse)
-    !> Order.
-    integer, intent(in) :: n
-    !> The matrix (n, n) [any].
-    real(dp), intent(in) :: matrix(n, n)
-    !> Its inverse (n, n) [1/matrix].
-    real(dp), intent(out) :: inverse(n, n)
+    integer, intent(in) :: n  !! Order.
+    real(dp), intent(in) :: matrix(n, n)  !! The matrix (n, n) [any].
+    real(dp), intent(out) :: inverse(n, n)  !! Its inverse (n, n) [1/matrix].
     real(dp) :: rest(n, n), factor
     integer :: i, j
     rest = matrix

@@ -8,17 +8,14 @@ module dotyk_distributed_index_limits
   private
   public :: check_entries, check_unknowns
 
-  !> Largest index: PETSc and the program count in default integers.
-  integer(int64), parameter :: largest = huge(1)
+  integer(int64), parameter :: largest = huge(1)  !! Largest index: PETSc and the program count in default integers.
 
 contains
 
   !> Whether all unknowns have a number.
   subroutine check_unknowns(n, error)
-    !> Unknowns of all bodies, held ones included.
-    integer(int64), intent(in) :: n
-    !> Allocated where they are too many; the same on all ranks.
-    type(error_t), allocatable, intent(out) :: error
+    integer(int64), intent(in) :: n  !! Unknowns of all bodies, held ones included.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where they are too many; the same on all ranks.
     if (n <= largest) return
     call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)//' unknowns; '// &
                    'these bodies have '//to_text(n)//': make the meshes coarser', exit_machine)
@@ -26,8 +23,7 @@ contains
 
   !> Whether the entries of a matrix on each rank can be counted. All ranks ask together.
   subroutine check_entries(n, error)
-    !> Entries of this rank.
-    integer(int64), intent(in) :: n
+    integer(int64), intent(in) :: n  !! Entries of this rank.
     !> Allocated where those of a rank are too many; the same on all ranks.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: most(1)

@@ -13,14 +13,10 @@ module dotyk_distributed_linear_solver
   private
   public :: drop_solver, run_solver, watch_ritz_values
 
-  !> A linear solver with its coarse matrix.
-  type, public :: solver_t
-    !> Whether there is one.
-    logical :: is_set = .false.
-    !> The solver.
-    type(tKSP) :: ksp
-    !> Its coarse matrix.
-    type(tMat) :: coarse
+  type, public :: solver_t  !! A linear solver with its coarse matrix.
+    logical :: is_set = .false.  !! Whether there is one.
+    type(tKSP) :: ksp  !! The solver.
+    type(tMat) :: coarse  !! Its coarse matrix.
   end type solver_t
 
   !> Residuals may grow on the way, where motions are restrained by few rows: no reason to stop [].
@@ -33,8 +29,7 @@ contains
 
   !> Make a solver end where its Ritz values tell that the preconditioner is not positive: long before its residuals do.
   subroutine watch_ritz_values(ksp)
-    !> Conjugate gradients that compute them.
-    type(tKSP), intent(inout) :: ksp
+    type(tKSP), intent(inout) :: ksp  !! Conjugate gradients that compute them.
     integer :: code
     external :: KSPSetConvergenceTest
     call KSPSetConvergenceTest(ksp, is_converged, 0, PETSC_NULL_FUNCTION, code)
@@ -42,18 +37,12 @@ contains
 
   !> PETSc's test of convergence: as its own for an absolute tolerance, and with the Ritz values.
   subroutine is_converged(ksp, n, residual, reason, context, code)
-    !> The solver.
-    type(tKSP), intent(in) :: ksp
-    !> Iterations so far.
-    integer, intent(in) :: n
-    !> Residual in the norm of the preconditioner [sqrt(energy)].
-    real(dp), intent(in) :: residual
-    !> Why it ends, if it does.
-    integer, intent(out) :: reason
-    !> Not used.
-    integer, intent(in) :: context
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    type(tKSP), intent(in) :: ksp  !! The solver.
+    integer, intent(in) :: n  !! Iterations so far.
+    real(dp), intent(in) :: residual  !! Residual in the norm of the preconditioner [sqrt(energy)].
+    integer, intent(out) :: reason  !! Why it ends, if it does.
+    integer, intent(in) :: context  !! Not used.
+    integer, intent(out) :: code  !! PETSc's error code.
     real(dp) :: relative, absolute, growth, greatest, least
     integer :: most
     call KSPGetTolerances(ksp, relative, absolute, growth, most, code)
@@ -72,8 +61,7 @@ contains
 
   !> Give back a solver.
   subroutine drop_solver(solver)
-    !> The solver.
-    type(solver_t), intent(inout) :: solver
+    type(solver_t), intent(inout) :: solver  !! The solver.
     integer :: code
     if (.not. solver%is_set) return
     call KSPDestroy(solver%ksp, code)
@@ -83,22 +71,14 @@ contains
 
   !> Solve a system.
   subroutine run_solver(stiffness, solver, r, aim, most_steps, e, outcome, error)
-    !> The stiffness.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> The solver.
-    type(solver_t), intent(in) :: solver
-    !> Forces (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
-    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
-    real(dp), intent(in) :: aim
-    !> Iterations at most.
-    integer, intent(in) :: most_steps
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: e(:)
-    !> How it went.
-    type(solve_outcome_t), intent(out) :: outcome
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    type(solver_t), intent(in) :: solver  !! The solver.
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces (n) [force].
+    real(dp), intent(in) :: aim  !! Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    integer, intent(in) :: most_steps  !! Iterations at most.
+    real(dp), intent(inout), contiguous :: e(:)  !! Displacements (n) [length].
+    type(solve_outcome_t), intent(out) :: outcome  !! How it went.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tVec) :: b, x
     integer :: code, reason
     call stiffness%wrap(r, b)

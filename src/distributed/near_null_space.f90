@@ -16,16 +16,11 @@ contains
 
   !> Rigid motions as near-null-space vectors of the coarse matrix.
   subroutine set_near_null_space(dim, parts, n_own_corners, coarse, error)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Parts of this rank, numbered (n_parts).
-    type(part_t), intent(in) :: parts(:)
-    !> Own corners.
-    integer, intent(in) :: n_own_corners
-    !> The matrix; gets the vectors [force/length].
-    type(tMat), intent(in) :: coarse
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(part_t), intent(in) :: parts(:)  !! Parts of this rank, numbered (n_parts).
+    integer, intent(in) :: n_own_corners  !! Own corners.
+    type(tMat), intent(in) :: coarse  !! The matrix; gets the vectors [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tMatNullSpace) :: space
     type(tVec), allocatable :: vector(:)
     real(dp), allocatable, target :: value(:, :)
@@ -79,8 +74,7 @@ contains
 
   !> A vector with memory of its own in place of one over an array.
   subroutine own_copy(vector)
-    !> The vector.
-    type(tVec), intent(inout) :: vector
+    type(tVec), intent(inout) :: vector  !! The vector.
     type(tVec) :: copy
     real(dp), pointer :: from(:), to(:)
     integer :: code

@@ -9,14 +9,10 @@ module dotyk_distributed_node_keeper
   implicit none
   private
 
-  !> The ranks of a node. All ranks call its procedures together.
-  type, public :: node_keeper_t
-    !> Whether this rank is the one that keeps.
-    logical :: keeps = .true.
-    !> The ranks of the node.
-    type(mpi_comm), private :: ranks
-    !> Whether there is such a communicator.
-    logical, private :: is_set = .false.
+  type, public :: node_keeper_t  !! The ranks of a node. All ranks call its procedures together.
+    logical :: keeps = .true.  !! Whether this rank is the one that keeps.
+    type(mpi_comm), private :: ranks  !! The ranks of the node.
+    logical, private :: is_set = .false.  !! Whether there is such a communicator.
   contains
     procedure :: init => keeper_init
     procedure :: tell => keeper_tell

@@ -15,12 +15,9 @@ contains
 
   !> Make the rigid body modes the null space of an operator: solvers take them out of residuals and iterates.
   subroutine set_null_space(stiffness, matrix, error)
-    !> With the modes.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> The operator.
-    type(tMat), intent(in) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! With the modes.
+    type(tMat), intent(in) :: matrix  !! The operator.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tMatNullSpace) :: space
     type(tVec) :: vector(size(stiffness%mode, 2))
     real(dp), pointer :: x(:)

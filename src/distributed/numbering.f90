@@ -19,14 +19,10 @@ contains
 
   !> Number the nodes and corners of all parts.
   subroutine number_rows(part, n_of_body, n_own, n_own_corners, error)
-    !> Parts of this rank; get `row` and `corner_row` (n_parts).
-    type(part_t), intent(inout) :: part(:)
-    !> Number of nodes of each body (n_bodies).
-    integer, intent(in) :: n_of_body(:)
-    !> Own nodes, and own corners.
-    integer, intent(out) :: n_own, n_own_corners
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(part_t), intent(inout) :: part(:)  !! Parts of this rank; get `row` and `corner_row` (n_parts).
+    integer, intent(in) :: n_of_body(:)  !! Number of nodes of each body (n_bodies).
+    integer, intent(out) :: n_own, n_own_corners  !! Own nodes, and own corners.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer, allocatable :: order(:), id(:), first_id(:), own_id(:), wanted(:), row(:), corner_row(:)
     real(dp), allocatable :: found(:)
     integer :: p, i, k, n, first, first_corner
@@ -75,18 +71,12 @@ contains
 
   !> Values that other ranks know.
   subroutine look_up(n, own, value, wanted, found, error)
-    !> Number of entries in all.
-    integer, intent(in) :: n
-    !> Entries that this rank knows, from 0 (n_own).
-    integer, intent(in) :: own(:)
-    !> Their values (n_own).
-    integer, intent(in) :: value(:)
-    !> Entries that it wants to know, from 0 (n_wanted).
-    integer, intent(in) :: wanted(:)
-    !> Their values (n_wanted).
-    real(dp), allocatable, intent(out) :: found(:)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: n  !! Number of entries in all.
+    integer, intent(in) :: own(:)  !! Entries that this rank knows, from 0 (n_own).
+    integer, intent(in) :: value(:)  !! Their values (n_own).
+    integer, intent(in) :: wanted(:)  !! Entries that it wants to know, from 0 (n_wanted).
+    real(dp), allocatable, intent(out) :: found(:)  !! Their values (n_wanted).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tVec) :: all
     integer :: code
     call VecCreateMPI(PETSC_COMM_WORLD, PETSC_DECIDE, n, all, code)
@@ -100,14 +90,10 @@ contains
 
   !> Entries of a distributed vector, wherever they are.
   subroutine gather_entries(all, wanted, found, error)
-    !> The vector.
-    type(tVec), intent(in) :: all
-    !> Its entries that this rank wants, from 0 (n_wanted).
-    integer, intent(in) :: wanted(:)
-    !> (n_wanted) [as `all`]
-    real(dp), allocatable, intent(out) :: found(:)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(tVec), intent(in) :: all  !! The vector.
+    integer, intent(in) :: wanted(:)  !! Its entries that this rank wants, from 0 (n_wanted).
+    real(dp), allocatable, intent(out) :: found(:)  !! (n_wanted) [as `all`]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tVec) :: own
     type(tIS) :: from, to
     type(tVecScatter) :: exchange

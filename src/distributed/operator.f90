@@ -33,30 +33,20 @@ module dotyk_distributed_operator
 
   !> The operator. PETSc has its address: never copy or move it, destroy it in the end.
   type, public :: system_operator_t
-    !> The stiffness.
-    type(distributed_stiffness_t), pointer :: stiffness => null()
-    !> The rows.
-    type(contact_rows_t) :: rows
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), allocatable :: row_stiffness(:)
-    !> Active rows, ascending (n).
-    integer, allocatable :: active(:)
+    type(distributed_stiffness_t), pointer :: stiffness => null()  !! The stiffness.
+    type(contact_rows_t) :: rows  !! The rows.
+    real(dp), allocatable :: row_stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+    integer, allocatable :: active(:)  !! Active rows, ascending (n).
     !> `K + B^T W B`; and what conjugate gradients get, with the modes as its null space.
     type(tMat) :: matrix, singular
-    !> Displacements of the rows by the modes, G (n_rows, n_modes) [].
-    real(dp), allocatable :: row_mode(:, :)
-    !> Factor of S.
-    type(mode_factor_t) :: modes
-    !> T; not allocated without contact (n_bodies) [force/length].
-    type(mode_block_t), allocatable :: spring(:)
+    real(dp), allocatable :: row_mode(:, :)  !! Displacements of the rows by the modes, G (n_rows, n_modes) [].
+    type(mode_factor_t) :: modes  !! Factor of S.
+    type(mode_block_t), allocatable :: spring(:)  !! T; not allocated without contact (n_bodies) [force/length].
     !> Estimate of the greatest eigenvalue of D^{-1} K with the diagonal blocks D, with a margin [].
     real(dp) :: greatest = 0
-    !> Products with K, and applications of D^{-1}, so far.
-    integer :: n_products = 0, n_smoothings = 0
-    !> D^{-1}.
-    type(tPC), private :: blocks
-    !> Whether it is that of another operator.
-    logical, private :: is_borrowed = .false.
+    integer :: n_products = 0, n_smoothings = 0  !! Products with K, and applications of D^{-1}, so far.
+    type(tPC), private :: blocks  !! D^{-1}.
+    logical, private :: is_borrowed = .false.  !! Whether it is that of another operator.
     !> Of W^{-1} + B D^{-1} B^T on the active rows; on the rank of each node that has the compliance of the rows.
     type(cholesky_t), private :: factor
   contains
@@ -74,56 +64,41 @@ module dotyk_distributed_operator
   !> Reduction of the residual at which Ritz values are exact: another step would divide zero by zero [].
   real(dp), parameter :: exact = 1.0e-10_dp
   real(dp), parameter :: margin = 1.1_dp
-  !> Fractions of its multiples look random.
-  real(dp), parameter :: golden = 0.6180339887498949_dp
+  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples look random.
 
   interface
     !> Make an operator of an own procedure.
     subroutine MatCreateShell(comm, n_rows, n_columns, all_rows, all_columns, context, matrix, code)
       import :: system_operator_t, tMat
-      !> Communicator.
-      integer, intent(in) :: comm
-      !> Own and all rows and columns.
-      integer, intent(in) :: n_rows, n_columns, all_rows, all_columns
-      !> What the procedure gets.
-      type(system_operator_t), target :: context
-      !> The operator.
-      type(tMat) :: matrix
-      !> PETSc's error code.
-      integer, intent(out) :: code
+      integer, intent(in) :: comm  !! Communicator.
+      integer, intent(in) :: n_rows, n_columns, all_rows, all_columns  !! Own and all rows and columns.
+      type(system_operator_t), target :: context  !! What the procedure gets.
+      type(tMat) :: matrix  !! The operator.
+      integer, intent(out) :: code  !! PETSc's error code.
     end subroutine MatCreateShell
 
     !> What an own procedure gets.
     subroutine MatShellGetContext(matrix, context, code)
       import :: system_operator_t, tMat
-      !> The operator.
-      type(tMat), intent(in) :: matrix
-      !> As given to `MatCreateShell`.
-      type(system_operator_t), pointer, intent(out) :: context
-      !> PETSc's error code.
-      integer, intent(out) :: code
+      type(tMat), intent(in) :: matrix  !! The operator.
+      type(system_operator_t), pointer, intent(out) :: context  !! As given to `MatCreateShell`.
+      integer, intent(out) :: code  !! PETSc's error code.
     end subroutine MatShellGetContext
 
     !> Set what an own procedure gets.
     subroutine PCShellSetContext(pc, context, code)
       import :: system_operator_t, tPC
-      !> The preconditioner.
-      type(tPC), intent(in) :: pc
-      !> What the procedure gets.
-      type(system_operator_t), target, intent(in) :: context
-      !> PETSc's error code.
-      integer, intent(out) :: code
+      type(tPC), intent(in) :: pc  !! The preconditioner.
+      type(system_operator_t), target, intent(in) :: context  !! What the procedure gets.
+      integer, intent(out) :: code  !! PETSc's error code.
     end subroutine PCShellSetContext
 
     !> What an own procedure gets.
     subroutine PCShellGetContext(pc, context, code)
       import :: system_operator_t, tPC
-      !> The preconditioner.
-      type(tPC), intent(in) :: pc
-      !> As given to `PCShellSetContext`.
-      type(system_operator_t), pointer, intent(out) :: context
-      !> PETSc's error code.
-      integer, intent(out) :: code
+      type(tPC), intent(in) :: pc  !! The preconditioner.
+      type(system_operator_t), pointer, intent(out) :: context  !! As given to `PCShellSetContext`.
+      integer, intent(out) :: code  !! PETSc's error code.
     end subroutine PCShellGetContext
   end interface
 
@@ -132,14 +107,10 @@ contains
   !> Make the operator without active rows.
   subroutine operator_init(self, stiffness, n_rows, block, error)
     class(system_operator_t), target, intent(inout) :: self
-    !> The stiffness.
-    type(distributed_stiffness_t), target, intent(in) :: stiffness
-    !> Number of rows.
-    integer, intent(in) :: n_rows
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), target, intent(in) :: stiffness  !! The stiffness.
+    integer, intent(in) :: n_rows  !! Number of rows.
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B, body by body (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp), allocatable :: inverse(:, :, :)
     type(tMat) :: blocks
     integer :: k, code
@@ -171,10 +142,8 @@ contains
   !> Make an operator of the same stiffness that never has active rows.
   subroutine operator_init_like(self, other, error)
     class(system_operator_t), target, intent(inout) :: self
-    !> An operator that lives longer.
-    class(system_operator_t), intent(in) :: other
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    class(system_operator_t), intent(in) :: other  !! An operator that lives longer.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     self%stiffness => other%stiffness
     self%greatest = other%greatest
     self%blocks = other%blocks
@@ -186,14 +155,10 @@ contains
 
   !> Make an operator of PETSc, which keeps the address.
   subroutine make_shell(context, product, matrix, error)
-    !> The operator.
-    type(system_operator_t), target, intent(in) :: context
-    !> Its product.
-    procedure(multiply) :: product
-    !> As PETSc sees it.
-    type(tMat), intent(inout) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(system_operator_t), target, intent(in) :: context  !! The operator.
+    procedure(multiply) :: product  !! Its product.
+    type(tMat), intent(inout) :: matrix  !! As PETSc sees it.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer :: n, code
     external :: MatShellSetOperation
     n = context%stiffness%dim*context%stiffness%n_own
@@ -204,12 +169,9 @@ contains
 
   !> Estimate the greatest eigenvalue of D^{-1} K by conjugate gradients.
   subroutine find_greatest(self, blocks, error)
-    !> The operator, with K.
     class(system_operator_t), intent(inout) :: self
-    !> D.
-    type(tMat), intent(in) :: blocks
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(tMat), intent(in) :: blocks  !! D.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tKSP) :: solver
     type(tPC) :: pc
     type(tVec) :: b, x
@@ -245,10 +207,8 @@ contains
   !> Choose the active rows and their stiffness.
   subroutine operator_set_active(self, row_stiffness, error)
     class(system_operator_t), intent(inout) :: self
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), intent(in) :: row_stiffness(:)
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: row_stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     type(sparse_symmetric_t) :: part
     integer :: i
     self%row_stiffness(:) = row_stiffness
@@ -265,10 +225,8 @@ contains
   !> Choose the springs.
   subroutine operator_set_springs(self, spring, error)
     class(system_operator_t), intent(inout) :: self
-    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
-    type(mode_block_t), intent(in) :: spring(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     self%spring = spring
     call self%modes%init(matmul(transpose(self%row_mode), spread(self%row_stiffness, 2, size(self%row_mode, 2))* &
                                 self%row_mode), spring, error)
@@ -277,24 +235,18 @@ contains
   !> y := y - (B^T W B + R T R^T) R alpha.
   subroutine operator_subtract_modes(self, alpha, y)
     class(system_operator_t), intent(in) :: self
-    !> Amplitudes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n) [force]
-    real(dp), intent(inout), contiguous :: y(:)
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n_modes) [length].
+    real(dp), intent(inout), contiguous :: y(:)  !! (n) [force]
     call self%rows%subtract_force(self%row_stiffness*matmul(self%row_mode, alpha), y)
     y = y - matmul(self%stiffness%mode, multiply_springs(self%spring, alpha))
   end subroutine operator_subtract_modes
 
   !> y = P (K + B^T W B + R T R^T) x.
   subroutine multiply_deflated(matrix, x, y, code)
-    !> The operator.
-    type(tMat), intent(in) :: matrix
-    !> Displacements [length].
-    type(tVec), intent(in) :: x
-    !> Forces [force].
-    type(tVec), intent(inout) :: y
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    type(tMat), intent(in) :: matrix  !! The operator.
+    type(tVec), intent(in) :: x  !! Displacements [length].
+    type(tVec), intent(inout) :: y  !! Forces [force].
+    integer, intent(out) :: code  !! PETSc's error code.
     type(system_operator_t), pointer :: self
     real(dp), pointer :: from(:), to(:)
     real(dp), allocatable :: alpha(:)
@@ -316,14 +268,10 @@ contains
 
   !> y = (K + B^T W B) x.
   subroutine multiply(matrix, x, y, code)
-    !> The operator.
-    type(tMat), intent(in) :: matrix
-    !> Displacements [length].
-    type(tVec), intent(in) :: x
-    !> Forces [force].
-    type(tVec), intent(inout) :: y
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    type(tMat), intent(in) :: matrix  !! The operator.
+    type(tVec), intent(in) :: x  !! Displacements [length].
+    type(tVec), intent(inout) :: y  !! Forces [force].
+    integer, intent(out) :: code  !! PETSc's error code.
     type(system_operator_t), pointer :: self
     real(dp), pointer :: from(:), to(:)
     real(dp), allocatable :: moved(:)
@@ -343,8 +291,7 @@ contains
   !> Make a preconditioner an application of `(D + B^T W B)^{-1}`.
   subroutine operator_make_smoother(self, pc)
     class(system_operator_t), target, intent(in) :: self
-    !> The preconditioner.
-    type(tPC), intent(inout) :: pc
+    type(tPC), intent(inout) :: pc  !! The preconditioner.
     integer :: code
     external :: PCShellSetApply
     call PCSetType(pc, 'shell', code)
@@ -355,22 +302,17 @@ contains
 
     !> PETSc keeps the address.
     subroutine attach(context)
-      !> The operator.
-      type(system_operator_t), target, intent(in) :: context
+      type(system_operator_t), target, intent(in) :: context  !! The operator.
       call PCShellSetContext(pc, context, code)
     end subroutine attach
   end subroutine operator_make_smoother
 
   !> z = (D + B^T W B)^{-1} r.
   subroutine smooth(pc, r, z, code)
-    !> The preconditioner.
-    type(tPC), intent(in) :: pc
-    !> Forces [force].
-    type(tVec), intent(in) :: r
-    !> Displacements [length].
-    type(tVec), intent(inout) :: z
-    !> PETSc's error code.
-    integer, intent(out) :: code
+    type(tPC), intent(in) :: pc  !! The preconditioner.
+    type(tVec), intent(in) :: r  !! Forces [force].
+    type(tVec), intent(inout) :: z  !! Displacements [length].
+    integer, intent(out) :: code  !! PETSc's error code.
     type(system_operator_t), pointer :: self
     real(dp), pointer :: to(:)
     real(dp), allocatable :: moved(:), lambda(:)

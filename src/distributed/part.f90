@@ -10,32 +10,22 @@ module dotyk_distributed_part
   implicit none
   private
 
-  !> The part.
-  type, public :: part_t
-    !> Index of the body.
-    integer :: body = 0
+  type, public :: part_t  !! The part.
+    integer :: body = 0  !! Index of the body.
     !> Own elements and those around them, samples of others, and all nodes on the boundary of the body.
     type(body_mesh_t) :: mesh
-    !> Equations of the part, prescribed displacements and nodal axes.
-    type(constraint_t) :: constraint
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer :: analysis = 0
-    !> Materials (n_materials).
-    type(material_t), allocatable :: material(:)
+    type(constraint_t) :: constraint  !! Equations of the part, prescribed displacements and nodal axes.
+    integer :: analysis = 0  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), allocatable :: material(:)  !! Materials (n_materials).
     !> Loads on the nodes in global axes; those of other ranks' nodes have no meaning (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
     !> Rigid body modes that the supports leave, in global axes, orthonormal over the body (dim, n_nodes, n_modes) [].
     real(dp), allocatable :: mode(:, :, :)
-    !> Node of the body of each node, ascending (n_nodes).
-    integer, allocatable :: whole_node(:)
-    !> Whether a node belongs to this rank (n_nodes).
-    logical, allocatable :: is_own(:)
-    !> Interpolation from the corners.
-    type(corner_space_t) :: space
-    !> Block row of each node in the matrix of all bodies, from 0 (n_nodes).
-    integer, allocatable :: row(:)
-    !> Block row of each corner in the coarse matrix, from 0 (space%n).
-    integer, allocatable :: corner_row(:)
+    integer, allocatable :: whole_node(:)  !! Node of the body of each node, ascending (n_nodes).
+    logical, allocatable :: is_own(:)  !! Whether a node belongs to this rank (n_nodes).
+    type(corner_space_t) :: space  !! Interpolation from the corners.
+    integer, allocatable :: row(:)  !! Block row of each node in the matrix of all bodies, from 0 (n_nodes).
+    integer, allocatable :: corner_row(:)  !! Block row of each corner in the coarse matrix, from 0 (space%n).
   contains
     procedure :: init => part_init
     procedure :: axes => part_axes
@@ -47,12 +37,10 @@ contains
   !> Take the part of a body.
   subroutine part_init(self, b, body, mode)
     class(part_t), intent(out) :: self
-    !> Index of the body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! Index of the body.
     !> What this rank holds of it (`dotyk_elasticity_held_body`); it need not be assembled.
     type(body_t), intent(in) :: body
-    !> Its rigid body modes (dim, n_nodes, n_modes) [].
-    real(dp), intent(in) :: mode(:, :, :)
+    real(dp), intent(in) :: mode(:, :, :)  !! Its rigid body modes (dim, n_nodes, n_modes) [].
     self%body = b
     self%analysis = body%analysis
     self%material = body%material
@@ -69,8 +57,7 @@ contains
   !> From displacements along the axes of a node to those along the global axes; held ones count as zero.
   pure function part_axes(self, node) result(axes)
     class(part_t), intent(in) :: self
-    !> The node.
-    integer, intent(in) :: node
+    integer, intent(in) :: node  !! The node.
     !> Global component, component of the node (dim, dim) [].
     real(dp) :: axes(self%mesh%dimension, self%mesh%dimension)
     integer :: i
@@ -87,8 +74,7 @@ contains
   !> The node of the part that is a node of the body; 0 if none is.
   pure integer function part_local_node(self, whole) result(node)
     class(part_t), intent(in) :: self
-    !> Node of the body.
-    integer, intent(in) :: whole
+    integer, intent(in) :: whole  !! Node of the body.
     integer :: low, high
     low = 1
     high = size(self%whole_node)

@@ -20,8 +20,7 @@ module dotyk_distributed_petsc
   public :: first_of_rank, has_failed, largest_of_ranks, memory_of_rank, petsc_option, start_petsc, stop_petsc, &
     sum_of_ranks
 
-  !> Sums over ranks, and their lengths in all, so far.
-  integer, protected, public :: n_sums = 0, n_summed = 0
+  integer, protected, public :: n_sums = 0, n_summed = 0  !! Sums over ranks, and their lengths in all, so far.
 
   !> Sum over the ranks, on all of them.
   interface sum_of_ranks
@@ -37,16 +36,13 @@ module dotyk_distributed_petsc
     !> Of PETSc, likewise: call a procedure at errors.
     integer(c_int) function c_push_error_handler(handler, context) bind(c, name='PetscPushErrorHandler')
       import :: c_funptr, c_int, c_ptr
-      !> The procedure.
-      type(c_funptr), value :: handler
-      !> What it gets.
-      type(c_ptr), value :: context
+      type(c_funptr), value :: handler  !! The procedure.
+      type(c_ptr), value :: context  !! What it gets.
     end function c_push_error_handler
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
-      !> Text, ended by a null character.
-      type(c_ptr), value, intent(in) :: text
+      type(c_ptr), value, intent(in) :: text  !! Text, ended by a null character.
     end function c_strlen
   end interface
 
@@ -54,8 +50,7 @@ contains
 
   !> Begin, unless it has begun; MPI begins with it.
   subroutine start_petsc(error)
-    !> Allocated where PETSc does not start.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc does not start.
     integer :: code
     logical :: is_running
     call petsc_initialized(is_running, code)
@@ -78,22 +73,14 @@ contains
   !> End all ranks at the first error inside PETSc: calls after it would have undefined handles, and the other ranks are
   !> in the midst of PETSc. So no call needs to look at its code for them; `has_failed` sees codes that come without.
   integer(c_int) function end_at_error(communicator, line, procedure, file, code, kind, message, context) bind(c)
-    !> MPI's communicator, an address or a number.
-    type(c_ptr), value :: communicator
-    !> Place in PETSc: line.
-    integer(c_int), value :: line
-    !> Place in PETSc: name of the procedure.
-    type(c_ptr), value :: procedure
-    !> Place in PETSc: file.
-    type(c_ptr), value :: file
-    !> Error code.
-    integer(c_int), value :: code
-    !> Whether it comes for the first time.
-    integer(c_int), value :: kind
-    !> What is wrong; may be null.
-    type(c_ptr), value :: message
-    !> None.
-    type(c_ptr), value :: context
+    type(c_ptr), value :: communicator  !! MPI's communicator, an address or a number.
+    integer(c_int), value :: line  !! Place in PETSc: line.
+    type(c_ptr), value :: procedure  !! Place in PETSc: name of the procedure.
+    type(c_ptr), value :: file  !! Place in PETSc: file.
+    integer(c_int), value :: code  !! Error code.
+    integer(c_int), value :: kind  !! Whether it comes for the first time.
+    type(c_ptr), value :: message  !! What is wrong; may be null.
+    type(c_ptr), value :: context  !! None.
     associate (not_needed => [line, kind], nor_these => [communicator, file, context])
     end associate
     call print_error('PETSc: '//text_of(procedure)//': '//text_of(message)//' (error code '//to_text(int(code))//')')
@@ -103,8 +90,7 @@ contains
 
   !> A text of C.
   function text_of(pointer) result(text)
-    !> Its address, or null.
-    type(c_ptr), intent(in) :: pointer
+    type(c_ptr), intent(in) :: pointer  !! Its address, or null.
     character(:), allocatable :: text
     character(kind=c_char), pointer :: letters(:)
     integer :: i
@@ -118,12 +104,9 @@ contains
 
   !> Whether a call failed. Several ranks end at once: the others are in the midst of PETSc.
   logical function has_failed(code, what, error) result(failed)
-    !> What PETSc has returned.
-    integer, intent(in) :: code
-    !> What was to be done, for the message.
-    character(*), intent(in) :: what
-    !> Allocated where it failed; unchanged otherwise.
-    type(error_t), allocatable, intent(inout) :: error
+    integer, intent(in) :: code  !! What PETSc has returned.
+    character(*), intent(in) :: what  !! What was to be done, for the message.
+    type(error_t), allocatable, intent(inout) :: error  !! Allocated where it failed; unchanged otherwise.
     failed = code /= 0
     if (.not. failed) return
     call set_error(error, 'PETSc: '//what//': error code '//to_text(code), exit_machine)
@@ -134,10 +117,8 @@ contains
 
   !> Set an option, unless the user has: PETSC_OPTIONS and the file .petscrc come first.
   subroutine petsc_option(name, value)
-    !> Its name, with the hyphen.
-    character(*), intent(in) :: name
-    !> Its value.
-    character(*), intent(in) :: value
+    character(*), intent(in) :: name  !! Its name, with the hyphen.
+    character(*), intent(in) :: value  !! Its value.
     integer :: code
     logical :: is_set
     external :: PetscOptionsHasName
@@ -147,8 +128,7 @@ contains
 
   !> Memory of this rank now, and at most so far [bytes].
   subroutine memory_of_rank(now, most)
-    !> [bytes]
-    real(dp), intent(out) :: now, most
+    real(dp), intent(out) :: now, most  !! [bytes]
     integer :: code
     call PetscMemoryGetCurrentUsage(now, code)
     call PetscMemoryGetMaximumUsage(most, code)
@@ -156,8 +136,7 @@ contains
 
   !> Sum of arrays of real numbers.
   subroutine sum_of_reals(x)
-    !> The part of this rank, then the sum (any number) [any].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! The part of this rank, then the sum (any number) [any].
     integer :: code
     n_sums = n_sums + 1
     n_summed = n_summed + size(x)
@@ -166,8 +145,7 @@ contains
 
   !> Sum of arrays of integers.
   subroutine sum_of_integers(x)
-    !> The part of this rank, then the sum (any number).
-    integer, intent(inout), contiguous :: x(:)
+    integer, intent(inout), contiguous :: x(:)  !! The part of this rank, then the sum (any number).
     integer :: code
     n_sums = n_sums + 1
     n_summed = n_summed + size(x)
@@ -176,16 +154,14 @@ contains
 
   !> Largest numbers of all ranks.
   subroutine largest_of_ranks(x)
-    !> Those of this rank, then of all ranks (any number) [any].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Those of this rank, then of all ranks (any number) [any].
     integer :: code
     call mpi_allreduce(mpi_in_place, x, size(x), mpi_double_precision, mpi_max, mpi_comm_world, code)
   end subroutine largest_of_ranks
 
   !> How many things lower ranks have.
   integer function first_of_rank(n) result(first)
-    !> How many this rank has.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! How many this rank has.
     integer :: code
     first = 0
     call mpi_exscan(n, first, 1, mpi_integer, mpi_sum, mpi_comm_world, code)

@@ -32,8 +32,7 @@ module dotyk_distributed_preconditioner
   !> `dotyk_linalg_chebyshev`.
   integer, parameter :: degree = 3
   real(dp), parameter :: ratio = 8
-  !> Steps of the smoothers of the aggregation.
-  character(*), parameter :: aggregation_degree = '3'
+  character(*), parameter :: aggregation_degree = '3'  !! Steps of the smoothers of the aggregation.
   !> Ends of their intervals as multiples of an estimate of the greatest eigenvalue.
   real(dp), parameter :: least_of_interval = 0.1_dp, greatest_of_interval = 1.1_dp
   !> Diagonal entries of coarse levels below this fraction of the largest one are rounding errors [].
@@ -43,20 +42,13 @@ contains
 
   !> P^T (K + B^T W B) P.
   subroutine make_coarse_matrix(stiffness, rows, row_stiffness, active, shift, matrix, error)
-    !> The stiffness.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> The rows.
-    type(contact_rows_t), intent(in) :: rows
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: row_stiffness(:)
-    !> Active rows (n).
-    integer, intent(in) :: active(:)
-    !> Added to the diagonal: positive where modes are indeterminate [force/length].
-    real(dp), intent(in) :: shift
-    !> The matrix.
-    type(tMat), intent(inout) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    type(contact_rows_t), intent(in) :: rows  !! The rows.
+    real(dp), intent(in) :: row_stiffness(:)  !! W (n_rows) [force/length].
+    integer, intent(in) :: active(:)  !! Active rows (n).
+    real(dp), intent(in) :: shift  !! Added to the diagonal: positive where modes are indeterminate [force/length].
+    type(tMat), intent(inout) :: matrix  !! The matrix.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tMat) :: fine_rows, corner_rows, product
     real(dp) :: norm
     type(tMatNullSpace) :: space
@@ -91,18 +83,12 @@ contains
 
   !> sqrt(W) B on the active rows, distributed.
   subroutine make_rows(stiffness, rows, row_stiffness, active, matrix, error)
-    !> The stiffness.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> The rows.
-    type(contact_rows_t), intent(in) :: rows
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: row_stiffness(:)
-    !> Active rows (n).
-    integer, intent(in) :: active(:)
-    !> (n x dim*n_nodes) [sqrt(force/length)]
-    type(tMat), intent(inout) :: matrix
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    type(contact_rows_t), intent(in) :: rows  !! The rows.
+    real(dp), intent(in) :: row_stiffness(:)  !! W (n_rows) [force/length].
+    integer, intent(in) :: active(:)  !! Active rows (n).
+    type(tMat), intent(inout) :: matrix  !! (n x dim*n_nodes) [sqrt(force/length)]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer, allocatable :: length(:), column(:)
     integer :: i, n_own_rows, first, code
     integer :: dim
@@ -137,16 +123,12 @@ contains
 
   !> Make the solver, and set it up.
   subroutine make_solver(operator, coarse, is_plain, solver, error)
-    !> The operator with its active rows.
-    type(system_operator_t), target, intent(in) :: operator
-    !> Its matrix on the corner space.
-    type(tMat), intent(in) :: coarse
+    type(system_operator_t), target, intent(in) :: operator  !! The operator with its active rows.
+    type(tMat), intent(in) :: coarse  !! Its matrix on the corner space.
     !> Whether the aggregation smooths with the diagonal alone: slower, but always positive.
     logical, intent(in) :: is_plain
-    !> The solver; its preconditioner keeps a reference to the coarse matrix.
-    type(tKSP), intent(inout) :: solver
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(tKSP), intent(inout) :: solver  !! The solver; its preconditioner keeps a reference to the coarse matrix.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tKSP) :: smoother, coarse_solver
     type(tPC) :: pc, smoother_pc
     integer :: n_levels, code
@@ -213,8 +195,7 @@ contains
 
     !> Smoothing on the level of all displacements.
     subroutine smooth_contact(matrix)
-      !> The matrix whose residuals it smooths.
-      type(tMat), intent(in) :: matrix
+      type(tMat), intent(in) :: matrix  !! The matrix whose residuals it smooths.
       call KSPChebyshevSetEigenvalues(smoother, 1.0_dp, 1/ratio, code)
       call KSPSetTolerances(smoother, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, degree, code)
       call KSPSetNormType(smoother, KSP_NORM_NONE, code)
@@ -225,8 +206,7 @@ contains
 
     !> Give back what the products of the aggregation keep for other values in the same pattern.
     subroutine forget_products(pc)
-      !> The aggregation.
-      type(tPC), intent(inout) :: pc
+      type(tPC), intent(inout) :: pc  !! The aggregation.
       type(tKSP) :: of_level
       type(tMat) :: matrix, same, interpolation
       integer :: level, n, code
@@ -244,8 +224,7 @@ contains
 
     !> One cycle of smoothed aggregation.
     subroutine aggregate(pc)
-      !> The preconditioner.
-      type(tPC), intent(inout) :: pc
+      type(tPC), intent(inout) :: pc  !! The preconditioner.
       call PCSetType(pc, 'gamg', code)
       if (is_plain) then
         call PCSetOptionsPrefix(pc, 'plain_corner_', code)
@@ -259,10 +238,8 @@ contains
   !> Make the smoothers of the aggregation by diagonals positive: an aggregate of few nodes has motions that nothing
   !> resists, and their diagonal entries are rounding errors. Their intervals are found anew.
   subroutine make_positive(pc, error)
-    !> The aggregation, set up.
-    type(tPC), intent(in) :: pc
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(tPC), intent(in) :: pc  !! The aggregation, set up.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tKSP) :: smoother
     type(tMat) :: matrix, other, diagonal
     type(tVec) :: vector

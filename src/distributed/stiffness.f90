@@ -21,32 +21,22 @@ module dotyk_distributed_stiffness
 
   !> The stiffness. It owns objects of PETSc: never copy it, destroy it in the end.
   type, public :: distributed_stiffness_t
-    !> Number of displacement components.
-    integer :: dim = 0
-    !> Parts of this rank, numbered, without elements (n_parts).
-    type(part_t), allocatable :: part(:)
-    !> Own nodes; block row of the first one, from 0.
-    integer :: n_own = 0, first = 0
-    !> Own corners, and all of them.
-    integer :: n_own_corners = 0, n_corners = 0
+    integer :: dim = 0  !! Number of displacement components.
+    type(part_t), allocatable :: part(:)  !! Parts of this rank, numbered, without elements (n_parts).
+    integer :: n_own = 0, first = 0  !! Own nodes; block row of the first one, from 0.
+    integer :: n_own_corners = 0, n_corners = 0  !! Own corners, and all of them.
     !> Whether all elements are linear: `coarse` is the stiffness then, and there is no other.
     logical :: is_linear = .false.
-    !> Stiffness by blocks; held components have a diagonal entry [force/length].
-    type(tMat) :: fine
-    !> P^T K P, likewise [force/length].
-    type(tMat) :: coarse
-    !> Interpolation P from the corners [].
-    type(tMat) :: interpolation
-    !> Loads minus the forces of prescribed displacements (dim*n_own) [force].
-    real(dp), allocatable :: load(:)
+    type(tMat) :: fine  !! Stiffness by blocks; held components have a diagonal entry [force/length].
+    type(tMat) :: coarse  !! P^T K P, likewise [force/length].
+    type(tMat) :: interpolation  !! Interpolation P from the corners [].
+    real(dp), allocatable :: load(:)  !! Loads minus the forces of prescribed displacements (dim*n_own) [force].
     !> Forces of prescribed displacements z, K z, along free components (dim*n_own) [force].
     real(dp), allocatable :: lift(:)
-    !> A(z, z)/2 [energy], and the work of the loads on z [energy].
-    real(dp) :: lift_energy = 0, lift_work = 0
+    real(dp) :: lift_energy = 0, lift_work = 0  !! A(z, z)/2 [energy], and the work of the loads on z [energy].
     !> Rigid body modes that the supports leave, body after body, orthonormal (dim*n_own, n_modes) [].
     real(dp), allocatable :: mode(:, :)
-    !> Body of each mode (n_modes).
-    integer, allocatable :: body_of_mode(:)
+    integer, allocatable :: body_of_mode(:)  !! Body of each mode (n_modes).
   contains
     procedure :: init => stiffness_init
     procedure :: matrix => stiffness_matrix
@@ -63,10 +53,8 @@ contains
   !> Number, assemble.
   subroutine stiffness_init(self, part, n_of_body, error)
     class(distributed_stiffness_t), intent(out) :: self
-    !> Parts of this rank; moved (n_parts).
-    type(part_t), allocatable, intent(inout) :: part(:)
-    !> Number of nodes of each body (n_bodies).
-    integer, intent(in) :: n_of_body(:)
+    type(part_t), allocatable, intent(inout) :: part(:)  !! Parts of this rank; moved (n_parts).
+    integer, intent(in) :: n_of_body(:)  !! Number of nodes of each body (n_bodies).
     !> Allocated where elements do not conform, or are inverted, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: load(:, :), lift(:, :)
@@ -145,8 +133,7 @@ contains
   !> The matrix of all displacements.
   function stiffness_matrix(self) result(matrix)
     class(distributed_stiffness_t), intent(in) :: self
-    !> Without a reference of its own.
-    type(tMat) :: matrix
+    type(tMat) :: matrix  !! Without a reference of its own.
     matrix = self%fine
     if (self%is_linear) matrix = self%coarse
   end function stiffness_matrix
@@ -154,8 +141,7 @@ contains
   !> A vector over all unknowns.
   subroutine stiffness_make_vector(self, vector)
     class(distributed_stiffness_t), intent(in) :: self
-    !> The vector.
-    type(tVec), intent(inout) :: vector
+    type(tVec), intent(inout) :: vector  !! The vector.
     integer :: code
     call MatCreateVecs(self%matrix(), vector, PETSC_NULL_VEC, code)
   end subroutine stiffness_make_vector
@@ -163,20 +149,16 @@ contains
   !> An array as a vector of PETSc, which uses its memory.
   subroutine stiffness_wrap(self, x, vector)
     class(distributed_stiffness_t), intent(in) :: self
-    !> Own unknowns (dim*n_own) [any].
-    real(dp), intent(inout), contiguous, target :: x(:)
-    !> The vector; to be destroyed before the array.
-    type(tVec), intent(inout) :: vector
+    real(dp), intent(inout), contiguous, target :: x(:)  !! Own unknowns (dim*n_own) [any].
+    type(tVec), intent(inout) :: vector  !! The vector; to be destroyed before the array.
     integer :: code
     call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%dim, size(x), PETSC_DETERMINE, x, vector, code)
   end subroutine stiffness_wrap
 
   !> The rigid body modes along the axes of the own nodes.
   subroutine take_modes(self, n_bodies)
-    !> The stiffness.
     class(distributed_stiffness_t), intent(inout) :: self
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
+    integer, intent(in) :: n_bodies  !! Number of bodies.
     integer :: n_of_body(n_bodies), p, i, k, j, first
     n_of_body = 0
     do p = 1, size(self%part)
@@ -202,8 +184,7 @@ contains
   !> Diagonal of the stiffness.
   subroutine stiffness_diagonal(self, diagonal)
     class(distributed_stiffness_t), intent(in) :: self
-    !> Of the own unknowns (dim*n_own) [force/length].
-    real(dp), allocatable, intent(out) :: diagonal(:)
+    real(dp), allocatable, intent(out) :: diagonal(:)  !! Of the own unknowns (dim*n_own) [force/length].
     type(tVec) :: vector
     real(dp), pointer :: x(:)
     integer :: code
@@ -218,14 +199,10 @@ contains
   !> Entries of a vector over all unknowns, wherever they are.
   subroutine stiffness_entries(self, own, entry, found, error)
     class(distributed_stiffness_t), intent(in) :: self
-    !> Own unknowns (dim*n_own) [any].
-    real(dp), intent(in) :: own(:)
-    !> Entries that this rank wants, from 0 (n).
-    integer, intent(in) :: entry(:)
-    !> (n) [as own]
-    real(dp), allocatable, intent(out) :: found(:)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: own(:)  !! Own unknowns (dim*n_own) [any].
+    integer, intent(in) :: entry(:)  !! Entries that this rank wants, from 0 (n).
+    real(dp), allocatable, intent(out) :: found(:)  !! (n) [as own]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     type(tVec) :: all
     real(dp), allocatable, target :: x(:)
     integer :: code
@@ -238,14 +215,10 @@ contains
   !> Displacements of all nodes of a part, ghosts included, in global axes, with prescribed ones.
   subroutine stiffness_nodal_displacement(self, p, x, u, error)
     class(distributed_stiffness_t), intent(in) :: self
-    !> The part.
-    integer, intent(in) :: p
-    !> Displacements of the own nodes along their axes (dim*n_own) [length].
-    real(dp), intent(in) :: x(:)
-    !> (dim, n_nodes of the part) [length]
-    real(dp), allocatable, intent(out) :: u(:, :)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: p  !! The part.
+    real(dp), intent(in) :: x(:)  !! Displacements of the own nodes along their axes (dim*n_own) [length].
+    real(dp), allocatable, intent(out) :: u(:, :)  !! (dim, n_nodes of the part) [length]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp), allocatable :: found(:)
     integer :: i, j
     associate (part => self%part(p), constraint => self%part(p)%constraint)

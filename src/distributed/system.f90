@@ -28,20 +28,14 @@ module dotyk_distributed_system
 
   !> The systems. PETSc has addresses of components: never copy or move it, destroy it in the end.
   type, extends(proximal_system_t), public :: distributed_system_t
-    !> The stiffness.
-    type(distributed_stiffness_t), pointer :: bodies => null()
-    !> Displacements of the last solution; not allocated before one (n) [length].
-    real(dp), allocatable :: u(:)
-    !> The operator with the active rows, and the one without.
-    type(system_operator_t), private :: contact, alone
-    !> Set-ups of the aggregation so far.
-    integer :: n_setups = 0
-    !> Least Ritz value of the preconditioned K; 1 before `solve_alone` [].
-    real(dp) :: least = 1
+    type(distributed_stiffness_t), pointer :: bodies => null()  !! The stiffness.
+    real(dp), allocatable :: u(:)  !! Displacements of the last solution; not allocated before one (n) [length].
+    type(system_operator_t), private :: contact, alone  !! The operator with the active rows, and the one without.
+    integer :: n_setups = 0  !! Set-ups of the aggregation so far.
+    real(dp) :: least = 1  !! Least Ritz value of the preconditioned K; 1 before `solve_alone` [].
     !> Whether incomplete factors were not positive: the aggregation smooths with diagonals from then on.
     logical, private :: is_plain = .false.
-    !> Linear solvers: with active rows, and without.
-    type(solver_t), private :: of_contact, of_bodies
+    type(solver_t), private :: of_contact, of_bodies  !! Linear solvers: with active rows, and without.
   contains
     procedure :: init => system_init
     procedure :: start => system_start
@@ -72,13 +66,11 @@ module dotyk_distributed_system
   !> Accuracy of the solution without contact that the iteration begins with [], and iterations of it at most.
   real(dp), parameter :: start_reduction = 1.0e-2_dp
   integer, parameter :: most_of_start = 500
-  !> Fractions of its multiples have no order.
-  real(dp), parameter :: golden = 0.6180339887498949_dp
+  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples have no order.
   !> Reduction of the residual, and iterations, that measure Ritz values.
   real(dp), parameter :: reduction_of_sample = 1.0e-8_dp
   integer, parameter :: most_of_sample = 45
-  !> Iterations of one system after which incomplete factors are given up.
-  integer, parameter :: most_with_factors = 60
+  integer, parameter :: most_with_factors = 60  !! Iterations of one system after which incomplete factors are given up.
   !> Fraction of the mean diagonal that is added to coarse matrices of floating bodies: their motions are taken out of
   !> residuals, and must only not be divided by zero [].
   real(dp), parameter :: shift_of_free = 1.0e-7_dp
@@ -88,12 +80,10 @@ contains
   !> Make the systems.
   subroutine system_init(self, bodies, operator, error)
     class(distributed_system_t), target, intent(inout) :: self
-    !> The stiffness; lives longer.
-    type(distributed_stiffness_t), target, intent(in) :: bodies
+    type(distributed_stiffness_t), target, intent(in) :: bodies  !! The stiffness; lives longer.
     !> Rows of B, weights and gaps of all bodies, the same on all ranks.
     type(contact_operator_t), intent(in) :: operator
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     self%bodies => bodies
     self%n = bodies%dim*bodies%n_own
     self%n_rows = operator%n_rows
@@ -115,16 +105,11 @@ contains
   !> rows that they close.
   subroutine system_start(self, qp, theta, warm, m, u)
     class(distributed_system_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Whether there are pressures.
-    logical, intent(in) :: warm
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: u(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: warm  !! Whether there are pressures.
+    real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     type(iterate_t) :: rest
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
@@ -146,10 +131,8 @@ contains
 
   !> Take a preconditioner that is positive for certain, and measure its least Ritz value.
   recursive subroutine take_plain(self, error)
-    !> The systems.
     class(distributed_system_t), intent(inout) :: self
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     self%is_plain = .true.
     self%least = 1
     call set_up(self, self%alone, self%of_bodies, error)
@@ -158,10 +141,8 @@ contains
 
   !> Measure the least Ritz value under forces without order: loads may leave bodies unloaded.
   recursive subroutine sample_spectrum(self, error)
-    !> The systems.
     class(distributed_system_t), intent(inout) :: self
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp) :: r(self%n), e(self%n)
     type(solve_outcome_t) :: outcome
     integer :: i
@@ -175,12 +156,9 @@ contains
   !> Choose active rows and springs, and set up the solver where the rows change.
   subroutine system_set_active(self, stiffness, spring, error)
     class(distributed_system_t), target, intent(inout) :: self
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
-    type(mode_block_t), intent(in) :: spring(:)
-    !> Allocated where a number is not finite, or PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or PETSc fails.
     logical :: has_rows
     has_rows = self%of_contact%is_set .and. .not. any(abs(stiffness - self%contact%row_stiffness) > 0)
     self%stiffness = stiffness
@@ -192,14 +170,10 @@ contains
 
   !> Make the solver of an operator.
   subroutine set_up(self, operator, solver, error)
-    !> The systems.
     class(distributed_system_t), intent(inout) :: self
-    !> The operator.
-    type(system_operator_t), intent(in) :: operator
-    !> Gets its solver.
-    type(solver_t), intent(inout) :: solver
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(system_operator_t), intent(in) :: operator  !! The operator.
+    type(solver_t), intent(inout) :: solver  !! Gets its solver.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp) :: shift
     integer :: code
     call drop_solver(solver)
@@ -221,18 +195,12 @@ contains
   !> Solve (K + B^T W B + R T R^T) e = r: the deflated system, and the amplitudes of the modes.
   subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
     class(distributed_system_t), target, intent(inout) :: self
-    !> Forces (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
-    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
-    real(dp), intent(in) :: aim
-    !> Iterations at most.
-    integer, intent(in) :: most_steps
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: e(:)
-    !> How it went.
-    type(solve_outcome_t), intent(out) :: outcome
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces (n) [force].
+    real(dp), intent(in) :: aim  !! Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    integer, intent(in) :: most_steps  !! Iterations at most.
+    real(dp), intent(inout), contiguous :: e(:)  !! Displacements (n) [length].
+    type(solve_outcome_t), intent(out) :: outcome  !! How it went.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp) :: deflated(self%n), moved(self%n_rows)
     real(dp), allocatable :: alpha(:)
     deflated = r
@@ -261,18 +229,12 @@ contains
   !> Solve K e = r without contact, and note the least Ritz value.
   recursive subroutine system_solve_alone(self, r, reduction, most_steps, e, outcome, error)
     class(distributed_system_t), intent(inout) :: self
-    !> Forces, without resultants on rigid body modes (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
-    !> Relative residual to end at [].
-    real(dp), intent(in) :: reduction
-    !> Iterations at most.
-    integer, intent(in) :: most_steps
-    !> Displacements, without rigid body motions (n) [length].
-    real(dp), intent(inout), contiguous :: e(:)
-    !> How it went.
-    type(solve_outcome_t), intent(out) :: outcome
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces, without resultants on rigid body modes (n) [force].
+    real(dp), intent(in) :: reduction  !! Relative residual to end at [].
+    integer, intent(in) :: most_steps  !! Iterations at most.
+    real(dp), intent(inout), contiguous :: e(:)  !! Displacements, without rigid body motions (n) [length].
+    type(solve_outcome_t), intent(out) :: outcome  !! How it went.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     real(dp) :: greatest, least, aim
     integer :: code
     e = 0
@@ -302,8 +264,7 @@ contains
   !> sqrt(r^T K^+ r) at most, as far as the least Ritz value tells [sqrt(energy)].
   recursive real(dp) function system_force_norm(self, r) result(norm)
     class(distributed_system_t), intent(inout) :: self
-    !> Forces; without resultants on return (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces; without resultants on return (n) [force].
     real(dp) :: z(size(r)), square
     type(tVec) :: b, x
     type(tPC) :: pc
@@ -331,10 +292,8 @@ contains
   !> f = K u without the rigid motions of u, of which rounding would leave forces.
   subroutine system_strain_forces(self, u, f)
     class(distributed_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> (n) [force]
-    real(dp), intent(out), contiguous :: f(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out), contiguous :: f(:)  !! (n) [force]
     real(dp) :: strained(self%n), found(self%n)
     type(tVec) :: from, to
     integer :: code
@@ -351,20 +310,16 @@ contains
   !> Energy norm of the displacements, prescribed ones included [sqrt(energy)].
   real(dp) function system_energy_norm(self, u, f) result(norm)
     class(distributed_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> K u (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(in), contiguous :: f(:)  !! K u (n) [force].
     norm = sqrt(max(0.0_dp, self%product(u, f) + 2*self%product(u, self%bodies%lift) + 2*self%bodies%lift_energy))
   end function system_energy_norm
 
   !> Strain energy and work of the loads.
   subroutine system_find_terms(self, u, terms)
     class(distributed_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> (2) [energy]
-    real(dp), allocatable, intent(inout) :: terms(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), allocatable, intent(inout) :: terms(:)  !! (2) [energy]
     real(dp) :: f(self%n)
     call self%strain_forces(u, f)
     terms = self%product(u, self%bodies%lift) + [self%bodies%lift_energy, self%bodies%lift_work] + &
@@ -374,10 +329,8 @@ contains
   !> y = B u, without prescribed displacements.
   subroutine system_row_displacement(self, u, y)
     class(distributed_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> The same on all ranks (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out) :: y(:)  !! The same on all ranks (n_rows) [length].
     real(dp) :: found(size(y))
     call self%contact%rows%displacement(u, found)
     y = found
@@ -386,20 +339,16 @@ contains
   !> r := r - B^T lambda.
   subroutine system_subtract_row_force(self, lambda, r)
     class(distributed_system_t), intent(in) :: self
-    !> Forces, the same on all ranks (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> (n) [force]
-    real(dp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in) :: lambda(:)  !! Forces, the same on all ranks (n_rows) [force].
+    real(dp), intent(inout), contiguous :: r(:)  !! (n) [force]
     call self%contact%rows%subtract_force(lambda, r)
   end subroutine system_subtract_row_force
 
   !> R^T f.
   function system_resultants(self, f) result(resultant)
     class(distributed_system_t), intent(in) :: self
-    !> Forces (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> The same on all ranks (n_modes) [force].
-    real(dp), allocatable :: resultant(:)
+    real(dp), intent(in), contiguous :: f(:)  !! Forces (n) [force].
+    real(dp), allocatable :: resultant(:)  !! The same on all ranks (n_modes) [force].
     resultant = matmul(f, self%bodies%mode)
     if (size(resultant) > 0) call sum_of_ranks(resultant)
   end function system_resultants
@@ -407,62 +356,49 @@ contains
   !> u := u + R alpha.
   subroutine system_add_modes(self, alpha, u)
     class(distributed_system_t), intent(in) :: self
-    !> Amplitudes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: u(:)
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n_modes) [length].
+    real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     if (size(alpha) > 0) u(:) = u + matmul(self%bodies%mode, alpha)
   end subroutine system_add_modes
 
   !> Take all rigid body modes out of forces or displacements.
   subroutine system_remove_modes(self, x)
     class(distributed_system_t), intent(in) :: self
-    !> Forces or displacements (n) [any].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Forces or displacements (n) [any].
     call self%add_modes(-self%resultants(x), x)
   end subroutine system_remove_modes
 
   !> Diagonal of B D^{-1} B^T, D the diagonal blocks of the smoother.
   pure function system_row_compliance(self) result(compliance)
     class(distributed_system_t), intent(in) :: self
-    !> (n_rows) [length/force]
-    real(dp) :: compliance(self%n_rows)
+    real(dp) :: compliance(self%n_rows)  !! (n_rows) [length/force]
     compliance = self%contact%rows%self_compliance
   end function system_row_compliance
 
   !> Whether rows have no free unknown.
   pure function system_is_rigid_row(self) result(is_rigid)
     class(distributed_system_t), intent(in) :: self
-    !> (n_rows)
-    logical :: is_rigid(self%n_rows)
+    logical :: is_rigid(self%n_rows)  !! (n_rows)
     is_rigid = .not. self%contact%rows%self_compliance > 0
   end function system_is_rigid_row
 
   !> Close the gaps of some rows.
   subroutine system_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
     class(distributed_system_t), intent(in) :: self
-    !> Rows to close (n_rows).
-    logical, intent(in) :: chosen(:)
-    !> Gaps to close (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> theta/w (n_rows) [length/force].
-    real(dp), intent(in) :: softness(:)
-    !> Fraction of the diagonal that is added [].
-    real(dp), intent(in) :: shift
-    !> B g, of all rows (n_rows) [length].
-    real(dp), intent(out) :: closed(:)
-    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: chosen(:)  !! Rows to close (n_rows).
+    real(dp), intent(in) :: gap(:)  !! Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: softness(:)  !! theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: shift  !! Fraction of the diagonal that is added [].
+    real(dp), intent(out) :: closed(:)  !! B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: norm  !! Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     call self%contact%rows%close_gaps(chosen, gap, softness, shift, closed, norm, error)
   end subroutine system_close_gaps
 
   !> Scalar product over all ranks.
   real(dp) function system_product(self, a, b) result(product)
     class(distributed_system_t), intent(in) :: self
-    !> Vectors (n) [any].
-    real(dp), intent(in), contiguous :: a(:), b(:)
+    real(dp), intent(in), contiguous :: a(:), b(:)  !! Vectors (n) [any].
     real(dp) :: sum(1)
     sum = dot_product(a(:self%n), b(:self%n))
     call sum_of_ranks(sum)

@@ -5,28 +5,18 @@ module dotyk_driver_arguments
   implicit none
   private
 
-  !> What the user asked for.
-  type, public :: arguments_t
-    !> Namelist file; empty where none is needed.
-    character(:), allocatable :: case_file
-    !> Path of the results file in place of the scene's; empty where not given.
-    character(:), allocatable :: output
+  type, public :: arguments_t  !! What the user asked for.
+    character(:), allocatable :: case_file  !! Namelist file; empty where none is needed.
+    character(:), allocatable :: output  !! Path of the results file in place of the scene's; empty where not given.
     !> Results file whose contact pressures the scheme starts from; empty: from the scene without contact.
     character(:), allocatable :: restart
-    !> Number of threads; 0: all processors.
-    integer :: threads = 0
-    !> Check everything and solve nothing.
-    logical :: check = .false.
-    !> Geometries may start no program and write no file but their mesh.
-    logical :: no_shell = .false.
-    !> Print errors only.
-    logical :: quiet = .false.
-    !> Print the version and stop.
-    logical :: version = .false.
-    !> Print the help and stop.
-    logical :: help = .false.
-    !> Print the input reference in Markdown and stop.
-    logical :: reference = .false.
+    integer :: threads = 0  !! Number of threads; 0: all processors.
+    logical :: check = .false.  !! Check everything and solve nothing.
+    logical :: no_shell = .false.  !! Geometries may start no program and write no file but their mesh.
+    logical :: quiet = .false.  !! Print errors only.
+    logical :: version = .false.  !! Print the version and stop.
+    logical :: help = .false.  !! Print the help and stop.
+    logical :: reference = .false.  !! Print the input reference in Markdown and stop.
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
@@ -38,8 +28,7 @@ contains
 
   !> The arguments of this run.
   subroutine read_arguments(arguments, error)
-    !> Arguments of the command line.
-    type(arguments_t), intent(out) :: arguments
+    type(arguments_t), intent(out) :: arguments  !! Arguments of the command line.
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: words(:)
@@ -55,10 +44,8 @@ contains
 
   !> Words to arguments.
   subroutine parse_arguments(words, arguments, error)
-    !> Words of the command line without the program's name (n_words).
-    type(text_t), intent(in) :: words(:)
-    !> Arguments that the words spell.
-    type(arguments_t), intent(out) :: arguments
+    type(text_t), intent(in) :: words(:)  !! Words of the command line without the program's name (n_words).
+    type(arguments_t), intent(out) :: arguments  !! Arguments that the words spell.
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
     type(text_t) :: options(8)

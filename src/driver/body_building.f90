@@ -21,20 +21,15 @@ contains
 
   !> Build the bodies of a scene.
   subroutine read_bodies(case, may_split, problem, surfaces, remarks, in_parts, are_dealt, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Whether several ranks may compute a body together.
-    logical, intent(in) :: may_split
+    type(case_t), intent(in) :: case  !! The case.
+    logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
     !> Gets bodies; with `are_dealt` congruence classes, the ranks that compute the bodies, and rigid body modes, too.
     type(contact_problem_t), intent(inout) :: problem
     !> Surfaces of the bodies that contact pairs may need (n_bodies).
     type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
-    !> Lines for the log (n_remarks).
-    type(text_t), allocatable, intent(out) :: remarks(:)
-    !> Whether each rank has a part of each body.
-    logical, intent(out) :: in_parts
-    !> Whether each rank has its own bodies, and the surfaces of others.
-    logical, intent(out) :: are_dealt
+    type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
+    logical, intent(out) :: in_parts  !! Whether each rank has a part of each body.
+    logical, intent(out) :: are_dealt  !! Whether each rank has its own bodies, and the surfaces of others.
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(mesh_survey_t) :: survey
@@ -64,10 +59,8 @@ contains
 
   !> Put what the log says of mesh files before what it says of bodies.
   pure subroutine put_first(first, remarks)
-    !> Of the files (n_first).
-    type(text_t), intent(in) :: first(:)
-    !> Of the bodies; all on return (n_remarks).
-    type(text_t), allocatable, intent(inout) :: remarks(:)
+    type(text_t), intent(in) :: first(:)  !! Of the files (n_first).
+    type(text_t), allocatable, intent(inout) :: remarks(:)  !! Of the bodies; all on return (n_remarks).
     type(text_t), allocatable :: all_of_them(:)
     allocate (all_of_them(size(first) + size(remarks)))
     all_of_them(:size(first)) = first
@@ -77,10 +70,8 @@ contains
 
   !> Whether p-multigrid may be chosen for a body.
   pure logical function are_maybe_large(case, survey) result(are_large)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
     integer :: b
     are_large = case%solver%response == response_multigrid
     if (case%solver%response == response_auto .and. case%scene%analysis == analysis_3d .and. survey%is_known) &

@@ -22,20 +22,16 @@ module dotyk_driver_cad_faces
   private
   public :: show_cad_faces
 
-  !> Resultant over area of the normals of a face that counts as plane.
-  real(dp), parameter :: plane = 0.999_dp
-  !> Components below this are 0, relative to the others [].
-  real(dp), parameter :: rounding = 1.0e-9_dp
+  real(dp), parameter :: plane = 0.999_dp  !! Resultant over area of the normals of a face that counts as plane.
+  real(dp), parameter :: rounding = 1.0e-9_dp  !! Components below this are 0, relative to the others [].
 
 contains
 
   !> List the faces of all bodies from CAD files, in the coordinates of the files: area, centre, and the outward normal
   !> of plane ones. All ranks do it together.
   subroutine show_cad_faces(case, log)
-    !> The case, checked.
-    type(case_t), intent(in) :: case
-    !> Gets the table.
-    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case  !! The case, checked.
+    type(log_t), intent(inout) :: log  !! Gets the table.
     type(mesh_t) :: mesh
     type(body_mesh_t) :: body_mesh
     type(meshing_t) :: meshing
@@ -76,10 +72,8 @@ contains
 
     !> Whether an earlier body has the mesh of a body, and its volume.
     logical function seen(b, with_volume)
-      !> The body.
-      integer, intent(in) :: b
-      !> Whether the volume counts.
-      logical, intent(in) :: with_volume
+      integer, intent(in) :: b  !! The body.
+      logical, intent(in) :: with_volume  !! Whether the volume counts.
       integer :: i
       seen = .true.
       do i = 1, b - 1
@@ -92,19 +86,15 @@ contains
 
   !> Whether the volumes and faces of a file are listed.
   pure logical function is_listed(path)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     is_listed = is_cad_file(path) .or. is_inp_file(path) .or. is_vtu_file(path) .or. is_med_file(path)
   end function is_listed
 
   !> List the volumes of a mesh; of a CAD file, the solids that have names.
   subroutine show_volumes(mesh, dimension, log)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Gets the lines.
-    type(log_t), intent(inout) :: log
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(log_t), intent(inout) :: log  !! Gets the lines.
     type(text_t), allocatable :: names(:)
     logical :: wanted(size(mesh%group))
     integer :: i, b, n
@@ -127,18 +117,12 @@ contains
 
   !> List the faces of one body.
   subroutine show_faces(mesh, body_mesh, body, title, log, drawing)
-    !> The mesh of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> That of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> Number of the body.
-    integer, intent(in) :: body
-    !> Names of the body and of the volume.
-    character(*), intent(in) :: title
-    !> Gets the lines.
-    type(log_t), intent(inout) :: log
-    !> Gets the faces of CAD files.
-    type(face_drawing_t), intent(inout) :: drawing
+    type(mesh_t), intent(in) :: mesh  !! The mesh of the file.
+    type(body_mesh_t), intent(in) :: body_mesh  !! That of the body.
+    integer, intent(in) :: body  !! Number of the body.
+    character(*), intent(in) :: title  !! Names of the body and of the volume.
+    type(log_t), intent(inout) :: log  !! Gets the lines.
+    type(face_drawing_t), intent(inout) :: drawing  !! Gets the faces of CAD files.
     type(text_t), allocatable :: names(:)
     type(surface_t) :: surface
     type(error_t), allocatable :: error
@@ -167,16 +151,11 @@ contains
 
   !> Area, centre and mean normal of a surface whose facets are taken for polygons of their corners.
   subroutine measure(x, surface, area, centre, normal)
-    !> Nodes of the body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Area; length in two dimensions [area; length].
-    real(dp), intent(out) :: area
-    !> Centre (3) [length].
-    real(dp), intent(out) :: centre(3)
-    !> Mean of the outward normals; of length 1 for a plane surface (3) [].
-    real(dp), intent(out) :: normal(3)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(out) :: area  !! Area; length in two dimensions [area; length].
+    real(dp), intent(out) :: centre(3)  !! Centre (3) [length].
+    real(dp), intent(out) :: normal(3)  !! Mean of the outward normals; of length 1 for a plane surface (3) [].
     type(element_kind_t) :: kind
     real(dp) :: p(3, 3), vector(3)
     integer :: f, k
@@ -210,8 +189,7 @@ contains
 
   !> A vector as text.
   function vector(v) result(text)
-    !> Vector (3) [any].
-    real(dp), intent(in) :: v(3)
+    real(dp), intent(in) :: v(3)  !! Vector (3) [any].
     character(:), allocatable :: text
     text = '('//to_text(v(1), 4)//', '//to_text(v(2), 4)//', '//to_text(v(3), 4)//')'
   end function vector

@@ -22,16 +22,11 @@ module dotyk_driver_case_block
   implicit none
   private
 
-  !> Load cases that are solved and not told yet.
-  type, public :: case_block_t
-    !> The first and the last one; none where the last is before the first.
-    integer :: first = 1, last = 0
-    !> Cases up to this one are solved alone.
-    integer, private :: last_alone = 1
-    !> first .. last.
-    type(solved_case_t), allocatable, private :: case(:)
-    !> Of the same cases.
-    type(displacements_t), allocatable, private :: displacements(:)
+  type, public :: case_block_t  !! Load cases that are solved and not told yet.
+    integer :: first = 1, last = 0  !! The first and the last one; none where the last is before the first.
+    integer, private :: last_alone = 1  !! Cases up to this one are solved alone.
+    type(solved_case_t), allocatable, private :: case(:)  !! first .. last.
+    type(displacements_t), allocatable, private :: displacements(:)  !! Of the same cases.
   contains
     procedure :: solve => block_solve
     procedure :: take => block_take
@@ -43,26 +38,19 @@ module dotyk_driver_case_block
   real(dp), parameter :: bytes_of_node = 600, bytes_of_element = 350
   !> Fraction of the memory of the factors that cases take together at most, and what they may take in any case [bytes].
   real(dp), parameter :: of_factors = 0.25_dp, always = 64.0e6_dp
-  !> Fraction of the memory that is left which they take at most [].
-  real(dp), parameter :: of_memory = 0.25_dp
+  real(dp), parameter :: of_memory = 0.25_dp  !! Fraction of the memory that is left which they take at most [].
 
 contains
 
   !> Solve the cases from one on, as many as may be together; none where that is one case.
   subroutine block_solve(self, input, k, run, scene, monitor, last)
     class(case_block_t), intent(inout) :: self
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: input
-    !> The load case that is next.
-    integer, intent(in) :: k
-    !> Scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> Factorized; the load case is to begin anew on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> State of the case before the first one.
-    type(solver_state_t), intent(in) :: last
+    type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
+    integer, intent(in) :: k  !! The load case that is next.
+    type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
+    type(scene_t), intent(inout) :: scene  !! Factorized; the load case is to begin anew on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(solver_state_t), intent(in) :: last  !! State of the case before the first one.
     type(solution_goal_t) :: goal
     type(solver_state_t) :: before
     type(error_t), allocatable :: error
@@ -103,10 +91,8 @@ contains
   !> Take a load case out of the block; not allocated where it is none of them.
   subroutine block_take(self, k, solved)
     class(case_block_t), intent(inout) :: self
-    !> The load case.
-    integer, intent(in) :: k
-    !> The same.
-    type(solved_case_t), allocatable, intent(out) :: solved
+    integer, intent(in) :: k  !! The load case.
+    type(solved_case_t), allocatable, intent(out) :: solved  !! The same.
     type(solved_case_t) :: nothing
     if (k < self%first .or. k > self%last) return
     associate (j => k - self%first + 1)
@@ -119,12 +105,9 @@ contains
 
   !> How many cases from one on may be solved together.
   integer function n_together(input, k, scene) result(n)
-    !> The case.
-    type(case_t), intent(in) :: input
-    !> The load case that is next.
-    integer, intent(in) :: k
-    !> Factorized, unless this is the first case.
-    type(scene_t), intent(in) :: scene
+    type(case_t), intent(in) :: input  !! The case.
+    integer, intent(in) :: k  !! The load case that is next.
+    type(scene_t), intent(in) :: scene  !! Factorized, unless this is the first case.
     type(solution_goal_t) :: goal
     type(memory_t) :: memory
     real(dp) :: bytes, rest, allowed, less(1)
@@ -152,24 +135,15 @@ contains
 
   !> The contact of one case; without displacements on return where it is to be solved alone.
   subroutine solve_one(input, k, goal, run, scene, monitor, before, solved, displacements)
-    !> The case.
-    type(case_t), intent(in) :: input
-    !> The load case.
-    integer, intent(in) :: k
-    !> What is asked of the solution.
-    type(solution_goal_t), intent(in) :: goal
-    !> Scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> Factorized; the load case acts on it on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> State of the case before.
-    type(solver_state_t), intent(in) :: before
-    !> Gets state, time and what is to be told.
-    type(solved_case_t), intent(out) :: solved
-    !> Begun.
-    type(displacements_t), intent(inout) :: displacements
+    type(case_t), intent(in) :: input  !! The case.
+    integer, intent(in) :: k  !! The load case.
+    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
+    type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
+    type(scene_t), intent(inout) :: scene  !! Factorized; the load case acts on it on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(solver_state_t), intent(in) :: before  !! State of the case before.
+    type(solved_case_t), intent(out) :: solved  !! Gets state, time and what is to be told.
+    type(displacements_t), intent(inout) :: displacements  !! Begun.
     type(scheme_run_t) :: now
     type(error_t), allocatable :: error
     real(dp), allocatable :: pressure(:)

@@ -18,14 +18,10 @@ contains
 
   !> What acts in each load case of a scene that is not solved, and whether an earlier run fits.
   subroutine check_cases(restart, case, scene, monitor, error)
-    !> Results file of an earlier run to start from; empty where there is none.
-    character(*), intent(in) :: restart
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The scene, built; the load case of its bodies changes.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
+    character(*), intent(in) :: restart  !! Results file of an earlier run to start from; empty where there is none.
+    type(case_t), intent(in) :: case  !! The case.
+    type(scene_t), intent(inout) :: scene  !! The scene, built; the load case of its bodies changes.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     !> Allocated where the file cannot be read, or has other contact rows or load cases.
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: now

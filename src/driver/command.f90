@@ -24,10 +24,8 @@ contains
 
   !> Print help, reference or version, or run a case.
   subroutine execute_command(arguments, code, error)
-    !> The command line.
-    type(arguments_t), intent(in) :: arguments
-    !> Exit code where there is no error.
-    integer, intent(out) :: code
+    type(arguments_t), intent(in) :: arguments  !! The command line.
+    integer, intent(out) :: code  !! Exit code where there is no error.
     !> Allocated where the run has no results, or the standard output cannot be written; with its exit code.
     type(error_t), allocatable, intent(out) :: error
     code = exit_converged
@@ -45,10 +43,8 @@ contains
 
   !> Print a text that the command line asked for.
   subroutine print_output(text, error)
-    !> The text.
-    character(*), intent(in) :: text
-    !> Allocated where the standard output cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: text  !! The text.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the standard output cannot be written.
     integer :: status
     if (this_rank() > 0) return
     call print_text(text//new_line('a'), status)

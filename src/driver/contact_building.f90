@@ -20,12 +20,9 @@ contains
 
   !> Find contact pairs and ties, and make their rows.
   subroutine build_contact(case, surfaces, scene, error)
-    !> The case; its contacts become the pairs that they stand for.
-    type(case_t), intent(inout) :: case
-    !> Surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> The scene with its bodies; gets pairs, ties, rows and penalty parameters.
-    type(scene_t), intent(inout) :: scene
+    type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties, rows and penalty parameters.
     !> Allocated where a pair, a tie or a load case is wrong, or after an interrupt.
     type(error_t), allocatable, intent(out) :: error
     integer :: i

@@ -28,8 +28,7 @@ contains
 
   !> The engine of a scene as it is built.
   integer function first_engine(scene) result(engine)
-    !> The scene.
-    type(scene_t), intent(in) :: scene
+    type(scene_t), intent(in) :: scene  !! The scene.
     engine = engine_factors
     if (scene%has_multigrid()) engine = engine_grids
     if (scene%is_split()) engine = engine_split
@@ -37,14 +36,10 @@ contains
 
   !> The scheme of an engine.
   subroutine take_engine(engine, case, scene, scheme)
-    !> One of the first four.
-    integer, intent(in) :: engine
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The scene, factorized.
-    type(scene_t), intent(inout) :: scene
-    !> That of the run; replaced.
-    class(scheme_t), allocatable, intent(inout) :: scheme
+    integer, intent(in) :: engine  !! One of the first four.
+    type(case_t), intent(in) :: case  !! The case.
+    type(scene_t), intent(inout) :: scene  !! The scene, factorized.
+    class(scheme_t), allocatable, intent(inout) :: scheme  !! That of the run; replaced.
     if (any(engine == [engine_grids, engine_grid_solves])) then
       deallocate (scheme)
       if (engine == engine_grids) allocate (primal_t :: scheme)
@@ -57,10 +52,8 @@ contains
 
   !> Whether a scene of bodies that are split may be built anew with factors.
   logical function may_rebuild(case, scene)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The scene.
-    type(scene_t), intent(in) :: scene
+    type(case_t), intent(in) :: case  !! The case.
+    type(scene_t), intent(in) :: scene  !! The scene.
     may_rebuild = case%solver%response == response_auto
     if (may_rebuild) may_rebuild = factors_fit(scene%problem%body)
   end function may_rebuild
@@ -68,8 +61,7 @@ contains
   !> Why the solution of an engine is not taken where there is another engine: one of `reason_*`. It is where the user
   !> has limited the iterations, and where there is none: rigid body modes tell that.
   integer function why_not_taken(state) result(reason)
-    !> How it ended.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! How it ended.
     reason = reason_none
     if (state%ended == ended_costly) then
       reason = reason_slow
@@ -80,20 +72,14 @@ contains
 
   !> The next engine that may solve the contact. Says so.
   subroutine take_next_engine(reason, case, run, scene, monitor, engine, error)
-    !> Why the last one does not.
-    integer, intent(in) :: reason
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme of the run.
-    type(scheme_run_t), intent(in) :: run
+    integer, intent(in) :: reason  !! Why the last one does not.
+    type(case_t), intent(in) :: case  !! The case.
+    type(scheme_run_t), intent(in) :: run  !! Scheme of the run.
     !> The scene; to be factorized again where factors take the place of p-multigrids.
     type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> The last one, and the next one.
-    integer, intent(inout) :: engine
-    !> As in `return_to_factors`.
-    type(error_t), allocatable, intent(out) :: error
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    integer, intent(inout) :: engine  !! The last one, and the next one.
+    type(error_t), allocatable, intent(out) :: error  !! As in `return_to_factors`.
     integer :: last
     logical :: fits
     last = engine

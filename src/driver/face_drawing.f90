@@ -7,14 +7,10 @@ module dotyk_driver_face_drawing
   implicit none
   private
 
-  !> Facets so far, each with points of its own.
-  type, public :: face_drawing_t
-    !> Number of points and facets.
-    integer :: n_points = 0, n_facets = 0
-    !> The points (3, room) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Corners, number of the face and of the body of each facet (3, room).
-    integer, allocatable :: facet(:, :)
+  type, public :: face_drawing_t  !! Facets so far, each with points of its own.
+    integer :: n_points = 0, n_facets = 0  !! Number of points and facets.
+    real(dp), allocatable :: x(:, :)  !! The points (3, room) [length].
+    integer, allocatable :: facet(:, :)  !! Corners, number of the face and of the body of each facet (3, room).
   contains
     procedure :: add => drawing_add
     procedure :: write => drawing_write
@@ -25,12 +21,9 @@ contains
   !> Add a face.
   subroutine drawing_add(self, x, surface, face, body)
     class(face_drawing_t), intent(inout) :: self
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The face.
-    type(surface_t), intent(in) :: surface
-    !> Its number, and that of the body.
-    integer, intent(in) :: face, body
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The face.
+    integer, intent(in) :: face, body  !! Its number, and that of the body.
     type(element_kind_t) :: kind
     real(dp), allocatable :: larger(:, :)
     integer, allocatable :: more(:, :)
@@ -58,12 +51,9 @@ contains
   !> Write the file.
   subroutine drawing_write(self, path, written)
     class(face_drawing_t), intent(in) :: self
-    !> Path of the file; it is replaced.
-    character(*), intent(in) :: path
-    !> Whether it could be written.
-    logical, intent(out) :: written
-    !> Cell types of VTK: triangle and quadrilateral.
-    integer, parameter :: type_of(3:4) = [5, 9]
+    character(*), intent(in) :: path  !! Path of the file; it is replaced.
+    logical, intent(out) :: written  !! Whether it could be written.
+    integer, parameter :: type_of(3:4) = [5, 9]  !! Cell types of VTK: triangle and quadrilateral.
     integer :: unit, status, i, n
     integer, allocatable :: offset(:)
     open (newunit=unit, file=path, action='write', status='replace', iostat=status)
@@ -104,8 +94,7 @@ contains
 
     !> Write a line.
     subroutine write_line(text)
-      !> The line.
-      character(*), intent(in) :: text
+      character(*), intent(in) :: text  !! The line.
       integer :: fault
       write (unit, '(a)', iostat=fault) text
       written = written .and. fault == 0
@@ -113,10 +102,8 @@ contains
 
     !> Write an array.
     subroutine write_integers(name, value)
-      !> Its name.
-      character(*), intent(in) :: name
-      !> Its values (n).
-      integer, intent(in) :: value(:)
+      character(*), intent(in) :: name  !! Its name.
+      integer, intent(in) :: value(:)  !! Its values (n).
       integer :: fault
       call write_line('<DataArray type="Int32" Name="'//name//'" format="ascii">')
       write (unit, '(12(i0, 1x))', iostat=fault) value

@@ -16,20 +16,16 @@ module dotyk_driver_face_shape
   !> Distance of the middle of a facet from the axis or centre, relative to the radius, at least: seven facets around.
   !> The corners of a box lie on a sphere, too.
   real(dp), parameter :: least_middle = 0.9_dp
-  !> Greatest radius, relative to the extent of the face.
-  real(dp), parameter :: greatest_radius = 100
-  !> Steps of Newton's method, and components of vectors that are 0.
-  integer, parameter :: n_steps = 6
+  real(dp), parameter :: greatest_radius = 100  !! Greatest radius, relative to the extent of the face.
+  integer, parameter :: n_steps = 6  !! Steps of Newton's method, and components of vectors that are 0.
   real(dp), parameter :: rounding = 1.0e-4_dp
 
 contains
 
   !> Shape of a face in space; empty where it is none of those that are known.
   function shape_text(x, surface) result(text)
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The face.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The face.
     character(:), allocatable :: text
     real(dp), allocatable :: p(:, :), middle(:, :), normal(:, :)
     character(:), allocatable :: as_cylinder
@@ -59,8 +55,7 @@ contains
 
     !> Distances from the axis.
     pure function distances(q) result(distance)
-      !> Points (3, n) [length].
-      real(dp), intent(in) :: q(:, :)
+      real(dp), intent(in) :: q(:, :)  !! Points (3, n) [length].
       real(dp) :: distance(size(q, 2))
       integer :: i
       do i = 1, size(q, 2)
@@ -81,8 +76,7 @@ contains
 
     !> The word for a face that bulges out, or for one that bulges in.
     function words(outward, inward) result(word)
-      !> The words.
-      character(*), intent(in) :: outward, inward
+      character(*), intent(in) :: outward, inward  !! The words.
       character(:), allocatable :: word
       word = inward
       if (sum(normal*(p - spread(centre, 2, size(p, 2)))) > 0) word = outward
@@ -91,16 +85,11 @@ contains
 
   !> Corners of the facets, as often as facets have them, and the areas and normals of these.
   subroutine find_corners(x, surface, p, middle, normal)
-    !> Nodes of the body (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The face.
-    type(surface_t), intent(in) :: surface
-    !> The corners (3, n) [length].
-    real(dp), allocatable, intent(out) :: p(:, :)
-    !> Middles of their facets (3, n) [length].
-    real(dp), allocatable, intent(out) :: middle(:, :)
-    !> Area times normal of their facets (3, n) [area].
-    real(dp), allocatable, intent(out) :: normal(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (3, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The face.
+    real(dp), allocatable, intent(out) :: p(:, :)  !! The corners (3, n) [length].
+    real(dp), allocatable, intent(out) :: middle(:, :)  !! Middles of their facets (3, n) [length].
+    real(dp), allocatable, intent(out) :: normal(:, :)  !! Area times normal of their facets (3, n) [area].
     type(element_kind_t) :: kind
     integer :: f, n
     allocate (p(3, 4*surface%n_facets), middle(3, 4*surface%n_facets), normal(3, 4*surface%n_facets))
@@ -122,12 +111,9 @@ contains
 
   !> Sphere through points by least squares of |p|^2 = 2 c p + k.
   subroutine fit_sphere(p, centre, radius)
-    !> Points (3, n) [length].
-    real(dp), intent(in) :: p(:, :)
-    !> A point near them; the centre on return (3) [length].
-    real(dp), intent(inout) :: centre(3)
-    !> Radius; 0 where there is no sphere [length].
-    real(dp), intent(out) :: radius
+    real(dp), intent(in) :: p(:, :)  !! Points (3, n) [length].
+    real(dp), intent(inout) :: centre(3)  !! A point near them; the centre on return (3) [length].
+    real(dp), intent(out) :: radius  !! Radius; 0 where there is no sphere [length].
     real(dp) :: a(4, 4), b(4, 1), row(4), scale
     integer :: i, info, pivot(4)
     scale = max(tiny(scale), maxval(abs(p - spread(centre, 2, size(p, 2)))))
@@ -147,16 +133,11 @@ contains
 
   !> Cylinder through points: the axis to which the normals are most nearly perpendicular, then Gauss-Newton steps.
   subroutine fit_cylinder(p, normal, centre, axis, radius)
-    !> Points (3, n) [length].
-    real(dp), intent(in) :: p(:, :)
-    !> Normals there (3, n) [any].
-    real(dp), intent(in) :: normal(:, :)
-    !> A point near them; one of the axis on return (3) [length].
-    real(dp), intent(inout) :: centre(3)
-    !> Direction of the axis; its greatest component is positive (3) [].
-    real(dp), intent(out) :: axis(3)
-    !> Radius; 0 where there is no cylinder [length].
-    real(dp), intent(out) :: radius
+    real(dp), intent(in) :: p(:, :)  !! Points (3, n) [length].
+    real(dp), intent(in) :: normal(:, :)  !! Normals there (3, n) [any].
+    real(dp), intent(inout) :: centre(3)  !! A point near them; one of the axis on return (3) [length].
+    real(dp), intent(out) :: axis(3)  !! Direction of the axis; its greatest component is positive (3) [].
+    real(dp), intent(out) :: radius  !! Radius; 0 where there is no cylinder [length].
     real(dp) :: a(3, 3), value(3), work(32), j(5), m(5, 5), r(5, 1), q(3), u(3), v(3), d, h, scale
     integer :: i, step, info, pivot(5)
     radius = 0
@@ -195,16 +176,11 @@ contains
 
   !> Circle through the projections of points.
   subroutine fit_circle(p, u, v, scale, centre, radius)
-    !> Points (3, n) [length].
-    real(dp), intent(in) :: p(:, :)
-    !> Directions of its plane (3) [].
-    real(dp), intent(in) :: u(3), v(3)
-    !> Size of the points [length].
-    real(dp), intent(in) :: scale
-    !> A point near them; the centre on return (3) [length].
-    real(dp), intent(inout) :: centre(3)
-    !> Radius; unchanged where there is no circle [length].
-    real(dp), intent(inout) :: radius
+    real(dp), intent(in) :: p(:, :)  !! Points (3, n) [length].
+    real(dp), intent(in) :: u(3), v(3)  !! Directions of its plane (3) [].
+    real(dp), intent(in) :: scale  !! Size of the points [length].
+    real(dp), intent(inout) :: centre(3)  !! A point near them; the centre on return (3) [length].
+    real(dp), intent(inout) :: radius  !! Radius; unchanged where there is no circle [length].
     real(dp) :: a(3, 3), b(3, 1), row(3)
     integer :: i, info, pivot(3)
     a = 0
@@ -222,8 +198,7 @@ contains
 
   !> A vector as text; components that are small beside the others are 0.
   function vector_text(v) result(text)
-    !> Vector (3) [any].
-    real(dp), intent(in) :: v(3)
+    real(dp), intent(in) :: v(3)  !! Vector (3) [any].
     character(:), allocatable :: text
     real(dp) :: w(3)
     w = v

@@ -29,14 +29,10 @@ contains
 
   !> Factorize, and solve the load case of the bodies without contact: the QP and its compliance.
   subroutine factorize_scene(case, scheme, scene, monitor, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme of the run.
-    class(scheme_t), intent(in) :: scheme
-    !> Built; without stiffnesses, operator and compliance operators on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(case_t), intent(in) :: case  !! The case.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
+    type(scene_t), intent(inout) :: scene  !! Built; without stiffnesses, operator and compliance operators on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
     type(response_slot_t), allocatable :: response(:)
@@ -87,16 +83,11 @@ contains
   !> Factorize the bodies. Where p-multigrid would converge slowly, factors take its place if the memory suffices: of
   !> such a body, or of all bodies where no p-multigrid remains.
   subroutine factorize_all(case, scheme, scene, monitor, error)
-    !> As in `factorize_scene`.
-    type(case_t), intent(in) :: case
-    !> As in `factorize_scene`.
-    class(scheme_t), intent(in) :: scheme
-    !> As in `factorize_scene`.
-    type(scene_t), intent(inout) :: scene
-    !> As in `factorize_scene`.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> As in `factorize_scene`.
-    type(error_t), allocatable, intent(out) :: error
+    type(case_t), intent(in) :: case  !! As in `factorize_scene`.
+    class(scheme_t), intent(in) :: scheme  !! As in `factorize_scene`.
+    type(scene_t), intent(inout) :: scene  !! As in `factorize_scene`.
+    type(log_monitor_t), intent(inout) :: monitor  !! As in `factorize_scene`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `factorize_scene`.
     character(:), allocatable :: warning
     logical :: all_again, is_refused
     ! Factors that cost less than p-multigrid anyhow need no trial.
@@ -127,18 +118,12 @@ contains
 
   !> Return to factors where no body remains for which p-multigrid is better.
   subroutine use_factors(case, scheme, scene, monitor, has_returned, error)
-    !> As in `factorize_scene`.
-    type(case_t), intent(in) :: case
-    !> As in `factorize_scene`.
-    class(scheme_t), intent(in) :: scheme
-    !> Analysed or factorized; analysed where it has returned to factors.
-    type(scene_t), intent(inout) :: scene
-    !> As in `factorize_scene`.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> Whether it has: not where the memory does not suffice.
-    logical, intent(out) :: has_returned
-    !> As in `factorize_scene`.
-    type(error_t), allocatable, intent(out) :: error
+    type(case_t), intent(in) :: case  !! As in `factorize_scene`.
+    class(scheme_t), intent(in) :: scheme  !! As in `factorize_scene`.
+    type(scene_t), intent(inout) :: scene  !! Analysed or factorized; analysed where it has returned to factors.
+    type(log_monitor_t), intent(inout) :: monitor  !! As in `factorize_scene`.
+    logical, intent(out) :: has_returned  !! Whether it has: not where the memory does not suffice.
+    type(error_t), allocatable, intent(out) :: error  !! As in `factorize_scene`.
     has_returned = .false.
     if (.not. may_return_to_factors(case, scene)) return
     call find_slow_ones(scene%problem%classes, scene%operator%n_rows, case%n_cases(), scene%slot, scene%size_of)

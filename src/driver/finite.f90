@@ -21,16 +21,12 @@ contains
 
   !> Refuse a solution whose displacements, stresses, pressures or energy overflowed.
   subroutine refuse_overflow(case, problem, solution, pair_solution, state, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies, their ranks, contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Displacements and stresses of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, their ranks, contact pairs.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements and stresses of the bodies (n_bodies).
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
-    !> State of the scheme, with the energy.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! State of the scheme, with the energy.
     !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
@@ -69,8 +65,7 @@ contains
 
   !> 1 where a number is not finite, 0 where all are.
   pure real(dp) function not_finite(value)
-    !> Numbers (any, any).
-    real(dp), intent(in) :: value(:, :)
+    real(dp), intent(in) :: value(:, :)  !! Numbers (any, any).
     not_finite = merge(0.0_dp, 1.0_dp, all(ieee_is_finite(value)))
   end function not_finite
 end module dotyk_driver_finite

@@ -25,22 +25,14 @@ module dotyk_driver_load_case
   implicit none
   private
 
-  !> A load case of a block whose contact is solved, and that is told later.
-  type, public :: solved_case_t
-    !> Where the scheme ended.
-    type(solver_state_t) :: state
-    !> Displacements, and errors of the mesh.
-    type(displacements_t) :: displacements
-    !> The solution without contact.
-    type(contact_free_t) :: free
-    !> Displacements of bodies that touch no other (n_bodies).
-    type(isolated_body_t), allocatable :: isolated(:)
-    !> What the scheme had to tell.
-    type(text_t), allocatable :: note(:)
-    !> Time that the contact took [s].
-    real(dp) :: seconds = 0
-    !> Right-hand sides per body that it took.
-    integer :: n_sweeps = 0
+  type, public :: solved_case_t  !! A load case of a block whose contact is solved, and that is told later.
+    type(solver_state_t) :: state  !! Where the scheme ended.
+    type(displacements_t) :: displacements  !! Displacements, and errors of the mesh.
+    type(contact_free_t) :: free  !! The solution without contact.
+    type(isolated_body_t), allocatable :: isolated(:)  !! Displacements of bodies that touch no other (n_bodies).
+    type(text_t), allocatable :: note(:)  !! What the scheme had to tell.
+    real(dp) :: seconds = 0  !! Time that the contact took [s].
+    integer :: n_sweeps = 0  !! Right-hand sides per body that it took.
   end type solved_case_t
 
   public :: begin_case, next_case, solve_free
@@ -49,20 +41,14 @@ contains
 
   !> Begin a load case: the first one acts on the scene as it is built. Nothing is done in a scene without load cases.
   subroutine begin_case(input, k, case, scene, monitor, error, solved)
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: input
-    !> The load case.
-    integer, intent(in) :: k
-    !> The same; its contacts are those of the load case on return.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
+    integer, intent(in) :: k  !! The load case.
+    type(case_t), intent(inout) :: case  !! The same; its contacts are those of the load case on return.
     !> Factorized, unless this is the first load case; its QP is that of the load case on return.
     type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> As in `next_case`.
-    type(error_t), allocatable, intent(out) :: error
-    !> The load case where its contact is solved.
-    type(solved_case_t), intent(inout), optional :: solved
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(error_t), allocatable, intent(out) :: error  !! As in `next_case`.
+    type(solved_case_t), intent(inout), optional :: solved  !! The load case where its contact is solved.
     logical, allocatable :: is_changed(:)
     if (.not. case%has_cases()) return
     if (k > 1) call next_case(input, k, scene, monitor, error, solved)
@@ -73,14 +59,10 @@ contains
 
   !> Let another load case act on a scene that is factorized.
   subroutine next_case(case, k, scene, monitor, error, solved)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: k
-    !> Factorized; its QP is that of the load case on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: k  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! Factorized; its QP is that of the load case on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
     !> The load case in a block: gets the solution without contact, or has it already.
@@ -114,10 +96,8 @@ contains
 
   !> Right-hand sides of the bodies, and resultants of the loads on their modes.
   subroutine load_bodies(k, scene, error)
-    !> The load case.
-    integer, intent(in) :: k
-    !> Its bodies and modes are set.
-    type(scene_t), intent(inout) :: scene
+    integer, intent(in) :: k  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! Its bodies and modes are set.
     !> Allocated where a right-hand side cannot be assembled; names the body.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
@@ -146,12 +126,9 @@ contains
 
   !> Each body by its rank, side by side.
   subroutine load_all(k, problem, failed)
-    !> The load case.
-    integer, intent(in) :: k
-    !> Its bodies and modes are set.
-    type(contact_problem_t), intent(inout) :: problem
-    !> Errors of the bodies (n_bodies).
-    type(error_slot_t), allocatable, intent(out) :: failed(:)
+    integer, intent(in) :: k  !! The load case.
+    type(contact_problem_t), intent(inout) :: problem  !! Its bodies and modes are set.
+    type(error_slot_t), allocatable, intent(out) :: failed(:)  !! Errors of the bodies (n_bodies).
     integer :: b
     allocate (failed(size(problem%body)))
     !$omp parallel do default(none) schedule(dynamic, 1) shared(problem, k, failed)
@@ -167,12 +144,9 @@ contains
 
   !> Solve without contact: the QP of the loads that act on the bodies.
   subroutine solve_free(scene, error, solved)
-    !> With factors, rows of the QP and compliance.
-    type(scene_t), intent(inout) :: scene
-    !> Allocated where a mode at the contact rows is not finite.
-    type(error_t), allocatable, intent(out) :: error
-    !> As in `next_case`.
-    type(solved_case_t), intent(inout), optional :: solved
+    type(scene_t), intent(inout) :: scene  !! With factors, rows of the QP and compliance.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a mode at the contact rows is not finite.
+    type(solved_case_t), intent(inout), optional :: solved  !! As in `next_case`.
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free

@@ -32,25 +32,17 @@ contains
 
   !> Solve one load case after the other, and write the results file.
   subroutine solve_cases(restart, input, run, scene, threads, monitor, reason, code, error)
-    !> Results file of an earlier run to start from; empty where there is none.
-    character(*), intent(in) :: restart
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: input
-    !> Scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> The scene, built.
-    type(scene_t), intent(inout) :: scene
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
+    character(*), intent(in) :: restart  !! Results file of an earlier run to start from; empty where there is none.
+    type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
+    type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
+    type(scene_t), intent(inout) :: scene  !! The scene, built.
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
-    !> Exit code where there is no error: that of the worst load case.
-    integer, intent(inout) :: code
-    !> Allocated where the run has no results; with its exit code.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(inout) :: code  !! Exit code where there is no error: that of the worst load case.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the run has no results; with its exit code.
     type(case_t) :: case
     type(contact_solution_t) :: solution
     type(results_file_t) :: file
@@ -119,14 +111,10 @@ contains
 
   !> Tell what the scheme had to tell of a load case whose contact is solved, and how long it took.
   subroutine tell_contact(solved, scene, monitor, before)
-    !> The load case.
-    type(solved_case_t), intent(in) :: solved
-    !> Gets the right-hand sides that it took.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> Time of all iterations when this case began [s].
-    real(dp), intent(inout) :: before
+    type(solved_case_t), intent(in) :: solved  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! Gets the right-hand sides that it took.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    real(dp), intent(inout) :: before  !! Time of all iterations when this case began [s].
     integer :: i
     do i = 1, size(solved%note)
       call monitor%note(solved%note(i)%s)

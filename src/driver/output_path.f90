@@ -13,10 +13,8 @@ contains
 
   !> The path of the results file; refuse one that cannot be written before anything is computed.
   subroutine prepare_output(case, output, error)
-    !> The case; its path of the results file is set.
-    type(case_t), intent(inout) :: case
-    !> Path from the command line; empty for that of the case.
-    character(*), intent(in) :: output
+    type(case_t), intent(inout) :: case  !! The case; its path of the results file is set.
+    character(*), intent(in) :: output  !! Path from the command line; empty for that of the case.
     !> Allocated where the file cannot be written, or where another file would be replaced.
     type(error_t), allocatable, intent(out) :: error
     if (len(output) > 0) case%scene%output = output

@@ -17,10 +17,8 @@ contains
 
   !> Warn of bodies that overlap before they are loaded.
   subroutine check_placement(scene, monitor)
-    !> The scene, built.
-    type(scene_t), intent(in) :: scene
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(scene_t), intent(in) :: scene  !! The scene, built.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     type(body_penetration_t), allocatable :: found(:)
     call set_stage('checking for overlaps')
     call find_initial_overlap(scene%problem, found)
@@ -30,12 +28,9 @@ contains
 
   !> Check the solution. Where bodies penetrate each other it is none.
   subroutine check_bodies(scene, solution, monitor)
-    !> The scene, solved.
-    type(scene_t), intent(in) :: scene
-    !> The solution, with the outcome of the check on return.
-    type(contact_solution_t), intent(inout) :: solution
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(scene_t), intent(in) :: scene  !! The scene, solved.
+    type(contact_solution_t), intent(inout) :: solution  !! The solution, with the outcome of the check on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     call set_stage('checking for penetration')
     if (.not. all_displaced()) return
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &

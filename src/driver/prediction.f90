@@ -21,14 +21,11 @@ contains
 
   !> Predict memory and time of a run, and show both.
   subroutine predict_run(case, scheme, scene, monitor, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme of the run.
-    class(scheme_t), intent(in) :: scheme
+    type(case_t), intent(in) :: case  !! The case.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
     !> The scene, built; with factors in place of p-multigrid on return where the run would have them.
     type(scene_t), intent(inout) :: scene
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     !> Allocated where the analysis of a factor fails, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
     type(memory_t) :: memory

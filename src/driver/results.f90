@@ -28,18 +28,12 @@ contains
 
   !> Contact pressures by pairs, and the results of a load case; with the last one the file is complete.
   subroutine write_results(case, step, scene, solution, monitor, file, pair_solution, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: step
-    !> The scene, factorized; what it keeps for nodal stresses changes.
-    type(scene_t), intent(inout) :: scene
-    !> The solution; nodal stresses take its recovered strains.
-    type(contact_solution_t), intent(inout) :: solution
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> The results file: created with the first load case.
-    type(results_file_t), intent(inout) :: file
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: step  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! The scene, factorized; what it keeps for nodal stresses changes.
+    type(contact_solution_t), intent(inout) :: solution  !! The solution; nodal stresses take its recovered strains.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    type(results_file_t), intent(inout) :: file  !! The results file: created with the first load case.
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: pair_solution(:)
     !> Allocated where results are not finite, or the file cannot be written; it is discarded.
@@ -102,18 +96,12 @@ contains
 
   !> Finish the results file.
   subroutine finish_results(case, n_written, threads, monitor, file, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Load cases that were written.
-    integer, intent(in) :: n_written
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> The results file, with all results; complete on return.
-    type(results_file_t), intent(inout) :: file
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: n_written  !! Load cases that were written.
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    type(results_file_t), intent(inout) :: file  !! The results file, with all results; complete on return.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(:), allocatable :: names
     integer :: k
     if (this_rank() > 0) return
@@ -135,18 +123,12 @@ contains
 
   !> Write the results of a run that continues. A failure is no reason to end it.
   subroutine write_on_the_way(case, scene, solution, threads, monitor, has_warned)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> As in `write_results`.
-    type(scene_t), intent(inout) :: scene
-    !> Solution so far.
-    type(contact_solution_t), intent(inout) :: solution
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> Whether a failure has been reported, which happens once.
-    logical, intent(inout) :: has_warned
+    type(case_t), intent(in) :: case  !! The case.
+    type(scene_t), intent(inout) :: scene  !! As in `write_results`.
+    type(contact_solution_t), intent(inout) :: solution  !! Solution so far.
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    logical, intent(inout) :: has_warned  !! Whether a failure has been reported, which happens once.
     type(error_t), allocatable :: error
     type(results_file_t) :: file
     type(pair_solution_t), allocatable :: pair_solution(:)
@@ -164,10 +146,8 @@ contains
 
   !> Solves with whole factors: without contact, and one for each body in each recovery of displacements.
   pure integer function full_solves(scene, solution) result(n)
-    !> The scene, factorized.
-    type(scene_t), intent(in) :: scene
-    !> The solution.
-    type(contact_solution_t), intent(in) :: solution
+    type(scene_t), intent(in) :: scene  !! The scene, factorized.
+    type(contact_solution_t), intent(in) :: solution  !! The solution.
     integer :: b
     n = count([(.not. allocated(scene%problem%isolated(b)%displacement), b=1, size(scene%problem%isolated))])
     n = scene%n_full_solves + n*solution%displacements%n_recoveries

@@ -30,32 +30,21 @@ contains
   !> Create the file with the first load case; meshes, displacements, contact pressures and stresses of all bodies.
   subroutine write_fields(file, case, step, body, ranks, solution, nodal_stress, contact_pressure, contact, balance, &
                           budget, penetration, error)
-    !> Results file; open on return, on the first rank.
-    type(results_file_t), intent(inout) :: file
-    !> The case, with the fields to write.
-    type(case_t), intent(in) :: case
-    !> The load case; the first one creates the file.
-    integer, intent(in) :: step
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Displacements and stresses of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    type(results_file_t), intent(inout) :: file  !! Results file; open on return, on the first rank.
+    type(case_t), intent(in) :: case  !! The case, with the fields to write.
+    integer, intent(in) :: step  !! The load case; the first one creates the file.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements and stresses of the bodies (n_bodies).
     !> Stresses at the nodes of the bodies, if they are wanted (n_bodies).
     type(nodal_stress_t), intent(in) :: nodal_stress(:)
-    !> Contact pressures at the nodes of the bodies (n_bodies).
-    type(nodal_field_t), intent(in) :: contact_pressure(:)
-    !> Contact tractions, gaps and status there (n_bodies).
-    type(contact_fields_t), intent(in) :: contact(:)
-    !> Reactions of the supports, if they are known.
-    type(balance_t), intent(in) :: balance
-    !> Error budget, with the discretization errors of the elements.
-    type(error_budget_t), intent(in) :: budget
+    type(nodal_field_t), intent(in) :: contact_pressure(:)  !! Contact pressures at the nodes of the bodies (n_bodies).
+    type(contact_fields_t), intent(in) :: contact(:)  !! Contact tractions, gaps and status there (n_bodies).
+    type(balance_t), intent(in) :: balance  !! Reactions of the supports, if they are known.
+    type(error_budget_t), intent(in) :: budget  !! Error budget, with the discretization errors of the elements.
     !> Outcome of the check of the deformed bodies against each other.
     type(penetration_check_t), intent(in) :: penetration
-    !> Allocated where the file cannot be written; it is discarded.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written; it is discarded.
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     type(whole_body_fields_t) :: fields
     type(body_mesh_t) :: mesh
@@ -146,8 +135,7 @@ contains
 
     !> Reactions at the nodes that this rank holds; 0 where other ranks compute the body (dim, n_nodes) [force].
     function reactions_of(b) result(reaction)
-      !> Index of the body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! Index of the body.
       real(dp), allocatable :: reaction(:, :)
       allocate (reaction(body(b)%dimension, body(b)%mesh%n_nodes()), source=0.0_dp)
       if (.not. allocated(balance%body)) return
@@ -156,8 +144,7 @@ contains
 
     !> Stresses at the nodes that this rank holds; 0 where other ranks compute the body (6, n_nodes) [pressure].
     function nodal_stress_of(b) result(stress)
-      !> Index of the body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! Index of the body.
       real(dp), allocatable :: stress(:, :)
       allocate (stress(6, body(b)%mesh%n_nodes()), source=0.0_dp)
       if (allocated(nodal_stress(b)%value)) stress = nodal_stress(b)%value
@@ -166,8 +153,7 @@ contains
 
   !> Stresses that this rank has (6, n_elements) [pressure].
   pure function stress_of(solution) result(stress)
-    !> Of one body.
-    type(body_solution_t), intent(in) :: solution
+    type(body_solution_t), intent(in) :: solution  !! Of one body.
     real(dp), allocatable :: stress(:, :)
     allocate (stress(6, 0))
     if (allocated(solution%stress)) stress = solution%stress
@@ -175,8 +161,7 @@ contains
 
   !> Discretization errors that this rank has (1, n_elements) [].
   pure function errors_of(field) result(values)
-    !> Of one body.
-    type(element_field_t), intent(in) :: field
+    type(element_field_t), intent(in) :: field  !! Of one body.
     real(dp), allocatable :: values(:, :)
     allocate (values(1, 0))
     if (allocated(field%value)) values = reshape(field%value, [1, size(field%value)])

@@ -25,14 +25,10 @@ contains
 
   !> Contact rows of all pairs.
   subroutine write_pairs(file, pair, first_row, solution, pair_solution)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> The solution, with the penalty parameters.
-    type(contact_solution_t), intent(in) :: solution
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    type(contact_solution_t), intent(in) :: solution  !! The solution, with the penalty parameters.
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
     character(:), allocatable :: group
@@ -67,12 +63,9 @@ contains
 
   !> Forces on the bodies: loads and supports one by one, and sums by bodies with strain energies; and those of ties.
   subroutine write_forces(file, problem, balance)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Bodies, with the resultants of their loads, and ties.
-    type(contact_problem_t), intent(in) :: problem
-    !> Forces on them, if they are known.
-    type(balance_t), intent(in) :: balance
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, with the resultants of their loads, and ties.
+    type(balance_t), intent(in) :: balance  !! Forces on them, if they are known.
     call write_body_forces(file, problem%body, balance)
     if (allocated(balance%body)) call write_motions(file, problem%body, balance)
     if (problem%n_ties() > 0 .and. allocated(balance%tie)) call write_ties(file, problem%tie, balance%tie)
@@ -80,12 +73,9 @@ contains
 
   !> Forces on the bodies.
   subroutine write_body_forces(file, body, balance)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Bodies, with the resultants of their loads (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Forces on them, if they are known.
-    type(balance_t), intent(in) :: balance
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(body_t), intent(in) :: body(:)  !! Bodies, with the resultants of their loads (n_bodies).
+    type(balance_t), intent(in) :: balance  !! Forces on them, if they are known.
     type(load_resultant_t), allocatable :: all(:)
     integer, allocatable :: of(:)
     character(:), allocatable :: names
@@ -119,8 +109,7 @@ contains
 
     !> Make room.
     subroutine begin(n)
-      !> Number of resultants.
-      integer, intent(in) :: n
+      integer, intent(in) :: n  !! Number of resultants.
       if (allocated(all)) deallocate (all, of)
       allocate (all(n))
       allocate (of(n), source=0)
@@ -128,10 +117,8 @@ contains
 
     !> Take the resultants of a body.
     subroutine take(b, resultant)
-      !> Index of the body.
-      integer, intent(in) :: b
-      !> Its resultants (n).
-      type(load_resultant_t), intent(in) :: resultant(:)
+      integer, intent(in) :: b  !! Index of the body.
+      type(load_resultant_t), intent(in) :: resultant(:)  !! Its resultants (n).
       integer :: i, first
       first = count(of > 0)
       do i = 1, size(resultant)
@@ -142,8 +129,7 @@ contains
 
     !> Write the resultants `all` of the bodies `of`.
     subroutine write_resultants(group)
-      !> Name of their group.
-      character(*), intent(in) :: group
+      character(*), intent(in) :: group  !! Name of their group.
       integer :: i
       names = ''
       do i = 1, size(all)
@@ -159,10 +145,8 @@ contains
 
     !> Write one resultant of each body.
     subroutine write_sums(kind, resultant)
-      !> What it sums up.
-      character(*), intent(in) :: kind
-      !> The resultants (n_bodies).
-      type(load_resultant_t), intent(in) :: resultant(:)
+      character(*), intent(in) :: kind  !! What it sums up.
+      type(load_resultant_t), intent(in) :: resultant(:)  !! The resultants (n_bodies).
       integer :: i
       call file%put_array('bodies', kind//'_force', columns([(resultant(i)%force, i=1, size(resultant))]))
       call file%put_array('bodies', kind//'_moment', columns([(resultant(i)%moment, i=1, size(resultant))]))
@@ -170,8 +154,7 @@ contains
 
     !> Vectors one after the other as columns (3, n).
     pure function columns(value)
-      !> Their components (3*n) [any].
-      real(dp), intent(in) :: value(:)
+      real(dp), intent(in) :: value(:)  !! Their components (3*n) [any].
       real(dp) :: columns(3, size(value)/3)
       columns = reshape(value, shape(columns))
     end function columns
@@ -179,12 +162,9 @@ contains
 
   !> Motions of rigid bodies; nothing where there is none.
   subroutine write_motions(file, body, balance)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Forces on them, and motions.
-    type(balance_t), intent(in) :: balance
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(balance_t), intent(in) :: balance  !! Forces on them, and motions.
     integer, allocatable :: rigid(:)
     character(:), allocatable :: names
     real(dp), allocatable :: point(:, :), motion(:, :)
@@ -209,12 +189,9 @@ contains
 
   !> Ties and what they transmit.
   subroutine write_ties(file, tie, force)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> What they transmit (n_ties).
-    type(tie_force_t), intent(in) :: force(:)
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    type(tie_force_t), intent(in) :: force(:)  !! What they transmit (n_ties).
     character(:), allocatable :: names
     integer :: k
     names = ''
@@ -236,22 +213,17 @@ contains
 
   !> Number of loads of a body.
   pure integer function n_loads(body) result(n)
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     n = 0
     if (allocated(body%resultant)) n = size(body%resultant)
   end function n_loads
 
   !> Version, command line, compiler, BLAS, threads and input.
   subroutine write_provenance(file, case, threads, started)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> The case, with the text of its namelist file.
-    type(case_t), intent(in) :: case
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Date and time of the start.
-    character(*), intent(in) :: started
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(case_t), intent(in) :: case  !! The case, with the text of its namelist file.
+    integer, intent(in) :: threads  !! Number of threads.
+    character(*), intent(in) :: started  !! Date and time of the start.
     call file%put_attribute('', 'version', version)
     call file%put_attribute('', 'command_line', command_line_text())
     call file%put_attribute('', 'compiler', compiler//' ('//build_type//')')
@@ -264,10 +236,8 @@ contains
 
   !> Wall times of the phases.
   subroutine write_timing(file, timing)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Wall times of the phases.
-    type(timing_t), intent(in) :: timing
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(timing_t), intent(in) :: timing  !! Wall times of the phases.
     call file%put_attribute('timing', 'read', timing%read%wall)
     call file%put_attribute('timing', 'assemble', timing%assemble%wall)
     call file%put_attribute('timing', 'order', timing%order%wall)

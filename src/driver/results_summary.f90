@@ -23,22 +23,14 @@ contains
 
   !> How the scheme ended, and its history.
   subroutine write_summary(file, case, problem, size_of, qp, n_sweeps, n_full_solves, solution)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> The case, with the scheme.
-    type(case_t), intent(in) :: case
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Number of solves of every body.
-    integer, intent(in) :: n_sweeps
-    !> Number of solves with whole factors, for displacements.
-    integer, intent(in) :: n_full_solves
-    !> The solution.
-    type(contact_solution_t), intent(in) :: solution
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(case_t), intent(in) :: case  !! The case, with the scheme.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    integer, intent(in) :: n_sweeps  !! Number of solves of every body.
+    integer, intent(in) :: n_full_solves  !! Number of solves with whole factors, for displacements.
+    type(contact_solution_t), intent(in) :: solution  !! The solution.
     associate (state => solution%state, budget => solution%budget, conditioning => solution%conditioning)
       call file%put_attribute('summary', 'converged', state%has_converged())
       call file%put_attribute('summary', 'status', ending_name(state%ended))
@@ -105,10 +97,8 @@ contains
 
   !> The terms of the potential energy.
   subroutine write_energies(file, energies)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> The terms.
-    type(energies_t), intent(in) :: energies
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(energies_t), intent(in) :: energies  !! The terms.
     call file%put_attribute('summary', 'strain_energy', energies%strain)
     call file%put_attribute('summary', 'load_work', energies%load_work)
     call file%put_attribute('summary', 'penalty_energy', energies%penalty)
@@ -116,12 +106,9 @@ contains
 
   !> The numbers of Theorems 3 and 4; NaN where the scheme is not the general iteration (32).
   subroutine write_constants(file, given, gamma)
-    !> Results file, open.
-    type(results_file_t), intent(inout) :: file
-    !> Constants of the iteration, if it is (32).
-    type(iteration_constants_t), intent(in), allocatable :: given
-    !> Its relaxation parameter [].
-    real(dp), intent(in) :: gamma
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(iteration_constants_t), intent(in), allocatable :: given  !! Constants of the iteration, if it is (32).
+    real(dp), intent(in) :: gamma  !! Its relaxation parameter [].
     type(iteration_constants_t) :: constants
     real(dp) :: nan
     nan = ieee_value(nan, ieee_quiet_nan)
@@ -139,8 +126,7 @@ contains
 
   !> 1, 2, ..., n.
   pure function numbers_to(n) result(numbers)
-    !> Largest number.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Largest number.
     integer :: numbers(n)
     integer :: i
     do i = 1, n
@@ -150,8 +136,7 @@ contains
 
   !> A bound, NaN where there is none.
   real(dp) function or_unknown(bound)
-    !> The bound; huge where there is none [].
-    real(dp), intent(in) :: bound
+    real(dp), intent(in) :: bound  !! The bound; huge where there is none [].
     or_unknown = bound
     if (.not. bound < huge(bound)/4) or_unknown = ieee_value(bound, ieee_quiet_nan)
   end function or_unknown

@@ -28,10 +28,8 @@ contains
 
   !> Whether a scene has p-multigrids, its user leaves the choice to the program, and this rank holds the bodies wholly.
   pure logical function may_return_to_factors(case, scene) result(may)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The scene, built.
-    type(scene_t), intent(in) :: scene
+    type(case_t), intent(in) :: case  !! The case.
+    type(scene_t), intent(in) :: scene  !! The scene, built.
     integer :: b
     may = case%solver%response == response_auto .and. scene%has_multigrid()
     do b = 1, size(scene%problem%body)
@@ -42,18 +40,13 @@ contains
   !> Assemble and analyse all bodies again, for their factors. A scene that was factorized is as it was built on return,
   !> and has all that it had where the memory does not suffice.
   subroutine return_to_factors(case, scheme, scene, monitor, fits, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme of the run.
-    class(scheme_t), intent(in) :: scheme
-    !> Built, with p-multigrids; to be factorized on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(case_t), intent(in) :: case  !! The case.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
+    type(scene_t), intent(inout) :: scene  !! Built, with p-multigrids; to be factorized on return.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> Whether the memory suffices, and, in a scene that is not solved yet, the factors cost less indeed.
     logical, intent(out) :: fits
-    !> As in `analyze_bodies`, or an interrupt came.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze_bodies`, or an interrupt came.
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
     type(operator_slot_t), allocatable :: slot(:)

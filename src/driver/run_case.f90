@@ -26,12 +26,9 @@ contains
 
   !> From the namelist file to the results file.
   subroutine run_case(arguments, code, error)
-    !> The command line.
-    type(arguments_t), intent(in) :: arguments
-    !> Exit code where there is no error.
-    integer, intent(out) :: code
-    !> Allocated where the run has no results; with its exit code.
-    type(error_t), allocatable, intent(out) :: error
+    type(arguments_t), intent(in) :: arguments  !! The command line.
+    integer, intent(out) :: code  !! Exit code where there is no error.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the run has no results; with its exit code.
     type(case_t) :: case
     type(scheme_run_t) :: run
     type(log_monitor_t) :: monitor
@@ -58,27 +55,18 @@ contains
 
   !> From the case to the results file.
   subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, has_shown, reason, code, error)
-    !> The command line.
-    type(arguments_t), intent(in) :: arguments
-    !> The case.
-    type(case_t), intent(in) :: input
-    !> Scheme and its settings.
-    type(scheme_run_t), intent(in) :: chosen
-    !> Whether several ranks may compute a body together.
-    logical, intent(in) :: may_split
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Log and watch.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> Whether the log has the tables of the scene.
-    logical, intent(inout) :: has_shown
+    type(arguments_t), intent(in) :: arguments  !! The command line.
+    type(case_t), intent(in) :: input  !! The case.
+    type(scheme_run_t), intent(in) :: chosen  !! Scheme and its settings.
+    logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    logical, intent(inout) :: has_shown  !! Whether the log has the tables of the scene.
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
-    !> Exit code where there is no error.
-    integer, intent(inout) :: code
-    !> Allocated where the run has no results; with its exit code.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(inout) :: code  !! Exit code where there is no error.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the run has no results; with its exit code.
     type(case_t) :: case
     type(scheme_run_t) :: run
     type(scene_t) :: scene

@@ -13,10 +13,8 @@ contains
 
   !> The scheme and its settings.
   subroutine choose_scheme(case, run)
-    !> The case; its automatic choice of the scheme is replaced.
-    type(case_t), intent(inout) :: case
-    !> Scheme and settings.
-    type(scheme_run_t), intent(out) :: run
+    type(case_t), intent(inout) :: case  !! The case; its automatic choice of the scheme is replaced.
+    type(scheme_run_t), intent(out) :: run  !! Scheme and settings.
     if (case%solver%scheme == scheme_auto) case%solver%scheme = scheme_dual
     call make_scheme(case%solver%scheme, run%scheme)
     run%settings%gamma_rule = case%solver%gamma_rule
@@ -32,25 +30,21 @@ contains
 
   !> Whether bodies may be solved by p-multigrid: the dual scheme has another one in its place that does so.
   pure logical function may_use_multigrid(case)
-    !> The case, its automatic choice of the scheme replaced.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case, its automatic choice of the scheme replaced.
     may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto .and. &
                         size(case%tie) == 0
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.
   subroutine set_pair_conditions(case, run)
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: case
-    !> Scheme and settings.
-    type(scheme_run_t), intent(inout) :: run
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
+    type(scheme_run_t), intent(inout) :: run  !! Scheme and settings.
     run%settings%robin_gap = [case%contact%robin_gap]
   end subroutine set_pair_conditions
 
   !> What is asked of the solution.
   pure function goal_of(case) result(goal)
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     type(solution_goal_t) :: goal
     goal%by_budget = case%solver%stop_rule == stop_budget
     goal%budget_fraction = case%solver%budget_fraction

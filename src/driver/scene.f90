@@ -15,36 +15,25 @@ module dotyk_driver_scene
   implicit none
   private
 
-  !> The parts of a contact problem, in the order in which they are made.
-  type, public :: scene_t
-    !> Bodies, modes, contact pairs.
-    type(contact_problem_t) :: problem
+  type, public :: scene_t  !! The parts of a contact problem, in the order in which they are made.
+    type(contact_problem_t) :: problem  !! Bodies, modes, contact pairs.
     !> Stiffnesses of the representatives, until they are factorized (n_bodies).
     type(stiffness_t), allocatable :: stiffness(:)
-    !> Rows of B, weights and gaps, until the QP has them.
-    type(contact_operator_t) :: operator
-    !> Penalty parameters that the input asks for (n_rows) [length/pressure].
-    real(dp), allocatable :: theta(:)
+    type(contact_operator_t) :: operator  !! Rows of B, weights and gaps, until the QP has them.
+    real(dp), allocatable :: theta(:)  !! Penalty parameters that the input asks for (n_rows) [length/pressure].
     !> Compliance operators of the representatives, until the compliance has them (n_bodies).
     type(operator_slot_t), allocatable :: slot(:)
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), allocatable :: size_of(:)
-    !> Solves with whole factors so far.
-    integer :: n_full_solves = 0
-    !> Whether the factors, or what is in their place, belong to the bodies.
-    logical :: is_factorized = .false.
+    type(factor_size_t), allocatable :: size_of(:)  !! Sizes of the factors (n_bodies).
+    integer :: n_full_solves = 0  !! Solves with whole factors so far.
+    logical :: is_factorized = .false.  !! Whether the factors, or what is in their place, belong to the bodies.
     !> Rigid body modes as the supports leave them; kept where there are several load cases (n_bodies).
     type(body_modes_t), allocatable :: modes(:)
     !> Gaps and penalty parameters of the pairs that load cases change (n_pairs).
     type(pair_conditions_t), allocatable :: pair_conditions(:)
-    !> The quadratic programme.
-    type(contact_qp_t) :: qp
-    !> Its compliance.
-    type(body_compliance_t) :: compliance
-    !> What error estimates and nodal stresses keep between rounds and load cases.
-    type(kept_estimates_t) :: kept
-    !> Bodies that all ranks compute together.
-    type(split_scene_t) :: split
+    type(contact_qp_t) :: qp  !! The quadratic programme.
+    type(body_compliance_t) :: compliance  !! Its compliance.
+    type(kept_estimates_t) :: kept  !! What error estimates and nodal stresses keep between rounds and load cases.
+    type(split_scene_t) :: split  !! Bodies that all ranks compute together.
   contains
     procedure :: has_multigrid => scene_has_multigrid
     procedure :: is_split => scene_is_split

@@ -26,16 +26,11 @@ contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build_scene(case, scheme, may_split, scene, monitor, reason, error)
-    !> The case; its contacts become the pairs that they stand for.
-    type(case_t), intent(inout) :: case
-    !> Scheme of the run.
-    class(scheme_t), intent(in) :: scheme
-    !> Whether several ranks may compute a body together.
-    logical, intent(in) :: may_split
-    !> The scene: bodies, contact pairs, sizes of the factors.
-    type(scene_t), intent(out) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
+    logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
+    type(scene_t), intent(out) :: scene  !! The scene: bodies, contact pairs, sizes of the factors.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> `reason_parts` where the ranks have parts of bodies that are not to be split: the scene is to be built anew,
     !> without; `reason_none` otherwise.
     integer, intent(out) :: reason

@@ -30,20 +30,14 @@ contains
   !> Factorize unless that is done, and solve. A scene of bodies that are split over ranks is to be built anew where it
   !> needs their factors.
   subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, reason, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme and its settings.
-    type(scheme_run_t), intent(in) :: run
-    !> The scene, built, or factorized with its loads.
-    type(scene_t), intent(inout) :: scene
+    type(case_t), intent(in) :: case  !! The case.
+    type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
+    type(scene_t), intent(inout) :: scene  !! The scene, built, or factorized with its loads.
     !> Contact pressures to start from; not allocated where there are none (n_rows) [pressure].
     real(dp), allocatable, intent(in) :: pressure(:)
-    !> Number of threads.
-    integer, intent(in) :: threads
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> The solution.
-    type(contact_solution_t), intent(inout) :: solution
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(contact_solution_t), intent(inout) :: solution  !! The solution.
     !> The load case where its contact is solved; not allocated on return.
     type(solved_case_t), allocatable, intent(inout) :: solved
     !> Why bodies that are split need factors, one of `reason_*`: no solution yet; `reason_none` otherwise.

@@ -23,20 +23,14 @@ contains
 
   !> How the bodies are solved, and whether ranks compute them together.
   subroutine choose_solution(case, body, classes, may_split, monitor, form, splits)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies with supports (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Whether several ranks may compute a body together.
-    logical, intent(in) :: may_split
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
+    logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
     !> Gets a line where they do not, although p-multigrid would be taken.
     type(log_monitor_t), intent(inout) :: monitor
-    !> One of `form_*` (n_bodies).
-    integer, allocatable, intent(out) :: form(:)
-    !> Whether the bodies are split over all ranks.
-    logical, intent(out) :: splits
+    integer, allocatable, intent(out) :: form(:)  !! One of `form_*` (n_bodies).
+    logical, intent(out) :: splits  !! Whether the bodies are split over all ranks.
     form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case))
     splits = can_split() .and. any(form == form_multigrid)
     if (splits .and. .not. may_split) form(:) = form_direct
@@ -49,14 +43,10 @@ contains
   !> Split the bodies over all ranks, or leave each to one rank with its factor: not where the iterations would be too
   !> many, for nearly incompressible bodies and networks of many floating ones.
   subroutine choose_split(body, monitor, form, splits)
-    !> Bodies with supports (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Gets a line where they are not split.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> How the bodies are solved (n_bodies).
-    integer, intent(inout) :: form(:)
-    !> Whether they are split.
-    logical, intent(out) :: splits
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets a line where they are not split.
+    integer, intent(inout) :: form(:)  !! How the bodies are solved (n_bodies).
+    logical, intent(out) :: splits  !! Whether they are split.
     character(:), allocatable :: reason, motions
     integer :: b, n_free, n_floating
     reason = ''
@@ -77,10 +67,8 @@ contains
 
   !> Tell that each body has its factor on one rank.
   subroutine note_factors(reason, monitor)
-    !> Why bodies are not split.
-    character(*), intent(in) :: reason
-    !> Gets the line.
-    type(log_monitor_t), intent(inout) :: monitor
+    character(*), intent(in) :: reason  !! Why bodies are not split.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
     call monitor%note('factors          '//reason//': bodies are not split over ranks, each has its factor on one '// &
                       'of them')
   end subroutine note_factors

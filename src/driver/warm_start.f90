@@ -32,16 +32,11 @@ contains
 
   !> Contact pressures that a load case starts from: those of an earlier run, or of the load case before.
   subroutine initial_pressures(restart, case, k, problem, log, before, pressure, error)
-    !> Results file of the earlier run; empty where there is none.
-    character(*), intent(in) :: restart
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: k
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The log.
-    type(log_t), intent(inout) :: log
+    character(*), intent(in) :: restart  !! Results file of the earlier run; empty where there is none.
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: k  !! The load case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
+    type(log_t), intent(inout) :: log  !! The log.
     !> Solution of the load case before; without pressures where there is none.
     type(solver_state_t), intent(in) :: before
     !> Not allocated where the case starts from nothing (n_rows) [pressure].
@@ -60,16 +55,12 @@ contains
 
   !> Read the contact pressures of a results file. All errors lead to exit code 2.
   subroutine read_pressures(path, name, body, pair, log, pressure, error)
-    !> Path of the results file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the results file.
     !> Name of the load case; empty where the case has none. A file without load cases serves all of them.
     character(*), intent(in) :: name
-    !> Bodies; their meshes give the size of the scene (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact rows of this case (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> The log.
-    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)  !! Bodies; their meshes give the size of the scene (n_bodies).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact rows of this case (n_pairs).
+    type(log_t), intent(inout) :: log  !! The log.
     !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
     !> Allocated where the file is missing, is no results file, or has other contact rows.
@@ -93,8 +84,7 @@ contains
 
   !> Diagonal of the box around all bodies [length].
   pure real(dp) function scene_size(body)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     real(dp) :: low(3), high(3)
     integer :: b, d
     low = huge(low)
@@ -110,12 +100,9 @@ contains
 
   !> The group of a results file that has the results of a load case.
   subroutine find_root(source, name, root, error)
-    !> Results file, open.
-    type(hdf5_source_t), intent(in) :: source
-    !> Name of the load case; empty where the case has none.
-    character(*), intent(in) :: name
-    !> Path of the group.
-    character(:), allocatable, intent(out) :: root
+    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    character(*), intent(in) :: name  !! Name of the load case; empty where the case has none.
+    character(:), allocatable, intent(out) :: root  !! Path of the group.
     !> Allocated where the file is none of dotyk, or has load cases, but not this one.
     type(error_t), allocatable, intent(out) :: error
     root = '/dotyk'
@@ -134,18 +121,13 @@ contains
 
   !> Compare the contact pairs of the file with those of the case, and read their pressures.
   subroutine read_pairs(source, root, length, pair, pressure, error)
-    !> Results file, open.
-    type(hdf5_source_t), intent(in) :: source
-    !> Group of the results.
-    character(*), intent(in) :: root
-    !> Size of the scene [length].
-    real(dp), intent(in) :: length
-    !> Contact pairs of the case (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
+    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    character(*), intent(in) :: root  !! Group of the results.
+    real(dp), intent(in) :: length  !! Size of the scene [length].
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs of the case (n_pairs).
     !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
-    !> Allocated where the file has no contact, or other contact rows.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file has no contact, or other contact rows.
     character(:), allocatable :: what
     integer :: k, n
     allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
@@ -168,18 +150,12 @@ contains
 
   !> Compare one contact pair, and read its pressures.
   subroutine read_pair(source, root, tolerance, pair, pressure, what, error)
-    !> Results file, open.
-    type(hdf5_source_t), intent(in) :: source
-    !> Group of the results.
-    character(*), intent(in) :: root
-    !> Largest distance between the row of the file and that of the case [length].
-    real(dp), intent(in) :: tolerance
-    !> Contact pair of the case.
-    type(contact_pair_t), intent(in) :: pair
-    !> Lagrange multipliers of its rows (n_rows) [pressure].
-    real(dp), contiguous, intent(out) :: pressure(:)
-    !> The difference between the rows, in words; empty: none.
-    character(:), allocatable, intent(out) :: what
+    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    character(*), intent(in) :: root  !! Group of the results.
+    real(dp), intent(in) :: tolerance  !! Largest distance between the row of the file and that of the case [length].
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair of the case.
+    real(dp), contiguous, intent(out) :: pressure(:)  !! Lagrange multipliers of its rows (n_rows) [pressure].
+    character(:), allocatable, intent(out) :: what  !! The difference between the rows, in words; empty: none.
     !> Allocated where the file cannot be read, or holds pressures of a diverged run.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: group
@@ -219,10 +195,8 @@ contains
     !> Lagrange multipliers of the contact pairs; those of ties start from 0; where all are 0, the scheme starts without
     !> a state (n_rows of the pairs) [pressure].
     real(dp), intent(in) :: pressure(:)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the contact rows; one product is made.
-    class(compliance_t), intent(inout) :: compliance
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the contact rows; one product is made.
     !> Initial state: pressures and penetrations, without history, L and amplitudes of rigid body modes.
     type(solver_state_t), intent(inout) :: state
     if (.not. any(pressure > 0)) return

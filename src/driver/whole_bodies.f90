@@ -11,19 +11,14 @@ module dotyk_driver_whole_bodies
   implicit none
   private
 
-  !> One body, of which each rank has its own nodes and elements.
-  type, public :: whole_body_fields_t
+  type, public :: whole_body_fields_t  !! One body, of which each rank has its own nodes and elements.
     private
-    !> Whether this rank has it all, and writes it.
-    logical :: is_here = .true.
+    logical :: is_here = .true.  !! Whether this rank has it all, and writes it.
     !> Own nodes, in the numbers of this rank, and their numbers in the whole body (n_own_nodes).
     integer, allocatable :: node(:), whole_node(:)
-    !> The same of elements, through all blocks (n_own_elements).
-    integer, allocatable :: element(:), whole_element(:)
-    !> Numbers in the whole body of the nodes of this rank (n_nodes).
-    integer, allocatable :: held_node(:)
-    !> Numbers of nodes and elements of the whole body.
-    integer, public :: n_nodes = 0, n_elements = 0
+    integer, allocatable :: element(:), whole_element(:)  !! The same of elements, through all blocks (n_own_elements).
+    integer, allocatable :: held_node(:)  !! Numbers in the whole body of the nodes of this rank (n_nodes).
+    integer, public :: n_nodes = 0, n_elements = 0  !! Numbers of nodes and elements of the whole body.
   contains
     procedure :: init => fields_init
     procedure :: mesh => fields_mesh
@@ -37,12 +32,9 @@ contains
   !> Number the nodes and elements that this rank has to give.
   subroutine fields_init(self, body, ranks, b)
     class(whole_body_fields_t), intent(out) :: self
-    !> The body, or the part of it that this rank holds.
-    type(body_t), intent(in) :: body
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Index of the body.
-    integer, intent(in) :: b
+    type(body_t), intent(in) :: body  !! The body, or the part of it that this rank holds.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    integer, intent(in) :: b  !! Index of the body.
     integer :: i, k, n, before
     self%is_here = n_ranks() == 1
     self%n_nodes = body%mesh%n_whole_nodes()
@@ -76,10 +68,8 @@ contains
   !> The mesh of the whole body.
   subroutine fields_mesh(self, held, mesh)
     class(whole_body_fields_t), intent(in) :: self
-    !> What this rank holds.
-    type(body_mesh_t), intent(in) :: held
-    !> The whole mesh; empty on ranks but the first.
-    type(body_mesh_t), intent(out) :: mesh
+    type(body_mesh_t), intent(in) :: held  !! What this rank holds.
+    type(body_mesh_t), intent(out) :: mesh  !! The whole mesh; empty on ranks but the first.
     real(dp), allocatable :: node(:, :), element(:, :), table(:, :)
     integer, allocatable :: chosen(:)
     integer :: k, first, before, n, held_before
@@ -127,8 +117,7 @@ contains
   !> A field of the nodes.
   subroutine fields_of_nodes(self, held, whole)
     class(whole_body_fields_t), intent(in) :: self
-    !> At the nodes that this rank holds (n, n_held_nodes) [any].
-    real(dp), intent(in) :: held(:, :)
+    real(dp), intent(in) :: held(:, :)  !! At the nodes that this rank holds (n, n_held_nodes) [any].
     !> At those of the whole body; of size 0 on ranks but the first (n, n_nodes) [as held].
     real(dp), allocatable, intent(out) :: whole(:, :)
     if (self%is_here) then
@@ -155,8 +144,7 @@ contains
   !> A field of the boundary, which every rank has; it is 0 elsewhere.
   subroutine fields_of_surface(self, held, whole)
     class(whole_body_fields_t), intent(in) :: self
-    !> At the nodes that this rank holds (n_held_nodes) [any].
-    real(dp), intent(in) :: held(:)
+    real(dp), intent(in) :: held(:)  !! At the nodes that this rank holds (n_held_nodes) [any].
     !> At those of the whole body; of size 0 on ranks but the first (n_nodes) [as held].
     real(dp), allocatable, intent(out) :: whole(:)
     if (self%is_here) then
@@ -169,14 +157,10 @@ contains
 
   !> Rows of a table from all ranks.
   subroutine collect_rows(number, own, n, whole)
-    !> Numbers in the table of the rows of this rank (n_own).
-    integer, intent(in) :: number(:)
-    !> Its rows, as columns (width, n_own) [any].
-    real(dp), intent(in) :: own(:, :)
-    !> Number of all rows on the first rank, 0 elsewhere.
-    integer, intent(in) :: n
-    !> All rows, as columns (width, n) [as own].
-    real(dp), allocatable, intent(out) :: whole(:, :)
+    integer, intent(in) :: number(:)  !! Numbers in the table of the rows of this rank (n_own).
+    real(dp), intent(in) :: own(:, :)  !! Its rows, as columns (width, n_own) [any].
+    integer, intent(in) :: n  !! Number of all rows on the first rank, 0 elsewhere.
+    real(dp), allocatable, intent(out) :: whole(:, :)  !! All rows, as columns (width, n) [as own].
     real(dp), allocatable :: all(:)
     integer(int64) :: at, first
     integer :: i, n_rows, width

@@ -23,26 +23,21 @@ contains
 
   !> Number of displacement components and of coordinates, 2 or 3.
   pure integer function analysis_dimension(analysis) result(dimension)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     dimension = merge(3, 2, analysis == analysis_3d)
   end function analysis_dimension
 
   !> Number of slots of a gradient.
   pure integer function gradient_slots(analysis) result(slots)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     slots = merge(2, 3, analysis == analysis_plane_strain .or. analysis == analysis_plane_stress)
   end function gradient_slots
 
   !> Index of the strain to which a gradient slot of a displacement component contributes; 0 for none.
   pure integer function strain_index(analysis, component, slot) result(strain)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Displacement component, 1 to 3.
-    integer, intent(in) :: component
-    !> Gradient slot, 1 to 3.
-    integer, intent(in) :: slot
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: component  !! Displacement component, 1 to 3.
+    integer, intent(in) :: slot  !! Gradient slot, 1 to 3.
     integer, parameter :: of_derivative(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
     if (analysis == analysis_axisymmetric .and. slot == 3) then
       strain = merge(3, 0, component == 1)

@@ -32,24 +32,16 @@ contains
   !> displacements from the right-hand side.
   subroutine assemble_stiffness(mesh, analysis, material, constraint, positions, matrix, rhs, volume, &
                                 mean_modulus_factor, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Positions of the nodal blocks in the matrix.
-    type(block_positions_t), intent(in) :: positions
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    type(block_positions_t), intent(in) :: positions  !! Positions of the nodal blocks in the matrix.
     !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
-    !> Volume of the body [volume].
-    real(dp), intent(out) :: volume
-    !> Mean of the modulus field over the volume, see `weight_moduli` [].
-    real(dp), intent(out) :: mean_modulus_factor
+    real(dp), intent(inout) :: rhs(:)  !! Right-hand side, from which K_fc z is subtracted (n_equations) [force].
+    real(dp), intent(out) :: volume  !! Volume of the body [volume].
+    real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume, see `weight_moduli` [].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: element_volume(:), element_integral(:)
@@ -74,18 +66,13 @@ contains
 
   !> Add the springs on surfaces: their nodes are neighbours in elements.
   subroutine add_springs(mesh, analysis, constraint, positions, matrix, rhs)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     !> Equations, prescribed displacements, nodal axes and springs of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Positions of the nodal blocks in the matrix.
-    type(block_positions_t), intent(in) :: positions
-    !> Matrix K_ff, added to [force/length].
-    type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
+    type(block_positions_t), intent(in) :: positions  !! Positions of the nodal blocks in the matrix.
+    type(sparse_symmetric_t), intent(inout) :: matrix  !! Matrix K_ff, added to [force/length].
+    real(dp), intent(inout) :: rhs(:)  !! Right-hand side, from which K_fc z is subtracted (n_equations) [force].
     ! One part has all nodes.
     integer, parameter :: part = 1
     type(foundation_points_t) :: points
@@ -113,24 +100,16 @@ contains
   !> Assemble the elements of one block, distributed over the threads.
   subroutine assemble_block(mesh, i_block, analysis, material, constraint, positions, matrix, rhs, volume, &
                             modulus_integral, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Positions of the nodal blocks in the matrix.
-    type(block_positions_t), intent(in) :: positions
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    type(block_positions_t), intent(in) :: positions  !! Positions of the nodal blocks in the matrix.
     !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
-    !> Volumes of the elements of the block (n_elements) [volume].
-    real(dp), intent(inout) :: volume(:)
+    real(dp), intent(inout) :: rhs(:)  !! Right-hand side, from which K_fc z is subtracted (n_equations) [force].
+    real(dp), intent(inout) :: volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
     !> Integrals of the modulus field over the elements (n_elements) [volume].
     real(dp), intent(inout) :: modulus_integral(:)
     !> Allocated as in `assemble_stiffness`: the first failing element of the ordering is named.
@@ -172,30 +151,20 @@ contains
   !> Assemble the elements of one part of a block: the work of one thread.
   subroutine assemble_part(mesh, i_block, analysis, material, constraint, positions, partition, part, needs_transform, &
                            order, matrix, rhs, volume, modulus_integral, position, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Positions of the nodal blocks in the matrix.
-    type(block_positions_t), intent(in) :: positions
-    !> Distribution of the elements of the block over the threads.
-    type(element_partition_t), intent(in) :: partition
-    !> Index of the part.
-    integer, intent(in) :: part
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    type(block_positions_t), intent(in) :: positions  !! Positions of the nodal blocks in the matrix.
+    type(element_partition_t), intent(in) :: partition  !! Distribution of the elements of the block over the threads.
+    integer, intent(in) :: part  !! Index of the part.
     !> Whether a node has local axes or a nonzero prescribed displacement (n_nodes).
     logical, intent(in) :: needs_transform(:)
-    !> Index of the k-th element of the ordering (n_elements).
-    integer, intent(in) :: order(:)
+    integer, intent(in) :: order(:)  !! Index of the k-th element of the ordering (n_elements).
     !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
+    real(dp), intent(inout) :: rhs(:)  !! Right-hand side, from which K_fc z is subtracted (n_equations) [force].
     !> Volumes of the elements; those of this part's own elements are set (n_elements) [volume].
     real(dp), intent(inout) :: volume(:)
     !> Integrals of the modulus field over the same elements (n_elements) [volume].
@@ -239,26 +208,20 @@ contains
 
   !> Subtract the forces K_fc z of prescribed displacements of one element from the right-hand side.
   pure subroutine subtract_prescribed_forces(n, dim, n_nodes, node, k, part, owner, equation, prescribed, rhs)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of nodes of the body.
-    integer, intent(in) :: n_nodes
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the body.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
     !> Element stiffness in nodal axes: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> Index of the part.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the part.
     !> Part that owns each node (n_nodes); forces on nodes of other parts are left to their owners.
     integer, intent(in) :: owner(n_nodes)
     !> Equation of each nodal component, 0 where its displacement is prescribed (dim, n_nodes).
     integer, intent(in) :: equation(dim, n_nodes)
     !> Prescribed displacements in nodal axes, 0 where free (dim, n_nodes) [length].
     real(dp), intent(in) :: prescribed(dim, n_nodes)
-    !> Right-hand side (n_equations) [force].
-    real(dp), intent(inout) :: rhs(*)
+    real(dp), intent(inout) :: rhs(*)  !! Right-hand side (n_equations) [force].
     integer :: a, b, i, j, row
     do b = 1, n
       do j = 1, dim

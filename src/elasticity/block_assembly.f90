@@ -29,14 +29,10 @@ module dotyk_elasticity_block_assembly
   private
   public :: assemble_block_rows, clear_held, contract, element_stiffness, typical_stiffness
 
-  !> The coarse matrix while it is assembled.
-  type, public :: corner_matrix_t
-    !> Equations and nodal axes of the corners.
-    type(constraint_t) :: constraint
-    !> Positions of the blocks of the corners in `matrix`.
-    type(block_positions_t) :: positions
-    !> P^T K P over the free equations of the corners [force/length].
-    type(sparse_symmetric_t) :: matrix
+  type, public :: corner_matrix_t  !! The coarse matrix while it is assembled.
+    type(constraint_t) :: constraint  !! Equations and nodal axes of the corners.
+    type(block_positions_t) :: positions  !! Positions of the blocks of the corners in `matrix`.
+    type(sparse_symmetric_t) :: matrix  !! P^T K P over the free equations of the corners [force/length].
     !> The same by block rows, in place of `positions` and `matrix` where it has a pattern [force/length].
     type(block_rows_t) :: rows
   end type corner_matrix_t
@@ -45,14 +41,10 @@ contains
 
   !> Magnitude of the stiffness: that of the largest entry of the first element [force/length].
   subroutine typical_stiffness(mesh, analysis, material, stiffness, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> The magnitude [force/length].
-    real(dp), intent(out) :: stiffness
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(dp), intent(out) :: stiffness  !! The magnitude [force/length].
     !> Allocated where the element is inverted, or the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
@@ -72,22 +64,15 @@ contains
   !> Add the stiffness of all elements to matrices of zeros.
   subroutine assemble_block_rows(mesh, analysis, material, constraint, space, rows, volume, mean_modulus_factor, &
                                  error, coarse)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> The corner space.
-    type(corner_space_t), intent(in) :: space
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    type(corner_space_t), intent(in) :: space  !! The corner space.
     !> Stiffness by block rows, in nodal axes, with its pattern; packed on return [force/length].
     type(block_rows_t), intent(inout) :: rows
-    !> Volume of the body [volume].
-    real(dp), intent(out) :: volume
-    !> Mean of the modulus field over the volume, see `weight_moduli` [].
-    real(dp), intent(out) :: mean_modulus_factor
+    real(dp), intent(out) :: volume  !! Volume of the body [volume].
+    real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume, see `weight_moduli` [].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     !> Stiffness on the corner space, with its pattern; absent where it is not needed.
@@ -128,18 +113,12 @@ contains
 
   !> Add the springs on surfaces: their nodes are neighbours in elements, and so are their corners.
   subroutine add_springs(mesh, analysis, constraint, axes, space, rows, coarse)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Equations, nodal axes and springs of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Inverses of the nodal axes (dim, dim, n_frames) [].
-    real(dp), intent(in) :: axes(:, :, :)
-    !> The corner space.
-    type(corner_space_t), intent(in) :: space
-    !> Stiffness by block rows [force/length].
-    type(block_rows_t), intent(inout) :: rows
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(constraint_t), intent(in) :: constraint  !! Equations, nodal axes and springs of the body.
+    real(dp), intent(in) :: axes(:, :, :)  !! Inverses of the nodal axes (dim, dim, n_frames) [].
+    type(corner_space_t), intent(in) :: space  !! The corner space.
+    type(block_rows_t), intent(inout) :: rows  !! Stiffness by block rows [force/length].
     !> Stiffness on the corner space; absent where it is not needed.
     type(corner_matrix_t), intent(inout), optional :: coarse
     ! One part has all nodes and corners.
@@ -178,26 +157,16 @@ contains
   !> Assemble the elements of one block, distributed over the threads.
   subroutine assemble_block(mesh, i_block, analysis, material, constraint, axes, special, space, rows, volume, &
                             modulus_integral, error, coarse)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Inverses of the nodal axes (dim, dim, n_frames) [].
-    real(dp), intent(in) :: axes(:, :, :)
-    !> Whether a node has local axes or held components (n_nodes).
-    logical, intent(in) :: special(:)
-    !> The corner space.
-    type(corner_space_t), intent(in) :: space
-    !> Stiffness by block rows [force/length].
-    type(block_rows_t), intent(inout) :: rows
-    !> Volumes of the elements of the block (n_elements) [volume].
-    real(dp), intent(inout) :: volume(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    real(dp), intent(in) :: axes(:, :, :)  !! Inverses of the nodal axes (dim, dim, n_frames) [].
+    logical, intent(in) :: special(:)  !! Whether a node has local axes or held components (n_nodes).
+    type(corner_space_t), intent(in) :: space  !! The corner space.
+    type(block_rows_t), intent(inout) :: rows  !! Stiffness by block rows [force/length].
+    real(dp), intent(inout) :: volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
     !> Integrals of the modulus field over the elements (n_elements) [volume].
     real(dp), intent(inout) :: modulus_integral(:)
     !> Allocated where an element is inverted or the modulus field is not positive: the first one in the ordering.
@@ -235,32 +204,19 @@ contains
   !> Assemble the elements of one part of a block: the work of one thread.
   subroutine assemble_part(mesh, i_block, analysis, material, constraint, axes, special, space, partition, &
                            corner_owner, part, order, rows, volume, modulus_integral, position, error, coarse)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Inverses of the nodal axes (dim, dim, n_frames) [].
-    real(dp), intent(in) :: axes(:, :, :)
-    !> Whether a node has local axes or held components (n_nodes).
-    logical, intent(in) :: special(:)
-    !> The corner space.
-    type(corner_space_t), intent(in) :: space
-    !> Distribution of the elements of the block over the threads.
-    type(element_partition_t), intent(in) :: partition
-    !> Part that owns each corner (n_corners).
-    integer, intent(in) :: corner_owner(:)
-    !> Index of the part.
-    integer, intent(in) :: part
-    !> Index of the k-th element of the ordering (n_elements).
-    integer, intent(in) :: order(:)
-    !> Stiffness by block rows [force/length].
-    type(block_rows_t), intent(inout) :: rows
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    real(dp), intent(in) :: axes(:, :, :)  !! Inverses of the nodal axes (dim, dim, n_frames) [].
+    logical, intent(in) :: special(:)  !! Whether a node has local axes or held components (n_nodes).
+    type(corner_space_t), intent(in) :: space  !! The corner space.
+    type(element_partition_t), intent(in) :: partition  !! Distribution of the elements of the block over the threads.
+    integer, intent(in) :: corner_owner(:)  !! Part that owns each corner (n_corners).
+    integer, intent(in) :: part  !! Index of the part.
+    integer, intent(in) :: order(:)  !! Index of the k-th element of the ordering (n_elements).
+    type(block_rows_t), intent(inout) :: rows  !! Stiffness by block rows [force/length].
     !> Volumes of the elements; those of this part's own elements are set (n_elements) [volume].
     real(dp), intent(inout) :: volume(:)
     !> Integrals of the modulus field over the same elements (n_elements) [volume].
@@ -313,20 +269,14 @@ contains
 
   !> Add an element matrix to the coarse matrix.
   subroutine add_corner_element(nc, dim, corner, part, owner, k, coarse)
-    !> Number of corners of the element.
-    integer, intent(in) :: nc
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Its corners (nc).
-    integer, intent(in) :: corner(nc)
-    !> Index of the part.
-    integer, intent(in) :: part
-    !> Part that owns each corner (n_corners).
-    integer, intent(in) :: owner(:)
+    integer, intent(in) :: nc  !! Number of corners of the element.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: corner(nc)  !! Its corners (nc).
+    integer, intent(in) :: part  !! Index of the part.
+    integer, intent(in) :: owner(:)  !! Part that owns each corner (n_corners).
     !> Element matrix in nodal axes; rows and columns of held components are changed ((nc*dim)**2) [force/length].
     real(dp), intent(inout) :: k(:)
-    !> Gets it.
-    type(corner_matrix_t), intent(inout) :: coarse
+    type(corner_matrix_t), intent(inout) :: coarse  !! Gets it.
     if (allocated(coarse%rows%column)) then
       call clear_held(nc, dim, coarse%constraint%equation(:, corner), k)
       call add_blocks(nc, dim, coarse%rows%n, corner, k, part, owner, coarse%rows%start, coarse%rows%column, &
@@ -340,10 +290,8 @@ contains
 
   !> Stiffness of the current element, in global axes.
   subroutine element_stiffness(points, k)
-    !> Quadrature data of the element.
-    type(element_quadrature_t), intent(in) :: points
-    !> Element stiffness: of shape (n, n, dim, dim) [force/length].
-    real(dp), intent(out) :: k(:)
+    type(element_quadrature_t), intent(in) :: points  !! Quadrature data of the element.
+    real(dp), intent(out) :: k(:)  !! Element stiffness: of shape (n, n, dim, dim) [force/length].
     real(dp) :: products((points%n*points%slots)**2)
     if (points%varies) then
       call stiffness_varying(points%n, points%dim, points%slots, points%n_points, points%strain, points%matrix, &

@@ -26,42 +26,32 @@ module dotyk_elasticity_body
   !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others. Its stiffness and its
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
   type, public :: body_t
-    !> Name in the input.
-    character(:), allocatable :: name
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer :: analysis = analysis_3d
-    !> Number of displacement components, 2 or 3.
-    integer :: dimension = 3
-    !> Elements and nodes.
-    type(body_mesh_t) :: mesh
+    character(:), allocatable :: name  !! Name in the input.
+    integer :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
+    integer :: dimension = 3  !! Number of displacement components, 2 or 3.
+    type(body_mesh_t) :: mesh  !! Elements and nodes.
     !> Whether edges or corners alone join pieces of it, as hinges do: their motions cost no energy.
     logical :: is_hinged = .false.
     !> Materials; the blocks of the mesh tell which of them their elements have (n_materials).
     type(material_t), allocatable :: material(:)
-    !> Equations, prescribed displacements and nodal axes.
-    type(constraint_t) :: constraint
-    !> Directions of its supports, for their reactions.
-    type(support_directions_t) :: directions
-    !> Temperature and initial stress.
-    type(initial_state_t) :: initial
+    type(constraint_t) :: constraint  !! Equations, prescribed displacements and nodal axes.
+    type(support_directions_t) :: directions  !! Directions of its supports, for their reactions.
+    type(initial_state_t) :: initial  !! Temperature and initial stress.
     !> Nodal forces of the loads, and of the initial state, in global axes; zero where not allocated (dim, n_nodes)
     !> [force].
     real(dp), allocatable :: load(:, :)
-    !> Loads on surfaces, and force densities that vary, at quadrature points.
-    type(point_forces_t) :: applied
+    type(point_forces_t) :: applied  !! Loads on surfaces, and force densities that vary, at quadrature points.
     !> Sum of the constant force densities in each material, in global axes; none where not allocated (3, n_materials)
     !> [force/volume].
     real(dp), allocatable :: density(:, :)
-    !> Resultants of the loads (n_loads); for the log.
-    type(load_resultant_t), allocatable :: resultant(:)
+    type(load_resultant_t), allocatable :: resultant(:)  !! Resultants of the loads (n_loads); for the log.
     !> Warnings of formulas of loads and supports that quadrature or the mesh does not resolve.
     type(text_t), allocatable :: unresolved(:)
     !> What acts on the body in each load case; not allocated where it is the same in all of them (n_cases).
     type(body_actions_t), allocatable :: of_case(:)
     !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
-    !> Volume [volume].
-    real(dp) :: volume = 0
+    real(dp) :: volume = 0  !! Volume [volume].
     !> Mean of the modulus field over the volume; of several materials, those of the others count by their least Young's
     !> modulus over that of the first [].
     real(dp) :: mean_modulus_factor = 1
@@ -91,10 +81,8 @@ module dotyk_elasticity_body
     procedure :: destroy => body_destroy
   end type body_t
 
-  !> The stiffness of a body, until it is factorized.
-  type, public :: stiffness_t
-    !> Matrix over the free equations [force/length].
-    type(sparse_symmetric_t) :: matrix
+  type, public :: stiffness_t  !! The stiffness of a body, until it is factorized.
+    type(sparse_symmetric_t) :: matrix  !! Matrix over the free equations [force/length].
     !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
     integer(int64), allocatable :: graph_start(:)
     !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
@@ -124,8 +112,7 @@ contains
 
   !> Assemble only the stiffness of a body that was assembled before.
   subroutine assemble_stiffness(body, stiffness, error)
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     !> Stiffness over the free equations, with the node graph [force/length].
     type(stiffness_t), intent(inout) :: stiffness
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
@@ -138,16 +125,13 @@ contains
 
   !> Sparsity pattern and values of the stiffness.
   subroutine assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     !> Stiffness over the free equations, with the node graph [force/length].
     type(stiffness_t), intent(inout) :: stiffness
     !> Right-hand side, from which forces of prescribed displacements are subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
-    !> Volume of the body [volume].
-    real(dp), intent(out) :: volume
-    !> Mean of the modulus field over the volume [].
-    real(dp), intent(out) :: mean_modulus_factor
+    real(dp), intent(out) :: volume  !! Volume of the body [volume].
+    real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume [].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(block_positions_t) :: positions
@@ -163,8 +147,7 @@ contains
   !> The constraint of the body has the equations and axes of the representative, see `adopt_congruent_constraint`.
   subroutine body_assemble_like(self, first, error)
     class(body_t), intent(inout) :: self
-    !> The representative, assembled.
-    type(body_t), intent(in) :: first
+    type(body_t), intent(in) :: first  !! The representative, assembled.
     !> Allocated where an element next to a prescribed displacement is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     self%volume = first%volume
@@ -175,8 +158,7 @@ contains
   !> Assemble only the right-hand side of a body whose stiffness matrix is not needed as a whole.
   subroutine body_assemble_loads(self, error)
     class(body_t), intent(inout) :: self
-    !> As in `assemble_like`.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `assemble_like`.
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
@@ -187,8 +169,7 @@ contains
   !> Keep what belongs to some nodes. The equations keep their numbers in the whole body.
   subroutine body_hold_nodes(self, node)
     class(body_t), intent(inout) :: self
-    !> Numbers of the nodes in the whole body, ascending (n_held_nodes).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Numbers of the nodes in the whole body, ascending (n_held_nodes).
     integer, allocatable :: number(:)
     integer :: i
     self%is_loaded_inside = .not. self%is_idle()
@@ -217,8 +198,7 @@ contains
   !> Number the equations of a part of a body that all ranks compute together.
   subroutine body_number_part(self, own_node)
     class(body_t), intent(inout) :: self
-    !> Whether this rank computes each held node (n_held_nodes).
-    logical, intent(in) :: own_node(:)
+    logical, intent(in) :: own_node(:)  !! Whether this rank computes each held node (n_held_nodes).
     integer :: i, k
     self%n_whole_equations = self%constraint%n_equations
     call self%constraint%number_equations()
@@ -256,8 +236,7 @@ contains
   !> (n_equations).
   pure function body_of_own_equations(self, x) result(own)
     class(body_t), intent(in) :: self
-    !> Over the equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: x(:)  !! Over the equations (n_equations) [any].
     real(dp), allocatable :: own(:)
     own = x
     if (.not. allocated(self%own_equation)) return
@@ -267,8 +246,7 @@ contains
   !> The same of nodes (n, n_nodes).
   pure function body_of_own_nodes(self, f) result(own)
     class(body_t), intent(in) :: self
-    !> At the nodes (n, n_nodes) [any].
-    real(dp), intent(in) :: f(:, :)
+    real(dp), intent(in) :: f(:, :)  !! At the nodes (n, n_nodes) [any].
     real(dp), allocatable :: own(:, :)
     integer :: i
     own = f
@@ -294,8 +272,7 @@ contains
   !> Put a body that is not assembled into a parcel, or take it out.
   subroutine body_carry(self, parcel)
     class(body_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     logical :: is_there, has_cases
     integer :: n(1), i
     call parcel%carry(self%name)
@@ -357,8 +334,7 @@ contains
   real(dp) function strain_energy(body, u) result(energy)
     !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: stress(:, :), force(:, :)
     real(dp) :: of_springs

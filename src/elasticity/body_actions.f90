@@ -10,24 +10,17 @@ module dotyk_elasticity_body_actions
   implicit none
   private
 
-  !> Components of `body_t` with the same names.
-  type, public :: body_actions_t
+  type, public :: body_actions_t  !! Components of `body_t` with the same names.
     !> Prescribed displacements along the nodal axes; zero where not allocated (dim, n_nodes) [length].
     real(dp), allocatable :: prescribed(:, :)
-    !> Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
-    real(dp) :: rigid_motion(6) = 0
-    !> Temperature and initial stress.
-    type(initial_state_t) :: initial
-    !> Nodal forces; zero where not allocated (dim, n_nodes) [force].
-    real(dp), allocatable :: load(:, :)
-    !> Loads at quadrature points.
-    type(point_forces_t) :: applied
+    real(dp) :: rigid_motion(6) = 0  !! Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
+    type(initial_state_t) :: initial  !! Temperature and initial stress.
+    real(dp), allocatable :: load(:, :)  !! Nodal forces; zero where not allocated (dim, n_nodes) [force].
+    type(point_forces_t) :: applied  !! Loads at quadrature points.
     !> Sums of the constant force densities of the materials; none where not allocated (3, n_materials) [force/volume].
     real(dp), allocatable :: density(:, :)
-    !> Resultants of the loads (n_loads).
-    type(load_resultant_t), allocatable :: resultant(:)
-    !> Warnings of formulas.
-    type(text_t), allocatable :: unresolved(:)
+    type(load_resultant_t), allocatable :: resultant(:)  !! Resultants of the loads (n_loads).
+    type(text_t), allocatable :: unresolved(:)  !! Warnings of formulas.
     !> Whether there are loads or given displacements at nodes that this rank does not hold.
     logical :: is_loaded_inside = .false.
   contains
@@ -49,8 +42,7 @@ contains
   !> Keep what belongs to some nodes.
   pure subroutine actions_hold_nodes(self, node)
     class(body_actions_t), intent(inout) :: self
-    !> Numbers of the nodes in the whole body, ascending (n_held_nodes).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Numbers of the nodes in the whole body, ascending (n_held_nodes).
     self%is_loaded_inside = .not. self%is_idle()
     if (allocated(self%prescribed)) self%prescribed = self%prescribed(:, node)
     if (allocated(self%load)) self%load = self%load(:, node)
@@ -60,8 +52,7 @@ contains
   !> Put the actions into a parcel, or take them out.
   subroutine actions_carry(self, parcel)
     class(body_actions_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%prescribed)
     call parcel%carry_fixed(6, self%rigid_motion)
     call self%initial%carry(parcel)
@@ -75,10 +66,8 @@ contains
 
   !> Put resultants of loads into a parcel, or take them out.
   subroutine carry_resultants(parcel, resultant)
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
-    !> The resultants, if there are any (n_loads).
-    type(load_resultant_t), allocatable, intent(inout) :: resultant(:)
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    type(load_resultant_t), allocatable, intent(inout) :: resultant(:)  !! The resultants, if there are any (n_loads).
     logical :: has_loads
     integer :: n(1), i
     has_loads = allocated(resultant)

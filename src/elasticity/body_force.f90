@@ -12,14 +12,10 @@ contains
 
   !> Forces on all nodes, those at supports included.
   subroutine body_force(body, u, force, energy, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(qp), intent(in) :: u(:, :)
-    !> Forces in global axes (dim, n_nodes) [force].
-    real(dp), intent(out) :: force(:, :)
-    !> Twice the energy, u.K u [energy].
-    real(dp), intent(out) :: energy
+    type(body_t), intent(in) :: body  !! The body.
+    real(qp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(out) :: force(:, :)  !! Forces in global axes (dim, n_nodes) [force].
+    real(dp), intent(out) :: energy  !! Twice the energy, u.K u [energy].
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     call internal_force(body%mesh, body%analysis, body%material, u, force, energy, error)

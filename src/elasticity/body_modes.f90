@@ -14,23 +14,19 @@ module dotyk_elasticity_body_modes
   implicit none
   private
 
-  !> The modes of one body.
-  type, public :: body_modes_t
-    !> Number of modes.
-    integer :: n = 0
+  type, public :: body_modes_t  !! The modes of one body.
+    integer :: n = 0  !! Number of modes.
     !> Nodal displacements in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in the
     !> Euclidean product over nodes and components (dim, n_nodes, n) [].
     real(dp), allocatable :: shape(:, :, :)
-    !> Resultants of the loads on the modes (n) [force].
-    real(dp), allocatable :: resultant(:)
+    real(dp), allocatable :: resultant(:)  !! Resultants of the loads on the modes (n) [force].
     !> Spring stiffnesses of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
     !> Contribution of prescribed displacements to the resultants on near-null-space modes (n) [force].
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute terms of the resultants on near-null-space modes (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Rigid body modes as translations and rotations, for messages.
-    type(rigid_body_modes_t) :: rigid
+    type(rigid_body_modes_t) :: rigid  !! Rigid body modes as translations and rotations, for messages.
   contains
     procedure :: find => modes_find
     procedure :: move => modes_move
@@ -56,8 +52,7 @@ contains
   !> Find the rigid body modes that the supports leave free. All ranks find those of a body in parts together.
   subroutine modes_find(self, body)
     class(body_modes_t), intent(out) :: self
-    !> The body, with supports and loads.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body, with supports and loads.
     call self%rigid%init(body%mesh, body%analysis, body%constraint, self%shape)
     self%n = self%rigid%n
     call find_resultants(body%mesh, self%shape, body%load, self%resultant)
@@ -66,12 +61,9 @@ contains
   !> Rigid body modes of a congruent body, from those of the representative.
   subroutine modes_move(self, first, motion, body)
     class(body_modes_t), intent(out) :: self
-    !> Rigid body modes of the representative.
-    type(body_modes_t), intent(in) :: first
-    !> Rigid motion from the representative to the body.
-    type(placement_t), intent(in) :: motion
-    !> The body, with its loads.
-    type(body_t), intent(in) :: body
+    type(body_modes_t), intent(in) :: first  !! Rigid body modes of the representative.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from the representative to the body.
+    type(body_t), intent(in) :: body  !! The body, with its loads.
     integer :: i, k
     self%n = first%n
     self%shape = first%shape
@@ -92,24 +84,21 @@ contains
   !> Take the loads of another load case.
   subroutine modes_take_loads(self, body)
     class(body_modes_t), intent(inout) :: self
-    !> The body, with its loads.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body, with its loads.
     call find_resultants(body%mesh, self%shape, body%load, self%resultant)
   end subroutine modes_take_loads
 
   !> Keep the displacements of some nodes.
   subroutine modes_hold_nodes(self, node)
     class(body_modes_t), intent(inout) :: self
-    !> Numbers of the nodes, ascending (n_held_nodes).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Numbers of the nodes, ascending (n_held_nodes).
     self%shape = self%shape(:, node, :)
   end subroutine modes_hold_nodes
 
   !> Put rigid body modes into a parcel, or take them out.
   subroutine modes_carry(self, parcel)
     class(body_modes_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%n)
     call parcel%carry(self%shape)
     call parcel%carry(self%resultant)
@@ -138,12 +127,9 @@ contains
   !> Near-null-space modes of a body that its supports hold.
   subroutine modes_take_near_null(self, body, mode, stiffness)
     class(body_modes_t), intent(out) :: self
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> The modes over the equations (n_equations, n) [].
-    real(dp), intent(in) :: mode(:, :)
-    !> Their spring stiffnesses (n, n) [force/length].
-    real(dp), intent(in) :: stiffness(:, :)
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    real(dp), intent(in) :: mode(:, :)  !! The modes over the equations (n_equations, n) [].
+    real(dp), intent(in) :: stiffness(:, :)  !! Their spring stiffnesses (n, n) [force/length].
     real(dp), allocatable :: load(:)
     integer :: k
     self%n = size(mode, 2)
@@ -162,10 +148,8 @@ contains
   !> Near-null-space modes as numbers for other ranks.
   pure subroutine modes_pack_near_null(self, node, value)
     class(body_modes_t), intent(in) :: self
-    !> Nodes of which the displacements are packed (n_shared).
-    integer, intent(in) :: node(:)
-    !> The numbers (any).
-    real(dp), allocatable, intent(out) :: value(:)
+    integer, intent(in) :: node(:)  !! Nodes of which the displacements are packed (n_shared).
+    real(dp), allocatable, intent(out) :: value(:)  !! The numbers (any).
     value = [real(self%n, dp), self%resultant, self%lift_resultant, self%resultant_size, &
              reshape(self%stiffness, [self%n**2]), &
              reshape(self%shape(:, node, :), [size(self%shape, 1)*size(node)*self%n])]
@@ -174,12 +158,9 @@ contains
   !> Near-null-space modes from the numbers of another rank, in place of the rigid body modes.
   subroutine modes_unpack_near_null(self, n_nodes, node, value)
     class(body_modes_t), intent(inout) :: self
-    !> Number of nodes of the body on this rank.
-    integer, intent(in) :: n_nodes
-    !> Those whose displacements were packed; others get 0 (n_shared).
-    integer, intent(in) :: node(:)
-    !> From `pack_near_null` (any).
-    real(dp), intent(in) :: value(:)
+    integer, intent(in) :: n_nodes  !! Number of nodes of the body on this rank.
+    integer, intent(in) :: node(:)  !! Those whose displacements were packed; others get 0 (n_shared).
+    real(dp), intent(in) :: value(:)  !! From `pack_near_null` (any).
     integer :: n, d
     d = size(self%shape, 1)
     n = nint(value(1))
@@ -203,8 +184,7 @@ contains
   !> Describe a combination of rigid body modes, as in "translation along (0, 0, 1)"; empty for none.
   function modes_combination_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> Amplitude of each mode (n) [any].
-    real(dp), intent(in) :: amplitude(:)
+    real(dp), intent(in) :: amplitude(:)  !! Amplitude of each mode (n) [any].
     character(:), allocatable :: text
     text = self%rigid%combination_text(amplitude)
   end function modes_combination_text
@@ -212,22 +192,17 @@ contains
   !> Describe the span of several combinations of rigid body modes; empty for none.
   function modes_span_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> Amplitudes of each combination as columns (n, n_combinations) [any].
-    real(dp), intent(in) :: amplitude(:, :)
+    real(dp), intent(in) :: amplitude(:, :)  !! Amplitudes of each combination as columns (n, n_combinations) [any].
     character(:), allocatable :: text
     text = self%rigid%span_text(amplitude)
   end function modes_span_text
 
   !> Resultants of loads on modes. Rounding errors of self-equilibrated loads are set to zero.
   subroutine find_resultants(mesh, shape, load, resultant)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Modes (dim, n_nodes, n) [].
-    real(dp), intent(in) :: shape(:, :, :)
-    !> Nodal forces, complete at the own nodes (dim, n_nodes) [force].
-    real(dp), intent(in) :: load(:, :)
-    !> Resultants (n) [force].
-    real(dp), allocatable, intent(out) :: resultant(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: shape(:, :, :)  !! Modes (dim, n_nodes, n) [].
+    real(dp), intent(in) :: load(:, :)  !! Nodal forces, complete at the own nodes (dim, n_nodes) [force].
+    real(dp), allocatable, intent(out) :: resultant(:)  !! Resultants (n) [force].
     real(dp) :: total(2*size(shape, 3))
     integer :: i, k, n
     n = size(shape, 3)

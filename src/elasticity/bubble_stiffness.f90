@@ -15,16 +15,11 @@ contains
                               stiffness, matrix)
     !> Numbers of points with repetitions, bubbles, displacement components, gradient slots and strains.
     integer, intent(in) :: n_points, n_bubbles, dim, slots, n_strains
-    !> Bubbles of the kind.
-    type(bubble_table_t), intent(in) :: table
-    !> Material.
-    type(point_material_t), intent(in) :: material
-    !> Inverse Jacobians (n_points, dim, dim) [1/length].
-    real(dp), intent(in) :: inverse(n_points, dim, dim)
-    !> Radius in axisymmetric analyses (n_points) [length].
-    real(dp), intent(in) :: radius(n_points)
-    !> Weights of the points by the modulus factor (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    type(bubble_table_t), intent(in) :: table  !! Bubbles of the kind.
+    type(point_material_t), intent(in) :: material  !! Material.
+    real(dp), intent(in) :: inverse(n_points, dim, dim)  !! Inverse Jacobians (n_points, dim, dim) [1/length].
+    real(dp), intent(in) :: radius(n_points)  !! Radius in axisymmetric analyses (n_points) [length].
+    real(dp), intent(in) :: w(n_points)  !! Weights of the points by the modulus factor (n_points) [volume].
     !> Material at the points, by the factor (n_strains, n_strains, n_points) [pressure].
     real(dp), intent(in) :: stiffness(n_strains, n_strains, n_points)
     !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
@@ -56,22 +51,15 @@ contains
 
   !> The stiffness of the bubbles, its lower triangle: from sums over the points of products of two derivatives.
   subroutine form_matrix(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)
-    !> Number of points.
-    integer, intent(in) :: n_points
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Strain of each slot of each component, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
+    integer, intent(in) :: n_points  !! Number of points.
+    integer, intent(in) :: n_bubbles  !! Number of bubbles.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    integer, intent(in) :: n_strains  !! Number of strains.
+    integer, intent(in) :: index(dim, slots)  !! Strain of each slot of each component, 0 for none (dim, slots).
     !> From strains to stresses (n_strains, n_strains) [pressure].
     real(dp), intent(in) :: stiffness(n_strains, n_strains)
-    !> Weights of the points (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    real(dp), intent(in) :: w(n_points)  !! Weights of the points (n_points) [volume].
     !> Derivatives of the bubbles (n_points, n_bubbles, slots) [1/length].
     real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
     !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].
@@ -115,12 +103,10 @@ contains
   subroutine form_varying(n_points, n_bubbles, dim, slots, n_strains, index, stiffness, w, slope, matrix)
     !> Numbers of points, bubbles, displacement components, gradient slots and strains.
     integer, intent(in) :: n_points, n_bubbles, dim, slots, n_strains
-    !> Strain of each slot of each component, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
+    integer, intent(in) :: index(dim, slots)  !! Strain of each slot of each component, 0 for none (dim, slots).
     !> From strains to stresses (n_strains, n_strains, n_points) [pressure].
     real(dp), intent(in) :: stiffness(n_strains, n_strains, n_points)
-    !> Weights of the points (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    real(dp), intent(in) :: w(n_points)  !! Weights of the points (n_points) [volume].
     !> Derivatives of the bubbles (n_points, n_bubbles, slots) [1/length].
     real(dp), intent(in) :: slope(n_points, n_bubbles, slots)
     !> The matrix; its upper triangle is not set (n_bubbles, dim, n_bubbles, dim) [force/length].

@@ -14,20 +14,13 @@ module dotyk_elasticity_bubble_table
   implicit none
   private
 
-  !> Bubbles at the points of one face.
-  type, public :: face_bubbles_t
-    !> Number of points.
-    integer :: n_points = 0
-    !> Reference coordinates on the face (dim - 1, n_points) [].
-    real(dp), allocatable :: on_face(:, :)
-    !> Reference coordinates in the element (dim, n_points) [].
-    real(dp), allocatable :: xi(:, :)
-    !> Bubbles (n, n_points) [].
-    real(dp), allocatable :: value(:, :)
-    !> Nodes of the element at the corners of the face (n_corners).
-    integer, allocatable :: corner(:)
-    !> Shape functions, and the weights of the points on the face.
-    type(point_shape_table_t) :: points
+  type, public :: face_bubbles_t  !! Bubbles at the points of one face.
+    integer :: n_points = 0  !! Number of points.
+    real(dp), allocatable :: on_face(:, :)  !! Reference coordinates on the face (dim - 1, n_points) [].
+    real(dp), allocatable :: xi(:, :)  !! Reference coordinates in the element (dim, n_points) [].
+    real(dp), allocatable :: value(:, :)  !! Bubbles (n, n_points) [].
+    integer, allocatable :: corner(:)  !! Nodes of the element at the corners of the face (n_corners).
+    type(point_shape_table_t) :: points  !! Shape functions, and the weights of the points on the face.
     !> Outward normal in reference coordinates, area by reference area of the face (dim) [].
     real(dp), allocatable :: normal(:)
     !> The same point for the element behind, whose corners i and k of the face are the first and second here; 0 where
@@ -35,32 +28,20 @@ module dotyk_elasticity_bubble_table
     integer, allocatable :: match(:, :, :)
   end type face_bubbles_t
 
-  !> The bubbles of an element kind.
-  type, public :: bubble_table_t
-    !> Element kind.
-    integer :: kind = 0
-    !> Whether the monomials are those of the collapsed coordinates.
-    logical :: collapsed = .false.
-    !> Number of bubbles.
-    integer :: n = 0
-    !> Exponents of their monomials (dim, n).
-    integer, allocatable :: exponent(:, :)
-    !> Monomials at the nodes (n, n_nodes) [].
-    real(dp), allocatable :: at_node(:, :)
-    !> Degree of the rules.
-    integer :: degree = 0
-    !> Number of points in the element.
-    integer :: n_points = 0
-    !> Shape functions there.
-    type(point_shape_table_t) :: points
-    !> Bubbles at the points (n, n_points) [].
-    real(dp), allocatable :: value(:, :)
-    !> Their derivatives by reference coordinates (n, dim, n_points) [].
-    real(dp), allocatable :: gradient(:, :, :)
+  type, public :: bubble_table_t  !! The bubbles of an element kind.
+    integer :: kind = 0  !! Element kind.
+    logical :: collapsed = .false.  !! Whether the monomials are those of the collapsed coordinates.
+    integer :: n = 0  !! Number of bubbles.
+    integer, allocatable :: exponent(:, :)  !! Exponents of their monomials (dim, n).
+    real(dp), allocatable :: at_node(:, :)  !! Monomials at the nodes (n, n_nodes) [].
+    integer :: degree = 0  !! Degree of the rules.
+    integer :: n_points = 0  !! Number of points in the element.
+    type(point_shape_table_t) :: points  !! Shape functions there.
+    real(dp), allocatable :: value(:, :)  !! Bubbles at the points (n, n_points) [].
+    real(dp), allocatable :: gradient(:, :, :)  !! Their derivatives by reference coordinates (n, dim, n_points) [].
     !> The derivatives by points; 0 for repetitions (points%n_points, n, dim) [].
     real(dp), allocatable :: slope(:, :, :)
-    !> The faces (n_faces).
-    type(face_bubbles_t), allocatable :: face(:)
+    type(face_bubbles_t), allocatable :: face(:)  !! The faces (n_faces).
   contains
     procedure :: init => bubble_table_init
     procedure :: values => bubble_table_values
@@ -77,8 +58,7 @@ contains
   !> Choose the monomials, and evaluate the bubbles.
   subroutine bubble_table_init(self, kind)
     class(bubble_table_t), intent(out) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     type(element_kind_t) :: properties
     real(dp), allocatable :: place(:, :), xi(:, :), weight(:)
     logical, allocatable :: kept(:)
@@ -122,16 +102,11 @@ contains
 
   !> Evaluate the bubbles on a face.
   subroutine init_face(self, properties, place, f, face)
-    !> The bubbles.
     class(bubble_table_t), intent(in) :: self
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
-    !> Reference coordinates of the nodes (dim, n_nodes) [].
-    real(dp), intent(in) :: place(:, :)
-    !> Number of the face.
-    integer, intent(in) :: f
-    !> The bubbles there.
-    type(face_bubbles_t), intent(out) :: face
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
+    real(dp), intent(in) :: place(:, :)  !! Reference coordinates of the nodes (dim, n_nodes) [].
+    integer, intent(in) :: f  !! Number of the face.
+    type(face_bubbles_t), intent(out) :: face  !! The bubbles there.
     type(element_kind_t) :: of_face
     real(dp), allocatable :: corner(:), weight(:), corner_gradient(:, :)
     real(dp) :: along(3, 2)
@@ -165,10 +140,8 @@ contains
 
   !> The points of a face as the element behind it numbers them.
   subroutine match_points(of_face, face)
-    !> Properties of the face.
-    type(element_kind_t), intent(in) :: of_face
-    !> The face; `match` is set.
-    type(face_bubbles_t), intent(inout) :: face
+    type(element_kind_t), intent(in) :: of_face  !! Properties of the face.
+    type(face_bubbles_t), intent(inout) :: face  !! The face; `match` is set.
     real(dp) :: at(of_face%n_corners, face%n_points), same(of_face%n_corners)
     integer :: q, i, k, c, m, step
     m = of_face%n_corners
@@ -196,14 +169,10 @@ contains
 
   !> Shape functions of an element kind at points.
   subroutine points_table(kind, xi, weight, points)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Reference coordinates (dim, n_points) [].
-    real(dp), intent(in) :: xi(:, :)
-    !> Reference weights (n_points) [].
-    real(dp), intent(in) :: weight(:)
-    !> Shape functions there, by points.
-    type(point_shape_table_t), intent(out) :: points
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates (dim, n_points) [].
+    real(dp), intent(in) :: weight(:)  !! Reference weights (n_points) [].
+    type(point_shape_table_t), intent(out) :: points  !! Shape functions there, by points.
     type(shape_table_t) :: table
     type(element_kind_t) :: properties
     real(dp), allocatable :: gradient(:, :)
@@ -226,18 +195,15 @@ contains
 
   !> Degree of the rules: exact for products of two gradients on straight elements.
   pure integer function rule_degree(properties) result(degree)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
     degree = 2*properties%order + 2
     if (any(properties%corner_kind == [element_tri3, element_tet4])) degree = degree - 1
   end function rule_degree
 
   !> Monomials up to the next degree, in the element or in each variable; on pyramids t^c a^a b^b with a, b <= c.
   pure subroutine list_monomials(properties, exponent)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
-    !> Their exponents (dim, n).
-    integer, allocatable, intent(out) :: exponent(:, :)
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
+    integer, allocatable, intent(out) :: exponent(:, :)  !! Their exponents (dim, n).
     integer :: p(3), a, b, c, n, m
     integer :: all_of_them(3, 64)
     m = properties%order + 1
@@ -259,22 +225,17 @@ contains
 
   !> The variables of the monomials at a point.
   pure function variables(table, xi) result(x)
-    !> The bubbles.
-    class(bubble_table_t), intent(in) :: table
-    !> Reference coordinates (dim) [].
-    real(dp), intent(in) :: xi(:)
-    !> The variables (dim) [].
-    real(dp) :: x(size(xi))
+    class(bubble_table_t), intent(in) :: table  !! The bubbles.
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
+    real(dp) :: x(size(xi))  !! The variables (dim) [].
     x = xi
     if (table%collapsed) x = collapsed_coordinates(xi)
   end function variables
 
   !> Values of monomials at a point.
   pure function monomials(exponent, xi) result(value)
-    !> Exponents (dim, n).
-    integer, intent(in) :: exponent(:, :)
-    !> Reference coordinates (dim) [].
-    real(dp), intent(in) :: xi(:)
+    integer, intent(in) :: exponent(:, :)  !! Exponents (dim, n).
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
     real(dp) :: value(size(exponent, 2))
     integer :: i, k
     value = 1
@@ -288,8 +249,7 @@ contains
   !> Values of the bubbles at a point (n) [].
   pure function bubble_table_values(self, xi) result(value)
     class(bubble_table_t), intent(in) :: self
-    !> Reference coordinates (dim) [].
-    real(dp), intent(in) :: xi(:)
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
     real(dp) :: value(size(self%exponent, 2))
     real(dp) :: shape(size(self%at_node, 2))
     call shape_functions(self%kind, xi, shape)
@@ -299,8 +259,7 @@ contains
   !> Derivatives of the bubbles by reference coordinates at a point (n, dim) [].
   pure function bubble_table_gradients(self, xi) result(gradient)
     class(bubble_table_t), intent(in) :: self
-    !> Reference coordinates (dim) [].
-    real(dp), intent(in) :: xi(:)
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
     real(dp) :: gradient(size(self%exponent, 2), kind_dimension(self%kind))
     real(dp) :: shape(kind_dimension(self%kind), size(self%at_node, 2)), x(size(xi))
     integer :: lower(size(self%exponent, 1), size(self%exponent, 2)), k

@@ -17,14 +17,11 @@ contains
   !> Where the resultants on all motions that the supports leave are small, subtract nodal forces that have them: along
   !> these motions, and in proportion to the forces of the nodes.
   subroutine balance_centrifugal_force(body, tolerance, force, balanced)
-    !> The body, whole, with its supports.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body, whole, with its supports.
     !> Greatest resultant that is balanced, relative to the sum of the magnitudes of its terms [].
     real(dp), intent(in) :: tolerance
-    !> Nodal centrifugal forces (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
-    !> Greatest relative resultant that was subtracted; 0: none [].
-    real(dp), intent(out) :: balanced
+    real(dp), intent(inout) :: force(:, :)  !! Nodal centrifugal forces (dim, n_nodes) [force].
+    real(dp), intent(out) :: balanced  !! Greatest relative resultant that was subtracted; 0: none [].
     type(rigid_body_modes_t) :: modes
     real(dp), allocatable :: shape(:, :, :), resultant(:), magnitude(:), gram(:, :), factor(:, :), amplitude(:, :)
     integer, allocatable :: pivot(:)

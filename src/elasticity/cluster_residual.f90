@@ -20,28 +20,19 @@ module dotyk_elasticity_cluster_residual
   implicit none
   private
 
-  !> Bubbles of a quadratic simplex by their values on edges and faces.
-  type, public :: simplex_bubbles_t
-    !> Number of bubbles; 0 for other kinds of elements.
-    integer :: n = 0
-    !> Number of edges; their bubbles are the first ones.
-    integer :: n_edges = 0
-    !> Corners of the edges (2, n_edges).
-    integer, allocatable :: corner(:, :)
-    !> Nodes in the middle of the edges (n_edges).
-    integer, allocatable :: middle(:)
-    !> Coefficients of these bubbles in those of the table (n, n) [].
-    real(dp), allocatable :: coefficient(:, :)
+  type, public :: simplex_bubbles_t  !! Bubbles of a quadratic simplex by their values on edges and faces.
+    integer :: n = 0  !! Number of bubbles; 0 for other kinds of elements.
+    integer :: n_edges = 0  !! Number of edges; their bubbles are the first ones.
+    integer, allocatable :: corner(:, :)  !! Corners of the edges (2, n_edges).
+    integer, allocatable :: middle(:)  !! Nodes in the middle of the edges (n_edges).
+    real(dp), allocatable :: coefficient(:, :)  !! Coefficients of these bubbles in those of the table (n, n) [].
   contains
     procedure :: init => simplex_bubbles_init
   end type simplex_bubbles_t
 
-  !> Local problem of one element, in continuous bubbles.
-  type :: part_t
-    !> The stiffness (dim*n, dim*n) [force/length].
-    real(dp), allocatable :: matrix(:, :)
-    !> Unknown of the cluster for each bubble of one component.
-    integer, allocatable :: unknown(:)
+  type :: part_t  !! Local problem of one element, in continuous bubbles.
+    real(dp), allocatable :: matrix(:, :)  !! The stiffness (dim*n, dim*n) [force/length].
+    integer, allocatable :: unknown(:)  !! Unknown of the cluster for each bubble of one component.
   end type part_t
 
   public :: cluster_energy
@@ -51,10 +42,8 @@ contains
   !> Find the bubbles of a kind.
   subroutine simplex_bubbles_init(self, table, error)
     class(simplex_bubbles_t), intent(out) :: self
-    !> Bubbles of the kind.
-    type(bubble_table_t), intent(in) :: table
-    !> Allocated where the table has others; this does not happen.
-    type(error_t), allocatable, intent(out) :: error
+    type(bubble_table_t), intent(in) :: table  !! Bubbles of the kind.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the table has others; this does not happen.
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), at_point(:, :)
     real(dp) :: point(3)
@@ -90,26 +79,18 @@ contains
 
   !> Energies of the answer of a cluster on each of its elements.
   subroutine cluster_energy(mesh, data, material, table, bubbles, tractions, u, element, square, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
-    !> The same by edges and faces (n_blocks).
-    type(simplex_bubbles_t), intent(in) :: bubbles(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions.
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
+    type(simplex_bubbles_t), intent(in) :: bubbles(:)  !! The same by edges and faces (n_blocks).
     !> Mean tractions at faces between elements, as far as they are known.
     type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements of the cluster (n).
-    integer, intent(in) :: element(:)
-    !> Energies; 0 where an element is inverted (n_bodies, n) [energy].
-    real(dp), intent(out) :: square(:, :)
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: element(:)  !! Elements of the cluster (n).
+    real(dp), intent(out) :: square(:, :)  !! Energies; 0 where an element is inverted (n_bodies, n) [energy].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(part_t) :: part(size(element))
     real(dp), allocatable :: matrix(:, :), rhs(:, :), of_element(:, :), answer(:)
     integer, allocatable :: place(:)
@@ -146,20 +127,13 @@ contains
 
   !> Number the bubbles of a cluster.
   pure subroutine number_bubbles(mesh, data, table, bubbles, element, part, n)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Faces of the elements.
-    type(residual_data_t), intent(in) :: data
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
-    !> The same by edges and faces (n_blocks).
-    type(simplex_bubbles_t), intent(in) :: bubbles(:)
-    !> Elements of the cluster.
-    integer, intent(in) :: element(:)
-    !> Their parts; the unknowns are set (size(element)).
-    type(part_t), intent(inout) :: part(:)
-    !> Number of unknowns of one component.
-    integer, intent(out) :: n
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(residual_data_t), intent(in) :: data  !! Faces of the elements.
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
+    type(simplex_bubbles_t), intent(in) :: bubbles(:)  !! The same by edges and faces (n_blocks).
+    integer, intent(in) :: element(:)  !! Elements of the cluster.
+    type(part_t), intent(inout) :: part(:)  !! Their parts; the unknowns are set (size(element)).
+    integer, intent(out) :: n  !! Number of unknowns of one component.
     integer :: edge(sum(bubbles(data%faces%block(element))%n_edges))
     integer :: b, f, k, l, found, node, n_edges, behind
     n = 0
@@ -202,20 +176,14 @@ contains
 
   !> Transform the local problem of an element to bubbles that are continuous to its neighbours.
   pure subroutine to_edges(n, dim, n_bodies, bubbles, node, matrix, rhs)
-    !> Number of bubbles.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Bubbles by edges and faces.
-    type(simplex_bubbles_t), intent(in) :: bubbles
-    !> Nodes of the element.
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: n  !! Number of bubbles.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    type(simplex_bubbles_t), intent(in) :: bubbles  !! Bubbles by edges and faces.
+    integer, intent(in) :: node(:)  !! Nodes of the element.
     !> The stiffness, its lower triangle; all of it on return (n, dim, n, dim) [force/length].
     real(dp), intent(inout) :: matrix(n, dim, n, dim)
-    !> The forces (n, dim, n_bodies) [force].
-    real(dp), intent(inout) :: rhs(n, dim, n_bodies)
+    real(dp), intent(inout) :: rhs(n, dim, n_bodies)  !! The forces (n, dim, n_bodies) [force].
     real(dp) :: c(n, n)
     integer :: i, j, k
     c = bubbles%coefficient

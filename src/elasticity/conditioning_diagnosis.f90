@@ -27,14 +27,10 @@ contains
 
   !> Describe the likely causes of ill-conditioning.
   subroutine diagnose_conditioning(mesh, analysis, material, text)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> The causes, separated by semicolons; empty where none is found.
-    character(:), allocatable, intent(out) :: text
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    character(:), allocatable, intent(out) :: text  !! The causes, separated by semicolons; empty where none is found.
     real(dp) :: aspect_ratio, ratio
     real(dp), dimension(size(material)) :: smallest_factor, largest_factor, young
     integer :: block, element, m
@@ -69,8 +65,7 @@ contains
   contains
     !> Append a cause to the text.
     subroutine add(cause)
-      !> Description of the cause.
-      character(*), intent(in) :: cause
+      character(*), intent(in) :: cause  !! Description of the cause.
       if (len(text) > 0) text = text//'; '
       text = text//cause
     end subroutine add
@@ -78,8 +73,7 @@ contains
 
   !> Ratio of the largest to the smallest eigenvalue of the stiffness of a material [].
   real(dp) function stiffness_ratio(material) result(ratio)
-    !> The material.
-    type(material_t), intent(in) :: material
+    type(material_t), intent(in) :: material  !! The material.
     type(error_t), allocatable :: error
     real(dp) :: values(6), vectors(6, 6)
     if (material%isotropic) then
@@ -93,18 +87,12 @@ contains
 
   !> Find the largest aspect ratio of the elements and the range of the modulus field.
   subroutine examine_elements(mesh, analysis, material, aspect_ratio, block, element, smallest_factor, largest_factor)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Largest ratio of diameter to height of the elements [].
-    real(dp), intent(out) :: aspect_ratio
-    !> Index of the block of the element with this ratio.
-    integer, intent(out) :: block
-    !> Index of this element in its block.
-    integer, intent(out) :: element
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(dp), intent(out) :: aspect_ratio  !! Largest ratio of diameter to height of the elements [].
+    integer, intent(out) :: block  !! Index of the block of the element with this ratio.
+    integer, intent(out) :: element  !! Index of this element in its block.
     !> Smallest value of the modulus field of each material at the quadrature points (n_materials) [].
     real(dp), intent(out) :: smallest_factor(:)
     !> Largest value of the modulus field of each material at the quadrature points (n_materials) [].
@@ -158,14 +146,10 @@ contains
   !> Aspect ratio of an element: diameter of its bounding box times the largest gradient of its shape functions, which
   !> is the reciprocal of its smallest height [].
   pure real(dp) function aspect_ratio_of(n, dim, slots, x, g) result(aspect_ratio)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
     !> Gradients of the shape functions at the first quadrature point (n, slots) [1/length].
     real(dp), intent(in) :: g(n, slots)
     integer :: a

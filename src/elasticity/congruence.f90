@@ -18,26 +18,17 @@ module dotyk_elasticity_congruence
   private
   public :: are_congruent, adopt_congruent_constraint
 
-  !> Properties that congruent bodies share and that cost little to compare.
-  type, public :: congruence_invariants_t
+  type, public :: congruence_invariants_t  !! Properties that congruent bodies share and that cost little to compare.
     !> Whether the body can be congruent to another one at all: a modulus field in global coordinates excludes it.
     logical :: usable = .false.
-    !> Number of displacement components.
-    integer :: dimension = 0
-    !> Type of analysis.
-    integer :: analysis = 0
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Number of elements.
-    integer :: n_elements = 0
-    !> Number of element blocks.
-    integer :: n_blocks = 0
-    !> Number of free equations.
-    integer :: n_equations = 0
-    !> Root mean square distance of the nodes from their centroid [length].
-    real(dp) :: spread = 0
-    !> Centroid of the nodes; not compared (3) [length].
-    real(dp) :: centre(3) = 0
+    integer :: dimension = 0  !! Number of displacement components.
+    integer :: analysis = 0  !! Type of analysis.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: n_elements = 0  !! Number of elements.
+    integer :: n_blocks = 0  !! Number of element blocks.
+    integer :: n_equations = 0  !! Number of free equations.
+    real(dp) :: spread = 0  !! Root mean square distance of the nodes from their centroid [length].
+    real(dp) :: centre(3) = 0  !! Centroid of the nodes; not compared (3) [length].
   contains
     procedure :: init => congruence_invariants_init
     procedure :: matches => congruence_invariants_match
@@ -64,8 +55,7 @@ contains
   !> Compute the invariants of a body.
   subroutine congruence_invariants_init(self, body)
     class(congruence_invariants_t), intent(out) :: self
-    !> The body with its supports; it need not be assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body with its supports; it need not be assembled.
     integer :: i, d, n
     d = body%dimension
     n = body%mesh%n_nodes()
@@ -93,8 +83,7 @@ contains
   !> Whether two bodies may be congruent.
   pure logical function congruence_invariants_match(self, other) result(matches)
     class(congruence_invariants_t), intent(in) :: self
-    !> Invariants of the other body.
-    type(congruence_invariants_t), intent(in) :: other
+    type(congruence_invariants_t), intent(in) :: other  !! Invariants of the other body.
     matches = self%usable .and. other%usable .and. self%dimension == other%dimension .and. &
               self%analysis == other%analysis .and. self%n_nodes == other%n_nodes .and. &
               self%n_elements == other%n_elements .and. self%n_blocks == other%n_blocks .and. &
@@ -107,16 +96,12 @@ contains
   !> A pure translation is tried first, then the rotation that maps a triad of two distant nodes onto that of the same
   !> nodes of the other body; axisymmetric bodies can only move along their axis.
   logical function are_congruent(first, first_invariants, other, other_invariants, motion) result(congruent)
-    !> First body, with supports; it need not be assembled.
-    type(body_t), intent(in) :: first
-    !> Other body, with supports; it need not be assembled.
-    type(body_t), intent(in) :: other
-    !> Invariants of the first body.
-    type(congruence_invariants_t), intent(in) :: first_invariants
+    type(body_t), intent(in) :: first  !! First body, with supports; it need not be assembled.
+    type(body_t), intent(in) :: other  !! Other body, with supports; it need not be assembled.
+    type(congruence_invariants_t), intent(in) :: first_invariants  !! Invariants of the first body.
     !> Invariants of the other body, which match those of the first.
     type(congruence_invariants_t), intent(in) :: other_invariants
-    !> Rigid motion that maps the first body onto the other.
-    type(placement_t), intent(out) :: motion
+    type(placement_t), intent(out) :: motion  !! Rigid motion that maps the first body onto the other.
     integer :: d, m
     d = first%dimension
     associate (a => first%mesh%x, b => other%mesh%x, radius => first_invariants%spread)
@@ -140,18 +125,12 @@ contains
 
   !> Whether a rigid motion maps points onto others.
   pure logical function is_moved(d, n, from, to, radius, motion)
-    !> Number of coordinates.
-    integer, intent(in) :: d
-    !> Number of points.
-    integer, intent(in) :: n
-    !> Points before the motion (d, n) [length].
-    real(dp), intent(in) :: from(d, n)
-    !> Points after the motion (d, n) [length].
-    real(dp), intent(in) :: to(d, n)
-    !> Size of the body [length].
-    real(dp), intent(in) :: radius
-    !> The rigid motion.
-    type(placement_t), intent(in) :: motion
+    integer, intent(in) :: d  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of points.
+    real(dp), intent(in) :: from(d, n)  !! Points before the motion (d, n) [length].
+    real(dp), intent(in) :: to(d, n)  !! Points after the motion (d, n) [length].
+    real(dp), intent(in) :: radius  !! Size of the body [length].
+    type(placement_t), intent(in) :: motion  !! The rigid motion.
     real(dp) :: x(d), tolerance
     integer :: i, k
     tolerance = position_tolerance*radius + coordinate_rounding*max(maxval(abs(from)), maxval(abs(to)))
@@ -171,20 +150,13 @@ contains
 
   !> Find the rigid motion that maps the triad of two distant nodes onto that of the same nodes of another body.
   pure subroutine find_rotation(d, n, from, to, from_centre, to_centre, motion)
-    !> Number of coordinates.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Nodes of the first body (d, n) [length].
-    real(dp), intent(in) :: from(d, n)
-    !> Nodes of the other body (d, n) [length].
-    real(dp), intent(in) :: to(d, n)
-    !> Centroid of the first body (d) [length].
-    real(dp), intent(in) :: from_centre(d)
-    !> Centroid of the other body (d) [length].
-    real(dp), intent(in) :: to_centre(d)
-    !> The rigid motion.
-    type(placement_t), intent(inout) :: motion
+    integer, intent(in) :: d  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of nodes.
+    real(dp), intent(in) :: from(d, n)  !! Nodes of the first body (d, n) [length].
+    real(dp), intent(in) :: to(d, n)  !! Nodes of the other body (d, n) [length].
+    real(dp), intent(in) :: from_centre(d)  !! Centroid of the first body (d) [length].
+    real(dp), intent(in) :: to_centre(d)  !! Centroid of the other body (d) [length].
+    type(placement_t), intent(inout) :: motion  !! The rigid motion.
     real(dp) :: axes(3, 3), u(3), now, best
     integer :: farthest, off_axis, i
     farthest = 1
@@ -217,12 +189,9 @@ contains
   !> Right-handed axes as columns: the first along a direction, the second in the plane of two; in two dimensions the
   !> third is z (3, 3) [].
   pure function triad(d, first, second) result(axes)
-    !> Number of coordinates.
-    integer, intent(in) :: d
-    !> Direction of the first axis (d) [length].
-    real(dp), intent(in) :: first(d)
-    !> Second direction; not used in two dimensions (d) [length].
-    real(dp), intent(in) :: second(d)
+    integer, intent(in) :: d  !! Number of coordinates.
+    real(dp), intent(in) :: first(d)  !! Direction of the first axis (d) [length].
+    real(dp), intent(in) :: second(d)  !! Second direction; not used in two dimensions (d) [length].
     real(dp) :: axes(3, 3)
     axes = 0
     axes(:d, 1) = first/norm2(first)
@@ -238,12 +207,9 @@ contains
 
   !> Whether two materials are equal but for a rotation.
   pure logical function same_material(first, other, motion) result(same)
-    !> Material of the first body.
-    type(material_t), intent(in) :: first
-    !> Material of the other body.
-    type(material_t), intent(in) :: other
-    !> Rigid motion from the first body to the other.
-    type(placement_t), intent(in) :: motion
+    type(material_t), intent(in) :: first  !! Material of the first body.
+    type(material_t), intent(in) :: other  !! Material of the other body.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from the first body to the other.
     real(dp) :: moved(6, 6)
     moved = first%stiffness
     if (motion%rotated .and. .not. first%isotropic) moved = rotate_stiffness(moved, motion%rotation)
@@ -255,10 +221,8 @@ contains
 
   !> Whether two bodies have the same elements in the same order.
   pure logical function same_elements(first, other) result(same)
-    !> Mesh of the first body.
-    type(body_mesh_t), intent(in) :: first
-    !> Mesh of the other body.
-    type(body_mesh_t), intent(in) :: other
+    type(body_mesh_t), intent(in) :: first  !! Mesh of the first body.
+    type(body_mesh_t), intent(in) :: other  !! Mesh of the other body.
     integer :: b
     same = .false.
     do b = 1, size(first%block)
@@ -272,12 +236,9 @@ contains
 
   !> Whether supports hold the same directions but for a rotation.
   pure logical function same_supports(first, other, motion) result(same)
-    !> Constraint of the first body.
-    type(constraint_t), intent(in) :: first
-    !> Constraint of the other body.
-    type(constraint_t), intent(in) :: other
-    !> Rigid motion from the first body to the other.
-    type(placement_t), intent(in) :: motion
+    type(constraint_t), intent(in) :: first  !! Constraint of the first body.
+    type(constraint_t), intent(in) :: other  !! Constraint of the other body.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from the first body to the other.
     real(dp), dimension(size(first%equation, 1), size(first%equation, 1)) :: a, b
     integer :: i, j, k, d
     d = size(first%equation, 1)
@@ -304,12 +265,9 @@ contains
 
   !> Axes of a node, as columns (d, d) [].
   pure function axes_of(d, constraint, i) result(axes)
-    !> Number of displacement components.
-    integer, intent(in) :: d
-    !> Equations and nodal axes.
-    type(constraint_t), intent(in) :: constraint
-    !> Index of the node.
-    integer, intent(in) :: i
+    integer, intent(in) :: d  !! Number of displacement components.
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes.
+    integer, intent(in) :: i  !! Index of the node.
     real(dp) :: axes(d, d)
     integer :: k
     if (constraint%frame_of(i) > 0) then
@@ -324,10 +282,8 @@ contains
 
   !> Give a body the equations and, moved with the body, the nodal axes of the representative of its congruence class.
   subroutine adopt_congruent_constraint(first, motion, constraint)
-    !> Constraint of the representative.
-    type(constraint_t), intent(in) :: first
-    !> Rigid motion from the representative to the body.
-    type(placement_t), intent(in) :: motion
+    type(constraint_t), intent(in) :: first  !! Constraint of the representative.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from the representative to the body.
     !> Constraint of the body; its prescribed displacements are transformed to the new axes.
     type(constraint_t), intent(inout) :: constraint
     real(dp), allocatable :: frame(:, :, :)

@@ -23,18 +23,13 @@ contains
 
   !> Visit the elements of one material.
   subroutine survey_constants(mesh, analysis, number, projects, most_of_simplices, material, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Number of the material in the body.
-    integer, intent(in) :: number
-    !> Whether dilatations may be projected.
-    logical, intent(in) :: projects
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: number  !! Number of the material in the body.
+    logical, intent(in) :: projects  !! Whether dilatations may be projected.
     !> Ratio of bulk to shear modulus from which on linear triangles, tetrahedra, prisms and pyramids are refused [].
     real(dp), intent(in) :: most_of_simplices
-    !> The material; its constants are set.
-    type(material_t), intent(inout) :: material
+    type(material_t), intent(inout) :: material  !! The material; its constants are set.
     !> Allocated where a formula has no value, or the material is not stable at an integration point; on this rank.
     type(error_t), allocatable, intent(out) :: error
     type(material_field_t) :: field
@@ -79,10 +74,8 @@ contains
 
     !> Visit the integration points of an element.
     subroutine visit(shape, x)
-      !> Shape functions at the points (n_nodes, n_points) [].
-      real(dp), intent(in) :: shape(:, :)
-      !> Nodes of the element (dim, n_nodes) [length].
-      real(dp), intent(in) :: x(:, :)
+      real(dp), intent(in) :: shape(:, :)  !! Shape functions at the points (n_nodes, n_points) [].
+      real(dp), intent(in) :: x(:, :)  !! Nodes of the element (dim, n_nodes) [length].
       type(material_t) :: here
       real(dp) :: ratio
       integer :: q
@@ -108,12 +101,9 @@ contains
 
   !> Make the constants of a material those of an isotropic one.
   pure subroutine set_reference(young, ratio, material)
-    !> Young's modulus [pressure].
-    real(dp), intent(in) :: young
-    !> Ratio of bulk to shear modulus [].
-    real(dp), intent(in) :: ratio
-    !> The material.
-    type(material_t), intent(inout) :: material
+    real(dp), intent(in) :: young  !! Young's modulus [pressure].
+    real(dp), intent(in) :: ratio  !! Ratio of bulk to shear modulus [].
+    type(material_t), intent(inout) :: material  !! The material.
     integer :: i
     material%isotropic = .true.
     material%least_young = young

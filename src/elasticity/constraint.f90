@@ -12,22 +12,17 @@ module dotyk_elasticity_constraint
   implicit none
   private
 
-  !> Equations and prescribed displacements of the nodes of a body.
-  type, public :: constraint_t
+  type, public :: constraint_t  !! Equations and prescribed displacements of the nodes of a body.
     !> Equation of each nodal unknown, `held` (0) where its displacement is prescribed (dim, n_nodes).
     integer, allocatable :: equation(:, :)
-    !> Number of free equations.
-    integer :: n_equations = 0
+    integer :: n_equations = 0  !! Number of free equations.
     !> Prescribed displacement along the nodal axes, 0 where free (dim, n_nodes) [length].
     real(dp), allocatable :: prescribed(:, :)
     !> Index in `frame` of the local axes of each node, 0 for the global axes (n_nodes).
     integer, allocatable :: frame_of(:)
-    !> Local axes as columns (dim, dim, n_frames) [].
-    real(dp), allocatable :: frame(:, :, :)
-    !> Springs on surfaces: elastic supports.
-    type(foundation_t) :: foundation
-    !> How the body is held where it is rigid: then no equation is left.
-    type(rigid_hold_t) :: rigid
+    real(dp), allocatable :: frame(:, :, :)  !! Local axes as columns (dim, dim, n_frames) [].
+    type(foundation_t) :: foundation  !! Springs on surfaces: elastic supports.
+    type(rigid_hold_t) :: rigid  !! How the body is held where it is rigid: then no equation is left.
   contains
     procedure :: init => constraint_init
     procedure :: number_equations => constraint_number_equations
@@ -37,18 +32,15 @@ module dotyk_elasticity_constraint
     procedure :: carry => constraint_carry
   end type constraint_t
 
-  !> Value of `equation` for a prescribed unknown.
-  integer, parameter, public :: held = 0
+  integer, parameter, public :: held = 0  !! Value of `equation` for a prescribed unknown.
 
 contains
 
   !> Create a constraint without supports: all unknowns free, in global axes.
   subroutine constraint_init(self, dim, n_nodes)
     class(constraint_t), intent(out) :: self
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of nodes.
-    integer, intent(in) :: n_nodes
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n_nodes  !! Number of nodes.
     allocate (self%equation(dim, n_nodes), source=1)
     allocate (self%prescribed(dim, n_nodes), source=0.0_dp)
     allocate (self%frame_of(n_nodes), source=0)
@@ -74,10 +66,8 @@ contains
   !> Restrict nodal forces to the free equations.
   pure subroutine constraint_reduce(self, force, rhs)
     class(constraint_t), intent(in) :: self
-    !> Forces in global axes (dim, n_nodes) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Forces along the free unknowns (n_equations) [force].
-    real(dp), intent(out) :: rhs(:)
+    real(dp), intent(in) :: force(:, :)  !! Forces in global axes (dim, n_nodes) [force].
+    real(dp), intent(out) :: rhs(:)  !! Forces along the free unknowns (n_equations) [force].
     real(dp) :: local(size(force, 1))
     integer :: i, k
     do i = 1, size(force, 2)
@@ -92,10 +82,8 @@ contains
   !> Expand free unknowns to nodal displacements.
   pure subroutine constraint_expand(self, x, u, with_prescribed)
     class(constraint_t), intent(in) :: self
-    !> Free unknowns (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(out) :: u(:, :)
+    real(dp), intent(in) :: x(:)  !! Free unknowns (n_equations) [length].
+    real(dp), intent(out) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
     logical, intent(in) :: with_prescribed
     real(dp) :: local(size(u, 1))
@@ -118,10 +106,8 @@ contains
   !> Expand free unknowns to nodal displacements in quadruple precision.
   pure subroutine constraint_expand_long(self, x, u, with_prescribed)
     class(constraint_t), intent(in) :: self
-    !> Free unknowns (n_equations) [length].
-    real(qp), intent(in) :: x(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(qp), intent(out) :: u(:, :)
+    real(qp), intent(in) :: x(:)  !! Free unknowns (n_equations) [length].
+    real(qp), intent(out) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
     logical, intent(in) :: with_prescribed
     integer :: i, k
@@ -138,8 +124,7 @@ contains
   !> Put it into a parcel, or take it out.
   subroutine constraint_carry(self, parcel)
     class(constraint_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%equation)
     call parcel%carry(self%n_equations)
     call parcel%carry(self%prescribed)

@@ -10,14 +10,10 @@ contains
 
   !> Set the rows and columns of held components to zero.
   pure subroutine clear_held(n, dim, equation, k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Equations of the nodes of the element (dim, n).
-    integer, intent(in) :: equation(dim, n)
-    !> Element stiffness in nodal axes (n, n, dim, dim) [force/length].
-    real(dp), intent(inout) :: k(n, n, dim, dim)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: equation(dim, n)  !! Equations of the nodes of the element (dim, n).
+    real(dp), intent(inout) :: k(n, n, dim, dim)  !! Element stiffness in nodal axes (n, n, dim, dim) [force/length].
     integer :: a, i
     do i = 1, dim
       do a = 1, n
@@ -30,24 +26,15 @@ contains
 
   !> P_e^T K_e P_e for a symmetric element matrix K_e.
   pure subroutine contract(n, nc, dim, m, node, corner, weight, k, corner_k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of its corners.
-    integer, intent(in) :: nc
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of weights of the interpolation.
-    integer, intent(in) :: m
-    !> Node of each weight (m).
-    integer, intent(in) :: node(m)
-    !> Corner of each weight (m).
-    integer, intent(in) :: corner(m)
-    !> Weights (m) [].
-    real(dp), intent(in) :: weight(m)
-    !> K_e in global axes (n, n, dim, dim) [force/length].
-    real(dp), intent(in) :: k(n, n, dim, dim)
-    !> P_e^T K_e P_e (nc, nc, dim, dim) [force/length].
-    real(dp), intent(out) :: corner_k(nc, nc, dim, dim)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: nc  !! Number of its corners.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: m  !! Number of weights of the interpolation.
+    integer, intent(in) :: node(m)  !! Node of each weight (m).
+    integer, intent(in) :: corner(m)  !! Corner of each weight (m).
+    real(dp), intent(in) :: weight(m)  !! Weights (m) [].
+    real(dp), intent(in) :: k(n, n, dim, dim)  !! K_e in global axes (n, n, dim, dim) [force/length].
+    real(dp), intent(out) :: corner_k(nc, nc, dim, dim)  !! P_e^T K_e P_e (nc, nc, dim, dim) [force/length].
     real(dp) :: half(n, nc)
     integer :: i, j, c, q
     do j = 1, dim

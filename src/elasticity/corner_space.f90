@@ -12,20 +12,14 @@ module dotyk_elasticity_corner_space
   implicit none
   private
 
-  !> The corner space.
-  type, public :: corner_space_t
-    !> Number of corners.
-    integer :: n = 0
+  type, public :: corner_space_t  !! The corner space.
+    integer :: n = 0  !! Number of corners.
     !> Corner number of each node, ascending, 0 for nodes that are no corners (n_nodes).
     integer, allocatable :: number(:)
-    !> Node of each corner (n).
-    integer, allocatable :: node(:)
-    !> First entry of each node in `corner` (n_nodes + 1).
-    integer, allocatable :: start(:)
-    !> Corners whose mean a node has (start(n_nodes + 1) - 1).
-    integer, allocatable :: corner(:)
-    !> First entry of each corner in `dependent` (n + 1).
-    integer, allocatable :: first(:)
+    integer, allocatable :: node(:)  !! Node of each corner (n).
+    integer, allocatable :: start(:)  !! First entry of each node in `corner` (n_nodes + 1).
+    integer, allocatable :: corner(:)  !! Corners whose mean a node has (start(n_nodes + 1) - 1).
+    integer, allocatable :: first(:)  !! First entry of each corner in `dependent` (n + 1).
     !> Nodes that depend on a corner, ascending, the corner's own node included (start(n_nodes + 1) - 1).
     integer, allocatable :: dependent(:)
   contains
@@ -48,8 +42,7 @@ contains
   !> Find the corners and the interpolation.
   subroutine corner_space_init(self, mesh, conforming)
     class(corner_space_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     !> Whether each node has the same corners in all its elements; there is no corner space otherwise.
     logical, intent(out) :: conforming
     integer, allocatable :: count_of(:), corner(:), found(:), node(:), next(:)
@@ -117,8 +110,7 @@ contains
   !> The space of all displacements, which makes two levels of one: every node is a corner, in an order of its own.
   subroutine corner_space_init_all_nodes(self, number)
     class(corner_space_t), intent(out) :: self
-    !> Corner number of each node: a permutation (n_nodes).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! Corner number of each node: a permutation (n_nodes).
     integer :: i
     self%n = size(number)
     self%number = number
@@ -132,12 +124,9 @@ contains
 
   !> Number the corners of all elements in the order of the nodes.
   subroutine number_corners(mesh, number, node)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Corner number of each node, 0 for none (n_nodes).
-    integer, allocatable, intent(out) :: number(:)
-    !> Node of each corner (n_corners).
-    integer, allocatable, intent(out) :: node(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, allocatable, intent(out) :: number(:)  !! Corner number of each node, 0 for none (n_nodes).
+    integer, allocatable, intent(out) :: node(:)  !! Node of each corner (n_corners).
     type(element_kind_t) :: kind
     integer :: b, e, i
     allocate (number(mesh%n_nodes()), source=0)
@@ -153,14 +142,10 @@ contains
 
   !> Corners of the edge, face or element of a node.
   function corners_of_node(kind, id, a) result(corner)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: kind
-    !> The element kind: one of the `element_*` constants.
-    integer, intent(in) :: id
-    !> Local number of the node.
-    integer, intent(in) :: a
-    !> Local numbers of its corners.
-    integer, allocatable :: corner(:)
+    type(element_kind_t), intent(in) :: kind  !! Properties of the element kind.
+    integer, intent(in) :: id  !! The element kind: one of the `element_*` constants.
+    integer, intent(in) :: a  !! Local number of the node.
+    integer, allocatable :: corner(:)  !! Local numbers of its corners.
     real(dp) :: xi(kind%dimension, kind%n_nodes), shape(kind%n_corners)
     integer :: c
     call reference_nodes(id, xi)
@@ -170,10 +155,8 @@ contains
 
   !> A few numbers in ascending order.
   pure function ascending(list) result(sorted)
-    !> The numbers (at most 8).
-    integer, intent(in) :: list(:)
-    !> The same, sorted (size(list)).
-    integer :: sorted(size(list))
+    integer, intent(in) :: list(:)  !! The numbers (at most 8).
+    integer :: sorted(size(list))  !! The same, sorted (size(list)).
     integer :: i, k
     do i = 1, size(list)
       k = i
@@ -188,14 +171,10 @@ contains
 
   !> Nonzero weights of the interpolation within an element of a kind: node, corner, weight.
   subroutine corner_weights(id, node, corner, weight)
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: id
-    !> Local number of the node (n_weights).
-    integer, allocatable, intent(out) :: node(:)
-    !> Local number of the corner (n_weights).
-    integer, allocatable, intent(out) :: corner(:)
-    !> Weight (n_weights) [].
-    real(dp), allocatable, intent(out) :: weight(:)
+    integer, intent(in) :: id  !! Element kind: one of the `element_*` constants.
+    integer, allocatable, intent(out) :: node(:)  !! Local number of the node (n_weights).
+    integer, allocatable, intent(out) :: corner(:)  !! Local number of the corner (n_weights).
+    real(dp), allocatable, intent(out) :: weight(:)  !! Weight (n_weights) [].
     type(element_kind_t) :: kind
     integer, allocatable :: of(:)
     integer :: a, i
@@ -213,10 +192,8 @@ contains
   !> The mesh of linear elements on the corners.
   subroutine corner_space_make_mesh(self, mesh, corner_mesh)
     class(corner_space_t), intent(in) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Linear elements, one for each element of the body, on the corners.
-    type(body_mesh_t), intent(out) :: corner_mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(body_mesh_t), intent(out) :: corner_mesh  !! Linear elements, one for each element of the body, on the corners.
     type(element_kind_t) :: kind
     integer :: b, e
     if (allocated(mesh%file)) corner_mesh%file = mesh%file
@@ -239,10 +216,8 @@ contains
   !> Supports of the corners: axes and held directions of their nodes, at rest.
   subroutine corner_space_make_constraint(self, constraint, corner_constraint)
     class(corner_space_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Equations and nodal axes of the corners.
-    type(constraint_t), intent(out) :: corner_constraint
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    type(constraint_t), intent(out) :: corner_constraint  !! Equations and nodal axes of the corners.
     call corner_constraint%init(size(constraint%equation, 1), self%n)
     where (constraint%equation(:, self%node) == held) corner_constraint%equation = held
     corner_constraint%frame_of(:) = constraint%frame_of(self%node)
@@ -253,16 +228,12 @@ contains
   !> P^T r: nodal forces to forces on the corners, along their free unknowns.
   subroutine corner_space_restrict(self, constraint, corner_constraint, factor, r, coarse)
     class(corner_space_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Equations and nodal axes of the corners.
-    type(constraint_t), intent(in) :: corner_constraint
-    !> Factor of the result [].
-    real(dp), intent(in) :: factor
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: corner_constraint  !! Equations and nodal axes of the corners.
+    real(dp), intent(in) :: factor  !! Factor of the result [].
     !> Nodal forces in nodal axes, zero along held components (dim, n_nodes) [force].
     real(sp), intent(in) :: r(size(constraint%equation, 1), size(constraint%equation, 2))
-    !> Forces on the corners (corner_constraint%n_equations) [force].
-    real(dp), intent(out) :: coarse(:)
+    real(dp), intent(out) :: coarse(:)  !! Forces on the corners (corner_constraint%n_equations) [force].
     real(dp) :: sum(size(r, 1)), force(size(r, 1))
     integer :: c, i, j, k
     !$omp parallel do default(none) shared(self, constraint, corner_constraint, factor, r, coarse) &
@@ -288,12 +259,9 @@ contains
   !> P x: displacements of the corners to those of all nodes.
   subroutine corner_space_prolong(self, constraint, corner_constraint, coarse, x)
     class(corner_space_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Equations and nodal axes of the corners.
-    type(constraint_t), intent(in) :: corner_constraint
-    !> Displacements of the corners (corner_constraint%n_equations) [length].
-    real(dp), intent(in) :: coarse(:)
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: corner_constraint  !! Equations and nodal axes of the corners.
+    real(dp), intent(in) :: coarse(:)  !! Displacements of the corners (corner_constraint%n_equations) [length].
     !> Displacements in nodal axes, zero along held components (dim, n_nodes) [length].
     real(dp), intent(out) :: x(size(constraint%equation, 1), size(constraint%equation, 2))
     real(dp), allocatable :: u(:, :)
@@ -312,16 +280,11 @@ contains
 
   !> Mean of the displacements of some corners.
   pure subroutine mean_of_corners(dim, n, corner, u, mean)
-    !> Number of components.
-    integer, intent(in) :: dim
-    !> Number of corners.
-    integer, intent(in) :: n
-    !> The corners (n).
-    integer, intent(in) :: corner(n)
-    !> Displacements of all corners in global axes (dim, n_corners) [length].
-    real(dp), intent(in) :: u(dim, *)
-    !> Their mean (dim) [length].
-    real(dp), intent(out) :: mean(dim)
+    integer, intent(in) :: dim  !! Number of components.
+    integer, intent(in) :: n  !! Number of corners.
+    integer, intent(in) :: corner(n)  !! The corners (n).
+    real(dp), intent(in) :: u(dim, *)  !! Displacements of all corners in global axes (dim, n_corners) [length].
+    real(dp), intent(out) :: mean(dim)  !! Their mean (dim) [length].
     integer :: k
     mean = u(:, corner(1))
     do k = 2, n

@@ -22,8 +22,7 @@ module dotyk_elasticity_dilatation_fit
   implicit none
   private
 
-  !> A linear function at each vertex.
-  type, public :: dilatation_fit_t
+  type, public :: dilatation_fit_t  !! A linear function at each vertex.
     !> Value at the vertex [] and gradient [1/length]; zero at nodes that are no vertices (1 + dim, n_nodes).
     real(dp), allocatable :: coefficient(:, :)
   contains
@@ -36,21 +35,16 @@ module dotyk_elasticity_dilatation_fit
   !> Smallest inverse condition number of the least squares for which the linear function counts as determined: with
   !> less, extrapolation to the vertex amplifies alternating errors.
   real(dp), parameter :: determined = 1.0e-2_dp
-  !> Largest number of rings of elements around a vertex.
-  integer, parameter :: most_rings = 2
+  integer, parameter :: most_rings = 2  !! Largest number of rings of elements around a vertex.
 
 contains
 
   !> Fit the dilatations of several bodies of one mesh and material, where a part of the dilatation is projected.
   subroutine fit_dilatations(mesh, analysis, material, u, thermal, fits)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
+    real(dp), intent(in) :: u(:, :, :)  !! Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     !> Thermal dilatations at the nodes, which are subtracted; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: thermal(:, :)
     !> One fit per body; empty where no dilatation is projected (n_bodies).
@@ -74,20 +68,14 @@ contains
 
   !> Replace the pressures of linear quadrilaterals and hexahedra by those of the fit, which do not alternate.
   subroutine smooth_pressures(mesh, analysis, material, u, factor, stress, thermal)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Mean of the modulus field over each element (n_elements) [].
-    real(dp), intent(in) :: factor(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: factor(:)  !! Mean of the modulus field over each element (n_elements) [].
     !> Mean stresses of the elements, of which xx, yy, zz change (6, n_elements) [pressure].
     real(dp), intent(inout) :: stress(:, :)
-    !> Thermal dilatation at the nodes; none where absent (n_nodes) [].
-    real(dp), intent(in), optional :: thermal(:)
+    real(dp), intent(in), optional :: thermal(:)  !! Thermal dilatation at the nodes; none where absent (n_nodes) [].
     type(dilatation_fit_t) :: fit
     type(element_kind_t) :: kind
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
@@ -128,14 +116,10 @@ contains
   !> Fit a linear function around each vertex.
   subroutine dilatation_fit_init(self, mesh, mean, centre, volume)
     class(dilatation_fit_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Mean dilatation of each element (n_elements) [].
-    real(dp), intent(in) :: mean(:)
-    !> Centroid of each element (dim, n_elements) [length].
-    real(dp), intent(in) :: centre(:, :)
-    !> Volume of each element (n_elements) [volume].
-    real(dp), intent(in) :: volume(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: mean(:)  !! Mean dilatation of each element (n_elements) [].
+    real(dp), intent(in) :: centre(:, :)  !! Centroid of each element (dim, n_elements) [length].
+    real(dp), intent(in) :: volume(:)  !! Volume of each element (n_elements) [volume].
     type(incidence_t) :: elements
     type(number_set_t) :: patch
     logical, allocatable :: is_vertex(:)
@@ -167,8 +151,7 @@ contains
 
   !> Number of corners of an element kind.
   pure integer function corners_of(kind)
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     corners_of = properties%n_corners
@@ -176,12 +159,9 @@ contains
 
   !> Add the elements of a node to a patch.
   pure subroutine add_elements(elements, node, patch)
-    !> Incidence of nodes and elements.
-    type(incidence_t), intent(in) :: elements
-    !> The node.
-    integer, intent(in) :: node
-    !> Elements of the patch.
-    type(number_set_t), intent(inout) :: patch
+    type(incidence_t), intent(in) :: elements  !! Incidence of nodes and elements.
+    integer, intent(in) :: node  !! The node.
+    type(number_set_t), intent(inout) :: patch  !! Elements of the patch.
     integer :: k
     do k = elements%first(node), elements%first(node + 1) - 1
       call patch%add(elements%element(k))
@@ -190,10 +170,8 @@ contains
 
   !> Add one ring: the elements of all nodes of the elements in a patch.
   pure subroutine add_neighbours(elements, patch)
-    !> Incidence of nodes and elements.
-    type(incidence_t), intent(in) :: elements
-    !> Elements of the patch.
-    type(number_set_t), intent(inout) :: patch
+    type(incidence_t), intent(in) :: elements  !! Incidence of nodes and elements.
+    type(number_set_t), intent(inout) :: patch  !! Elements of the patch.
     integer :: i, p
     do i = 1, patch%n
       do p = elements%start(patch%member(i)), elements%start(patch%member(i) + 1) - 1
@@ -204,24 +182,15 @@ contains
 
   !> Fit a linear function by least squares, or a constant where the elements do not determine a linear one.
   subroutine fit(dim, n, list, vertex, mean, centre, volume, coefficient, done)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of elements.
-    integer, intent(in) :: n
-    !> Elements (n).
-    integer, intent(in) :: list(n)
-    !> Position of the vertex (dim) [length].
-    real(dp), intent(in) :: vertex(dim)
-    !> Mean dilatation of each element of the body (n_elements) [].
-    real(dp), intent(in) :: mean(:)
-    !> Centroid of each element of the body (dim, n_elements) [length].
-    real(dp), intent(in) :: centre(:, :)
-    !> Volume of each element of the body (n_elements) [volume].
-    real(dp), intent(in) :: volume(:)
-    !> Value at the vertex [] and gradient [1/length] (1 + dim).
-    real(dp), intent(out) :: coefficient(1 + dim)
-    !> Whether the elements determine the linear function.
-    logical, intent(out) :: done
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: list(n)  !! Elements (n).
+    real(dp), intent(in) :: vertex(dim)  !! Position of the vertex (dim) [length].
+    real(dp), intent(in) :: mean(:)  !! Mean dilatation of each element of the body (n_elements) [].
+    real(dp), intent(in) :: centre(:, :)  !! Centroid of each element of the body (dim, n_elements) [length].
+    real(dp), intent(in) :: volume(:)  !! Volume of each element of the body (n_elements) [volume].
+    real(dp), intent(out) :: coefficient(1 + dim)  !! Value at the vertex [] and gradient [1/length] (1 + dim).
+    logical, intent(out) :: done  !! Whether the elements determine the linear function.
     real(dp), dimension(1 + dim, 1 + dim) :: gram, r
     real(dp) :: row(1 + dim), moment(1, 1 + dim), axes(dim, dim)
     integer :: i, k, pivot(1 + dim), rank
@@ -252,18 +221,12 @@ contains
 
   !> Principal axes of the centroids of elements, scaled so that all principal moments are equal.
   pure subroutine own_axes(dim, n, list, vertex, centre, axes)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of elements.
-    integer, intent(in) :: n
-    !> Elements (n).
-    integer, intent(in) :: list(n)
-    !> Position of the vertex (dim) [length].
-    real(dp), intent(in) :: vertex(dim)
-    !> Centroid of each element of the body (dim, n_elements) [length].
-    real(dp), intent(in) :: centre(:, :)
-    !> Axes as rows (dim, dim) [1/length].
-    real(dp), intent(out) :: axes(dim, dim)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: list(n)  !! Elements (n).
+    real(dp), intent(in) :: vertex(dim)  !! Position of the vertex (dim) [length].
+    real(dp), intent(in) :: centre(:, :)  !! Centroid of each element of the body (dim, n_elements) [length].
+    real(dp), intent(out) :: axes(dim, dim)  !! Axes as rows (dim, dim) [1/length].
     real(dp) :: moment(dim, dim), vectors(dim, dim), x(dim), largest
     integer :: i, k
     moment = 0
@@ -288,16 +251,11 @@ contains
   !> Evaluate the weighted sum of the functions of some vertices at points.
   pure subroutine dilatation_fit_values(self, vertex, node, weight, x, value)
     class(dilatation_fit_t), intent(in) :: self
-    !> Positions of the vertices (dim, n_vertices) [length].
-    real(dp), intent(in) :: vertex(:, :)
-    !> Nodes of the vertices (n_vertices).
-    integer, intent(in) :: node(:)
-    !> Weight of each vertex at each point (n_points, n_vertices) [].
-    real(dp), intent(in) :: weight(:, :)
-    !> Points (n_points, dim) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Values (n_points) [].
-    real(dp), intent(out) :: value(:)
+    real(dp), intent(in) :: vertex(:, :)  !! Positions of the vertices (dim, n_vertices) [length].
+    integer, intent(in) :: node(:)  !! Nodes of the vertices (n_vertices).
+    real(dp), intent(in) :: weight(:, :)  !! Weight of each vertex at each point (n_points, n_vertices) [].
+    real(dp), intent(in) :: x(:, :)  !! Points (n_points, dim) [length].
+    real(dp), intent(out) :: value(:)  !! Values (n_points) [].
     integer :: v, q
     value = 0
     do v = 1, size(node)

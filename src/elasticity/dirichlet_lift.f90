@@ -21,16 +21,11 @@ contains
 
   !> Subtract K_fc z from a right-hand side.
   subroutine subtract_dirichlet_lift(mesh, analysis, material, constraint, rhs, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Right-hand side over the free equations (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    real(dp), intent(inout) :: rhs(:)  !! Right-hand side over the free equations (n_equations) [force].
     !> Allocated where an element next to a prescribed displacement is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: submesh
@@ -53,12 +48,9 @@ contains
 
   !> Extract the elements that have at least one of the selected nodes.
   subroutine extract_elements(mesh, selected, submesh)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Whether a node is selected (n_nodes).
-    logical, intent(in) :: selected(:)
-    !> These elements, with all nodes of the body.
-    type(body_mesh_t), intent(out) :: submesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    logical, intent(in) :: selected(:)  !! Whether a node is selected (n_nodes).
+    type(body_mesh_t), intent(out) :: submesh  !! These elements, with all nodes of the body.
     type(element_block_t), allocatable :: block(:)
     integer, allocatable :: chosen(:)
     integer :: b, e, n

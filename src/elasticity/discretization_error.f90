@@ -41,18 +41,13 @@ contains
 
   !> Squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
   subroutine estimate_discretization_error(mesh, analysis, material, u, square, norm_square, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(dp), intent(in), contiguous :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Squared errors of the elements, in the order of the blocks (n_elements) [energy].
     real(dp), intent(out) :: square(:)
-    !> Squared energy norm of the displacement [energy].
-    real(dp), intent(out) :: norm_square
+    real(dp), intent(out) :: norm_square  !! Squared energy norm of the displacement [energy].
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     type(gradient_recovery_t) :: recovery(size(material))
@@ -68,20 +63,16 @@ contains
   !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
   !> own elements where the rank holds a part of the body.
   subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, thermal)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Recovered strains in each material, those of u on return; what is kept of the mesh is reused (n_materials).
     type(gradient_recovery_t), intent(inout) :: recovery(:)
     !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(out) :: square(:, :)
-    !> Squared energy norms of the displacements (n_bodies) [energy].
-    real(dp), intent(out) :: norm_square(:)
+    real(dp), intent(out) :: norm_square(:)  !! Squared energy norms of the displacements (n_bodies) [energy].
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     !> Thermal dilatations of each material at the nodes; none where absent (n_bodies, n_nodes, n_materials) [].
@@ -127,12 +118,9 @@ contains
 
     !> Estimate the elements of one of several materials.
     subroutine estimate_some(of_material, part, fit)
-      !> The material.
-      type(material_t), intent(in) :: of_material
-      !> Its elements.
-      type(body_mesh_t), intent(in) :: part
-      !> Recovered strains.
-      type(gradient_recovery_t), intent(inout) :: fit
+      type(material_t), intent(in) :: of_material  !! The material.
+      type(body_mesh_t), intent(in) :: part  !! Its elements.
+      type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
       real(dp), dimension(size(square, 1), size(own)) :: of_part, norm, rounding
       of_part = 0
       norm = 0
@@ -146,18 +134,14 @@ contains
 
   !> Estimate the elements of one material.
   subroutine estimate_material(mesh, analysis, material, u, expanded, fit, square, norm_square, rounding_square, error)
-    !> Its elements, and the nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The material.
-    type(material_t), intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Its elements, and the nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! The material.
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
-    !> Recovered strains.
-    type(gradient_recovery_t), intent(inout) :: fit
+    type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
     !> Squared errors of the elements, squared energy norms of the displacement on them, and bounds of the rounding
     !> errors of these norms, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square
@@ -184,18 +168,12 @@ contains
   !> Estimate the elements of one block.
   subroutine estimate_block(mesh, i_block, analysis, material, field, fit, dilatation, u, expanded, square, &
                             norm_square, rounding_square, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> The material in space.
-    type(material_field_t), intent(in) :: field
-    !> Recovered strains around the vertices.
-    type(gradient_recovery_t), intent(in) :: fit
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
+    type(material_field_t), intent(in) :: field  !! The material in space.
+    type(gradient_recovery_t), intent(in) :: fit  !! Recovered strains around the vertices.
     !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), intent(in) :: dilatation(:)
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
@@ -248,50 +226,31 @@ contains
   subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
                               bulk, field, analysis, element, table, rule, corner_shape, fit, dilatation, tag, node, &
                               all_x, all_u, expanded, square, norm_square, rounding_square, error)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of corners of the element.
-    integer, intent(in) :: n_corners
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of recovered strains.
-    integer, intent(in) :: n_smooth
-    !> Number of monomials of the recovered strains.
-    integer, intent(in) :: n_lower
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Strain energy of the unprojected part of the material.
-    type(energy_form_t), intent(in) :: form
-    !> Projected part of the bulk modulus [pressure].
-    real(dp), intent(in) :: bulk
-    !> The material in space.
-    type(material_field_t), intent(in) :: field
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_corners  !! Number of corners of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: n_smooth  !! Number of recovered strains.
+    integer, intent(in) :: n_lower  !! Number of monomials of the recovered strains.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    type(energy_form_t), intent(in) :: form  !! Strain energy of the unprojected part of the material.
+    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
+    type(material_field_t), intent(in) :: field  !! The material in space.
     !> Type of analysis and element kind: one of the `analysis_*` and one of the `element_*` constants.
     integer, intent(in) :: analysis, element
-    !> Shape functions at the quadrature points, by nodes.
-    type(shape_table_t), intent(in) :: table
-    !> The same shape functions, by points.
-    type(point_shape_table_t), intent(in) :: rule
+    type(shape_table_t), intent(in) :: table  !! Shape functions at the quadrature points, by nodes.
+    type(point_shape_table_t), intent(in) :: rule  !! The same shape functions, by points.
     !> Linear shape functions at the points (n_points, n_corners) [].
     real(dp), intent(in) :: corner_shape(n_points, n_corners)
-    !> Recovered strains around the vertices.
-    type(gradient_recovery_t), intent(in) :: fit
+    type(gradient_recovery_t), intent(in) :: fit  !! Recovered strains around the vertices.
     !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), intent(in) :: dilatation(:)
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: tag
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: all_x(dim, *)
-    !> Displacements of the bodies (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in) :: all_u(n_bodies, dim, *)
+    integer(int64), intent(in) :: tag  !! Tag of the element, for messages.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
+    real(dp), intent(in) :: all_x(dim, *)  !! Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: all_u(n_bodies, dim, *)  !! Displacements of the bodies (n_bodies, dim, n_nodes) [length].
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
     !> Squared errors of the element, squared energy norms of the displacement on it, and bounds of the rounding errors
@@ -374,16 +333,11 @@ contains
 
   !> Values at the points of an element of functions that are combinations of basis functions.
   subroutine values_at_points(n_points, n_functions, n, shape, f, values)
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of functions.
-    integer, intent(in) :: n_functions
-    !> Number of basis functions.
-    integer, intent(in) :: n
-    !> Basis functions at the points (n_points, n) [].
-    real(dp), intent(in) :: shape(n_points, n)
-    !> Coefficients of the functions (n_functions, n) [any].
-    real(dp), intent(in) :: f(n_functions, n)
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of functions.
+    integer, intent(in) :: n  !! Number of basis functions.
+    real(dp), intent(in) :: shape(n_points, n)  !! Basis functions at the points (n_points, n) [].
+    real(dp), intent(in) :: f(n_functions, n)  !! Coefficients of the functions (n_functions, n) [any].
     !> Values of the functions (n_points, n_functions) [unit of f].
     real(dp), intent(out) :: values(n_points, n_functions)
     call dgemm('N', 'T', n_points, n_functions, n, 1.0_dp, shape, n_points, f, n_functions, 0.0_dp, values, n_points)
@@ -392,8 +346,7 @@ contains
   !> Degree of the quadrature of the estimate: higher than that of the stiffness, whose points are the superconvergent
   !> ones.
   pure integer function rule_degree(kind) result(degree)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: kind
+    type(element_kind_t), intent(in) :: kind  !! Properties of the element kind.
     degree = 2*kind%order + 1
     if (any(kind%corner_kind == [element_tri3, element_tet4, element_prism6])) degree = 2*kind%order
   end function rule_degree

@@ -23,8 +23,7 @@ contains
   subroutine elastic_constants(formulas, value, here, error)
     !> Kind of the material, its axes, and the names of its constants.
     type(material_formulas_t), intent(in) :: formulas
-    !> The constants, in the order of `formulas` (n_constants) [pressure] or [].
-    real(dp), intent(in) :: value(:)
+    real(dp), intent(in) :: value(:)  !! The constants, in the order of `formulas` (n_constants) [pressure] or [].
     !> Its stiffness, Lame's parameters, least Young's modulus and bulk modulus are set.
     type(material_t), intent(inout) :: here
     !> Allocated where the material is not stable; names the constant, or those that do not fit together.
@@ -49,12 +48,9 @@ contains
 
   !> Isotropic: Young's modulus and Poisson's ratio.
   pure subroutine isotropic(value, here, fault)
-    !> The constants (2).
-    real(dp), intent(in) :: value(:)
-    !> Gets the elasticity.
-    type(material_t), intent(inout) :: here
-    !> Index of the constant that is out of its range, else 0.
-    integer, intent(out) :: fault
+    real(dp), intent(in) :: value(:)  !! The constants (2).
+    type(material_t), intent(inout) :: here  !! Gets the elasticity.
+    integer, intent(out) :: fault  !! Index of the constant that is out of its range, else 0.
     integer :: i
     fault = 0
     if (.not. value(1) >= smallest_number) fault = 1
@@ -75,12 +71,9 @@ contains
 
   !> Orthotropic, in the material axes: three Young's moduli, Poisson's ratios 12, 13, 23 and shear moduli.
   pure subroutine orthotropic(value, here, fault)
-    !> The constants (9).
-    real(dp), intent(in) :: value(:)
-    !> Gets the elasticity.
-    type(material_t), intent(inout) :: here
-    !> Index of the constant that is out of its range; or `indefinite`; else 0.
-    integer, intent(out) :: fault
+    real(dp), intent(in) :: value(:)  !! The constants (9).
+    type(material_t), intent(inout) :: here  !! Gets the elasticity.
+    integer, intent(out) :: fault  !! Index of the constant that is out of its range; or `indefinite`; else 0.
     real(dp) :: root(3), a, b, c, determinant, normal(3, 3)
     integer :: i, k
     integer, parameter :: sized(6) = [1, 2, 3, 7, 8, 9]
@@ -120,12 +113,9 @@ contains
 
   !> Anisotropic, in the material axes: the upper triangle of the stiffness by rows.
   pure subroutine anisotropic(value, here, fault)
-    !> The constants (21) [pressure].
-    real(dp), intent(in) :: value(:)
-    !> Gets the elasticity.
-    type(material_t), intent(inout) :: here
-    !> `indefinite`, or 0.
-    integer, intent(out) :: fault
+    real(dp), intent(in) :: value(:)  !! The constants (21) [pressure].
+    type(material_t), intent(inout) :: here  !! Gets the elasticity.
+    integer, intent(out) :: fault  !! `indefinite`, or 0.
     real(dp) :: factor(6, 6), inverse(6, 6), scale(6), pivot, compliance(3, 3)
     integer :: i, j
     fault = indefinite
@@ -162,8 +152,7 @@ contains
 
   !> The 6 by 6 matrix of its upper triangle (6, 6) [pressure].
   pure function full_matrix(upper) result(matrix)
-    !> The triangle by rows (21) [pressure].
-    real(dp), intent(in) :: upper(:)
+    real(dp), intent(in) :: upper(:)  !! The triangle by rows (21) [pressure].
     real(dp) :: matrix(6, 6)
     integer :: i, j, k
     k = 0
@@ -178,14 +167,10 @@ contains
 
   !> The message of constants that are not those of a stable material.
   subroutine describe(formulas, value, fault, error)
-    !> Names of the constants.
-    type(material_formulas_t), intent(in) :: formulas
-    !> The constants (n_constants).
-    real(dp), intent(in) :: value(:)
-    !> What is wrong.
-    integer, intent(in) :: fault
-    !> Allocated on return.
-    type(error_t), allocatable, intent(out) :: error
+    type(material_formulas_t), intent(in) :: formulas  !! Names of the constants.
+    real(dp), intent(in) :: value(:)  !! The constants (n_constants).
+    integer, intent(in) :: fault  !! What is wrong.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return.
     type(error_t), allocatable :: no_value
     real(dp) :: values(6), vectors(6, 6)
     character(:), allocatable :: text

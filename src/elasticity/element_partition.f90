@@ -8,14 +8,10 @@ module dotyk_elasticity_element_partition
   implicit none
   private
 
-  !> The parts.
-  type, public :: element_partition_t
-    !> Number of parts.
-    integer :: n = 0
-    !> Part that owns each node; 0 for nodes of no element (n_nodes).
-    integer, allocatable :: owner(:)
-    !> First entry of each part in `position` (n + 1).
-    integer, allocatable :: first(:)
+  type, public :: element_partition_t  !! The parts.
+    integer :: n = 0  !! Number of parts.
+    integer, allocatable :: owner(:)  !! Part that owns each node; 0 for nodes of no element (n_nodes).
+    integer, allocatable :: first(:)  !! First entry of each part in `position` (n + 1).
     !> Elements of part s, as ascending positions in the ordering: position(first(s) : first(s + 1) - 1).
     integer, allocatable :: position(:)
     !> Last entry in `position` of the part's own run; later entries belong to the runs of other parts (n).
@@ -29,14 +25,10 @@ contains
   !> Partition the elements of a block.
   subroutine element_partition_init(self, n_nodes, node, order, n_parts)
     class(element_partition_t), intent(out) :: self
-    !> Number of nodes of the body.
-    integer, intent(in) :: n_nodes
-    !> Nodes of the elements (n, n_elements).
-    integer, intent(in) :: node(:, :)
-    !> Index of the k-th element of the ordering (n_elements).
-    integer, intent(in) :: order(:)
-    !> Number of parts, at least 1.
-    integer, intent(in) :: n_parts
+    integer, intent(in) :: n_nodes  !! Number of nodes of the body.
+    integer, intent(in) :: node(:, :)  !! Nodes of the elements (n, n_elements).
+    integer, intent(in) :: order(:)  !! Index of the k-th element of the ordering (n_elements).
+    integer, intent(in) :: n_parts  !! Number of parts, at least 1.
     integer, allocatable :: last(:)
     integer :: i, k, s, pass
     self%n = n_parts
@@ -72,17 +64,14 @@ contains
 
     !> Part whose run contains a position in the ordering.
     pure integer function run_of(k)
-      !> Position in the ordering.
-      integer, intent(in) :: k
+      integer, intent(in) :: k  !! Position in the ordering.
       run_of = int((int(k, kind=selected_int_kind(18)) - 1)*n_parts/size(order)) + 1
     end function run_of
 
     !> Add an element to a part.
     subroutine add(part, k)
-      !> Index of the part.
-      integer, intent(in) :: part
-      !> Position of the element in the ordering.
-      integer, intent(in) :: k
+      integer, intent(in) :: part  !! Index of the part.
+      integer, intent(in) :: k  !! Position of the element in the ordering.
       last(part) = last(part) + 1
       if (pass == 1) return
       self%position(last(part)) = k

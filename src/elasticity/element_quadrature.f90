@@ -20,43 +20,31 @@ module dotyk_elasticity_element_quadrature
 
   !> Quadrature data of the elements of one block, for one thread: formulas and buffers are its own.
   type, public :: element_quadrature_t
-    !> Number of nodes of an element.
-    integer :: n = 0
-    !> Number of displacement components.
-    integer :: dim = 0
-    !> Number of gradient slots.
-    integer :: slots = 0
-    !> Number of projection functions of the dilatation.
-    integer :: n_functions = 0
-    !> Strain index of each component and slot, 0 for none (dim, slots).
-    integer, allocatable :: strain(:, :)
+    integer :: n = 0  !! Number of nodes of an element.
+    integer :: dim = 0  !! Number of displacement components.
+    integer :: slots = 0  !! Number of gradient slots.
+    integer :: n_functions = 0  !! Number of projection functions of the dilatation.
+    integer, allocatable :: strain(:, :)  !! Strain index of each component and slot, 0 for none (dim, slots).
     !> Unprojected part of the stiffness of the material: from strains to stresses; one matrix for all points, or one
     !> for each (6, 6, n_matrices) [pressure].
     real(dp), allocatable :: matrix(:, :, :)
     !> Number of matrices and expansions: 1, or the number of points where more than a factor varies.
     integer :: n_matrices = 1
-    !> Whether more than a factor varies in the material.
-    logical :: varies = .false.
+    logical :: varies = .false.  !! Whether more than a factor varies in the material.
     !> Whether the body is isotropic and three-dimensional: `lambda` and `mu` are the stiffness then.
     logical :: is_isotropic = .false.
-    !> Lame's first parameter of this part [pressure].
-    real(dp) :: lambda = 0
-    !> Shear modulus of an isotropic material [pressure].
-    real(dp) :: mu = 0
+    real(dp) :: lambda = 0  !! Lame's first parameter of this part [pressure].
+    real(dp) :: mu = 0  !! Shear modulus of an isotropic material [pressure].
     !> Thermal expansion of the material, as a strain: order xx yy zz yz xz xy (6, n_matrices) [1/temperature].
     real(dp), allocatable :: expansion(:, :)
     !> Projected part of the bulk modulus by that in `bulk_weight`; 0 where no dilatation is projected [pressure].
     real(dp) :: bulk = 0
-    !> Number of quadrature points of the current element.
-    integer :: n_points = 0
-    !> Nodes of the current element (n).
-    integer, allocatable :: node(:)
-    !> Positions of these nodes (dim, n) [length].
-    real(dp), allocatable :: x(:, :)
+    integer :: n_points = 0  !! Number of quadrature points of the current element.
+    integer, allocatable :: node(:)  !! Nodes of the current element (n).
+    real(dp), allocatable :: x(:, :)  !! Positions of these nodes (dim, n) [length].
     !> Gradients of the shape functions, of shape (n, slots, n_points) in the first entries [1/length].
     real(dp), allocatable :: g(:)
-    !> Quadrature weights, in the first n_points entries (n_allocated) [volume].
-    real(dp), allocatable :: w(:)
+    real(dp), allocatable :: w(:)  !! Quadrature weights, in the first n_points entries (n_allocated) [volume].
     !> Weights times the modulus field, in the first n_points entries (n_allocated) [volume].
     real(dp), allocatable :: stiffness(:)
     !> Weights in which the projection functions are orthonormal: those of the stiffness, by the projected part of the
@@ -64,14 +52,10 @@ module dotyk_elasticity_element_quadrature
     real(dp), allocatable :: bulk_weight(:)
     !> Linear forms of the projected dilatation, of shape (n, dim, n_functions), where bulk > 0 [sqrt(volume)/length].
     real(dp), allocatable :: dilatation(:)
-    !> Shape functions at the points of the rules.
-    type(shape_table_pair_t), private :: tables
-    !> Whether the current element takes the rule of curved ones.
-    logical, private :: is_curved = .false.
-    !> The material in space.
-    type(material_field_t), private :: field
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, private :: analysis = analysis_3d
+    type(shape_table_pair_t), private :: tables  !! Shape functions at the points of the rules.
+    logical, private :: is_curved = .false.  !! Whether the current element takes the rule of curved ones.
+    type(material_field_t), private :: field  !! The material in space.
+    integer, private :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
     !> Projection functions at the points, of shape (n_points, n_functions) [1/sqrt(volume)].
     real(dp), allocatable, private :: value(:)
   contains
@@ -90,16 +74,11 @@ contains
   !> Prepare for the elements of a block. `destroy` frees the formula.
   subroutine element_quadrature_init(self, mesh, i_block, analysis, material, error)
     class(element_quadrature_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Allocated where a formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula does not parse.
     type(element_kind_t) :: kind
     real(dp) :: matrix(6, 6), expansion(6)
     integer :: i, s, most_points
@@ -135,12 +114,9 @@ contains
   !> Evaluate an element of the block.
   subroutine element_quadrature_move_to(self, mesh, i_block, e, error)
     class(element_quadrature_t), intent(inout) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the block given to `init`.
-    integer, intent(in) :: i_block
-    !> Index of the element in its block.
-    integer, intent(in) :: e
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the block given to `init`.
+    integer, intent(in) :: e  !! Index of the element in its block.
     !> Allocated where the element is inverted, or the material is not stable at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     self%node(:) = mesh%block(i_block)%node(:, e)
@@ -156,8 +132,7 @@ contains
 
     !> Evaluate the element at the points of a rule.
     subroutine evaluate(table)
-      !> Shape functions at the points of the rule.
-      type(shape_table_t), intent(in) :: table
+      type(shape_table_t), intent(in) :: table  !! Shape functions at the points of the rule.
       real(dp) :: worst
       integer :: m
       m = table%n_points
@@ -196,8 +171,7 @@ contains
   !> (n_points) [unit of f].
   pure function element_quadrature_at_points(self, f) result(values)
     class(element_quadrature_t), intent(in) :: self
-    !> Values at the nodes of the body (n_nodes) [any].
-    real(dp), intent(in) :: f(:)
+    real(dp), intent(in) :: f(:)  !! Values at the nodes of the body (n_nodes) [any].
     real(dp) :: values(self%n_points)
     if (self%is_curved) then
       values = matmul(f(self%node), self%tables%curved%shape)
@@ -210,8 +184,7 @@ contains
   !> (n_functions) [sqrt(volume)].
   pure function element_quadrature_project(self, f) result(amplitude)
     class(element_quadrature_t), intent(in) :: self
-    !> Dilatation at the quadrature points (n_points) [].
-    real(dp), intent(in) :: f(:)
+    real(dp), intent(in) :: f(:)  !! Dilatation at the quadrature points (n_points) [].
     real(dp) :: amplitude(self%n_functions)
     associate (m => self%n_points)
       amplitude = matmul(self%stiffness(:m)*f, reshape(self%value(:m*self%n_functions), [m, self%n_functions]))
@@ -222,8 +195,7 @@ contains
   !> bulk > 0 [pressure volume].
   pure real(dp) function element_quadrature_pressure_integral(self, amplitude) result(integral)
     class(element_quadrature_t), intent(in) :: self
-    !> The coefficients (n_functions) [pressure sqrt(volume)].
-    real(dp), intent(in) :: amplitude(:)
+    real(dp), intent(in) :: amplitude(:)  !! The coefficients (n_functions) [pressure sqrt(volume)].
     integer :: j
     associate (m => self%n_points)
       if (self%varies) then
@@ -246,12 +218,9 @@ contains
 
   !> Create the error of an inverted element.
   subroutine inverted_element_error(mesh, i_block, e, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Index of the element in its block.
-    integer, intent(in) :: e
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: e  !! Index of the element in its block.
     !> Allocated on return; names the element, its kind and its position.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind

@@ -25,10 +25,8 @@ module dotyk_elasticity_element_residual
   implicit none
   private
 
-  !> Loads and held directions of bodies of one mesh, in its axes.
-  type, public :: residual_data_t
-    !> Faces of the elements.
-    type(face_table_t) :: faces
+  type, public :: residual_data_t  !! Loads and held directions of bodies of one mesh, in its axes.
+    type(face_table_t) :: faces  !! Faces of the elements.
     !> Constant force densities in each material (dim, n_bodies, n_materials) [force/volume].
     real(dp), allocatable :: density(:, :, :)
     !> Stresses of the bodies at rest at the nodes, as in `point_material_t`: of their temperatures in each material;
@@ -36,16 +34,12 @@ module dotyk_elasticity_element_residual
     real(dp), allocatable :: thermal(:, :, :, :)
     !> Their temperatures, where `thermal` is allocated (n_bodies, n_nodes) [temperature].
     real(dp), allocatable :: temperature(:, :)
-    !> Of their initial stresses (n_bodies, n_strains, n_nodes) [pressure].
-    real(dp), allocatable :: initial(:, :, :)
+    real(dp), allocatable :: initial(:, :, :)  !! Of their initial stresses (n_bodies, n_strains, n_nodes) [pressure].
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
     real(dp), allocatable :: held(:, :, :, :)
-    !> Other loads (n_bodies).
-    type(point_forces_t), allocatable :: applied(:)
-    !> First entry of each element in `order` (n_elements + 1, n_bodies).
-    integer, allocatable :: first(:, :)
-    !> Other loads by elements (greatest number of loads, n_bodies).
-    integer, allocatable :: order(:, :)
+    type(point_forces_t), allocatable :: applied(:)  !! Other loads (n_bodies).
+    integer, allocatable :: first(:, :)  !! First entry of each element in `order` (n_elements + 1, n_bodies).
+    integer, allocatable :: order(:, :)  !! Other loads by elements (greatest number of loads, n_bodies).
   end type residual_data_t
 
   !> Factor of the stiffness of the bubbles of an element: it depends on mesh and material alone.
@@ -64,10 +58,8 @@ contains
   !> Pack a factor.
   subroutine factor_pack(self, m, matrix)
     class(bubble_factor_t), intent(inout) :: self
-    !> Order.
-    integer, intent(in) :: m
-    !> The factor in its lower triangle (m, m) [sqrt(force/length)].
-    real(dp), intent(in) :: matrix(m, m)
+    integer, intent(in) :: m  !! Order.
+    real(dp), intent(in) :: matrix(m, m)  !! The factor in its lower triangle (m, m) [sqrt(force/length)].
     integer :: j, k
     allocate (self%column(m*(m + 1)/2))
     k = 0
@@ -80,8 +72,7 @@ contains
   !> X <- L^{-1} X.
   subroutine factor_solve(self, x)
     class(bubble_factor_t), intent(in) :: self
-    !> Right-hand sides in, solutions out (m, n_bodies) [force].
-    real(dp), intent(inout), contiguous :: x(:, :)
+    real(dp), intent(inout), contiguous :: x(:, :)  !! Right-hand sides in, solutions out (m, n_bodies) [force].
     integer :: k
     do k = 1, size(x, 2)
       call dtpsv('L', 'N', 'N', size(x, 1), self%column, x(:, k), 1)
@@ -90,28 +81,19 @@ contains
 
   !> Energies of the local answers of one element.
   subroutine residual_energy(mesh, data, material, table, tractions, u, element, factor, room, square, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions.
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     !> Mean tractions at faces between elements, as far as they are known.
     type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> The element, in the order of the blocks.
-    integer, intent(in) :: element
-    !> Factor of its bubbles: used where it was kept.
-    type(bubble_factor_t), intent(inout) :: factor
-    !> Memory for factors.
-    type(allowance_t), intent(inout) :: room
-    !> Energies; 0 where the element is inverted (n_bodies) [energy].
-    real(dp), intent(out) :: square(:)
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: element  !! The element, in the order of the blocks.
+    type(bubble_factor_t), intent(inout) :: factor  !! Factor of its bubbles: used where it was kept.
+    type(allowance_t), intent(inout) :: room  !! Memory for factors.
+    real(dp), intent(out) :: square(:)  !! Energies; 0 where the element is inverted (n_bodies) [energy].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(bubble_factor_t) :: packed
     real(dp), allocatable :: matrix(:, :), rhs(:, :)
     integer :: m, info
@@ -137,24 +119,18 @@ contains
 
   !> The local problem of one element.
   subroutine residual_problem(mesh, data, material, table, tractions, u, element, rhs, error, matrix)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions.
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     !> Mean tractions at faces between elements, as far as they are known.
     type(face_tractions_t), intent(in) :: tractions
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> The element, in the order of the blocks.
-    integer, intent(in) :: element
+    integer, intent(in) :: element  !! The element, in the order of the blocks.
     !> Residual forces on the bubbles; not allocated where the element is inverted (dim*n_bubbles, n_bodies) [force].
     real(dp), allocatable, intent(out) :: rhs(:, :)
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     !> Stiffness of the bubbles, its lower triangle, by bubbles and then components (dim*n_bubbles, dim*n_bubbles)
     !> [force/length].
     real(dp), allocatable, intent(out), optional :: matrix(:, :)
@@ -180,48 +156,30 @@ contains
   !> Set up the local problem.
   subroutine set_up(n_bodies, dim, n, n_bubbles, n_strains, slots, n_points, n_matrix, mesh, data, &
                     material, table, tractions, block, u, element, node, rhs, matrix, valid, error)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of points in the element, with repetitions.
-    integer, intent(in) :: n_points
-    !> Order of the matrix; 0 where it is not wanted.
-    integer, intent(in) :: n_matrix
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_bubbles  !! Number of bubbles.
+    integer, intent(in) :: n_strains  !! Number of strains.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of points in the element, with repetitions.
+    integer, intent(in) :: n_matrix  !! Order of the matrix; 0 where it is not wanted.
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions.
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     !> Mean tractions at faces between elements, as far as they are known.
     type(face_tractions_t), intent(in) :: tractions
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> The element.
-    integer, intent(in) :: element
-    !> Its nodes (n).
-    integer, intent(in) :: node(n)
+    integer, intent(in) :: block  !! Block of the element.
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! Displacements (n_bodies, dim, n_nodes) [length].
+    integer, intent(in) :: element  !! The element.
+    integer, intent(in) :: node(n)  !! Its nodes (n).
     !> Residual forces on the bubbles (n_bubbles, dim, n_bodies) [force].
     real(dp), intent(out) :: rhs(n_bubbles, dim, n_bodies)
     !> The stiffness; its upper triangle is not set (n_matrix, n_matrix) [force/length].
     real(dp), intent(out) :: matrix(n_matrix, n_matrix)
-    !> Whether the element has no inverted point.
-    logical, intent(out) :: valid
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(out) :: valid  !! Whether the element has no inverted point.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies)
     real(dp), dimension(n_points) :: radius, w, modulus
     real(dp) :: by_reference(n_points, dim, n_bodies), stiffness(n_strains, n_strains, n_points), worst
@@ -270,18 +228,12 @@ contains
 
   !> Add the loads at points; those along held directions do no work.
   subroutine add_loads(n_bodies, dim, n_bubbles, data, table, element, rhs)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Bubbles of the element's kind.
-    type(bubble_table_t), intent(in) :: table
-    !> The element.
-    integer, intent(in) :: element
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n_bubbles  !! Number of bubbles.
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions.
+    type(bubble_table_t), intent(in) :: table  !! Bubbles of the element's kind.
+    integer, intent(in) :: element  !! The element.
     !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
     real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
     real(dp) :: force(dim), value(n_bubbles)

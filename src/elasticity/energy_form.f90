@@ -8,22 +8,15 @@ module dotyk_elasticity_energy_form
   implicit none
   private
 
-  !> The terms of the form.
-  type, public :: energy_form_t
-    !> Number of strains.
-    integer :: n_strains = 0
-    !> Number of terms.
-    integer :: n_terms = 0
-    !> Component of each strain in the order xx yy zz yz xz xy (n_strains).
-    integer, allocatable :: component(:)
+  type, public :: energy_form_t  !! The terms of the form.
+    integer :: n_strains = 0  !! Number of strains.
+    integer :: n_terms = 0  !! Number of terms.
+    integer, allocatable :: component(:)  !! Component of each strain in the order xx yy zz yz xz xy (n_strains).
     !> Strain to which a gradient slot of a component contributes, 0 for none (dim, slots).
     integer, allocatable :: index(:, :)
-    !> The two strains of each term (2, n_terms).
-    integer, allocatable :: pair(:, :)
-    !> Coefficient of each term (n_terms) [pressure].
-    real(dp), allocatable :: coefficient(:)
-    !> Largest entry of the material matrix [pressure].
-    real(dp) :: largest = 0
+    integer, allocatable :: pair(:, :)  !! The two strains of each term (2, n_terms).
+    real(dp), allocatable :: coefficient(:)  !! Coefficient of each term (n_terms) [pressure].
+    real(dp) :: largest = 0  !! Largest entry of the material matrix [pressure].
   contains
     procedure :: init => energy_form_init
     procedure :: strains => energy_form_strains
@@ -35,10 +28,8 @@ contains
   !> List the terms of a material.
   subroutine energy_form_init(self, analysis, matrix)
     class(energy_form_t), intent(out) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Stiffness of the material: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: matrix(6, 6)  !! Stiffness of the material: from strains to stresses (6, 6) [pressure].
     integer :: i, s, t, strain_of_slot
     real(dp) :: c
     allocate (self%index(analysis_dimension(analysis), gradient_slots(analysis)), source=0)
@@ -69,12 +60,10 @@ contains
   !> Strains of displacement gradients.
   pure subroutine energy_form_strains(self, n_points, slope, strain)
     class(energy_form_t), intent(in) :: self
-    !> Number of points.
-    integer, intent(in) :: n_points
+    integer, intent(in) :: n_points  !! Number of points.
     !> Slots of the gradients of the components (n_points, dim, slots) [].
     real(dp), intent(in) :: slope(n_points, size(self%index, 1), size(self%index, 2))
-    !> Strains (n_points, n_strains) [].
-    real(dp), intent(out) :: strain(n_points, self%n_strains)
+    real(dp), intent(out) :: strain(n_points, self%n_strains)  !! Strains (n_points, n_strains) [].
     integer :: i, s
     strain = 0
     do s = 1, size(slope, 3)
@@ -89,10 +78,8 @@ contains
   !> Twice the strain energy, summed over points [energy].
   pure real(dp) function energy_form_energy(self, weight, strain, matrix) result(energy)
     class(energy_form_t), intent(in) :: self
-    !> Volumes of the points (n_points) [volume].
-    real(dp), intent(in) :: weight(:)
-    !> Strains (n_points, n_strains) [].
-    real(dp), intent(in), contiguous :: strain(:, :)
+    real(dp), intent(in) :: weight(:)  !! Volumes of the points (n_points) [volume].
+    real(dp), intent(in), contiguous :: strain(:, :)  !! Strains (n_points, n_strains) [].
     !> Material matrices at the points, in place of that of the form; not where not allocated (6, 6, n_points)
     !> [pressure].
     real(dp), intent(in), allocatable, optional :: matrix(:, :, :)

@@ -14,21 +14,16 @@ module dotyk_elasticity_face_normals
   !> Smallest cosine of the angle of two normals of one smooth face: 20 degrees. Facets of coarse meshes of curved
   !> surfaces meet at smaller angles, edges of machine parts at larger ones.
   real(dp), parameter :: least_cosine = 0.939692620785908_dp
-  !> Mean normals shorter than this fraction cancelled out.
-  real(dp), parameter :: cancelled = 1.0e-6_dp
+  real(dp), parameter :: cancelled = 1.0e-6_dp  !! Mean normals shorter than this fraction cancelled out.
 
 contains
 
   !> Add the outward normal of each facet at each of its nodes to a list, with the area of the facet as value.
   subroutine add_face_normals(x, surface, source, faces)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Index of the support, stored with each normal.
-    integer, intent(in) :: source
-    !> List of normals.
-    type(nodal_vector_list_t), intent(inout) :: faces
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! The surface.
+    integer, intent(in) :: source  !! Index of the support, stored with each normal.
+    type(nodal_vector_list_t), intent(inout) :: faces  !! List of normals.
     integer :: f, a, n, d, dim, kind, node(max_facet_nodes)
     real(dp) :: xi(2*max_facet_nodes), corners(size(x, 1), max_facet_nodes)
     real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian
@@ -51,8 +46,7 @@ contains
 
   !> Area of the reference facet [].
   pure real(dp) function reference_area(properties) result(area)
-    !> Properties of the facet's kind.
-    type(element_kind_t), intent(in) :: properties
+    type(element_kind_t), intent(in) :: properties  !! Properties of the facet's kind.
     select case (properties%n_corners)
     case (2)
       area = 2
@@ -65,20 +59,14 @@ contains
 
   !> Group normals: two within 20 degrees are in one group, and so are those connected by a chain of such pairs.
   pure subroutine group_normals(dim, n, normal, area, signature, group, n_groups, mean)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of normals.
-    integer, intent(in) :: n
-    !> Unit normals (dim, n) [].
-    real(dp), intent(in) :: normal(dim, n)
-    !> Areas of their facets (n) [length^(dim-1)].
-    real(dp), intent(in) :: area(n)
-    !> Normals of different signatures are never in one group (n).
-    integer, intent(in) :: signature(n)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of normals.
+    real(dp), intent(in) :: normal(dim, n)  !! Unit normals (dim, n) [].
+    real(dp), intent(in) :: area(n)  !! Areas of their facets (n) [length^(dim-1)].
+    integer, intent(in) :: signature(n)  !! Normals of different signatures are never in one group (n).
     !> Group of each normal; groups are numbered in the order of their first normals (n).
     integer, intent(out) :: group(n)
-    !> Number of groups.
-    integer, intent(out) :: n_groups
+    integer, intent(out) :: n_groups  !! Number of groups.
     !> Mean unit normal of each group, weighted with the areas; n_groups columns are set (dim, n) [].
     real(dp), intent(out) :: mean(dim, n)
     integer :: i, j, member, stack(n), height

@@ -9,22 +9,18 @@ module dotyk_elasticity_face_table
   implicit none
   private
 
-  !> The table.
-  type, public :: face_table_t
+  type, public :: face_table_t  !! The table.
     !> Element behind each face, in the order of the blocks; 0 on the boundary (max_faces, n_elements).
     integer, allocatable :: neighbour(:, :)
     !> Index of each face among those of the boundary; 0 for the others (max_faces, n_elements).
     integer, allocatable :: boundary(:, :)
     !> Index of each face among those between two elements; 0 for the others (max_faces, n_elements).
     integer, allocatable :: interior(:, :)
-    !> Number of faces between two elements.
-    integer :: n_interior = 0
-    !> Number of faces of the boundary.
-    integer :: n_boundary = 0
+    integer :: n_interior = 0  !! Number of faces between two elements.
+    integer :: n_boundary = 0  !! Number of faces of the boundary.
     !> First element of each block minus one, and the number of elements (n_blocks + 1).
     integer, allocatable :: before(:)
-    !> Block of each element (n_elements).
-    integer, allocatable :: block(:)
+    integer, allocatable :: block(:)  !! Block of each element (n_elements).
   contains
     procedure :: init => face_table_init
   end type face_table_t
@@ -36,8 +32,7 @@ contains
   !> Find the neighbours of all elements.
   subroutine face_table_init(self, mesh)
     class(face_table_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     type(corner_table_t) :: table
     type(element_kind_t) :: kind, face
     integer, allocatable :: owner(:, :)
@@ -90,14 +85,10 @@ contains
 
   !> Face of an element that has given nodes; 0 for none.
   pure integer function local_face(mesh, block, element, node) result(face)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> Number of the element in its block.
-    integer, intent(in) :: element
-    !> Nodes of the face, padded with 0 (max_facet_nodes).
-    integer, intent(in) :: node(max_facet_nodes)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: block  !! Block of the element.
+    integer, intent(in) :: element  !! Number of the element in its block.
+    integer, intent(in) :: node(max_facet_nodes)  !! Nodes of the face, padded with 0 (max_facet_nodes).
     type(element_kind_t) :: kind, of_face
     integer :: i
     kind = element_kind(mesh%block(block)%kind)
@@ -112,16 +103,11 @@ contains
 
   !> Reference coordinates in an element of a point of a facet whose corners are nodes of the element.
   pure function point_of_element(kind, node, corner_kind, corner, xi_facet) result(xi)
-    !> Kind of the element.
-    integer, intent(in) :: kind
-    !> Nodes of the element (n_nodes).
-    integer, intent(in) :: node(:)
-    !> Linear kind of the facet.
-    integer, intent(in) :: corner_kind
-    !> Nodes at the corners of the facet (n_corners).
-    integer, intent(in) :: corner(:)
-    !> Reference coordinates on the facet (dim - 1) [].
-    real(dp), intent(in) :: xi_facet(:)
+    integer, intent(in) :: kind  !! Kind of the element.
+    integer, intent(in) :: node(:)  !! Nodes of the element (n_nodes).
+    integer, intent(in) :: corner_kind  !! Linear kind of the facet.
+    integer, intent(in) :: corner(:)  !! Nodes at the corners of the facet (n_corners).
+    real(dp), intent(in) :: xi_facet(:)  !! Reference coordinates on the facet (dim - 1) [].
     real(dp) :: xi(kind_dimension(kind))
     real(dp) :: place(kind_dimension(kind), size(node)), weight(size(corner))
     integer :: i

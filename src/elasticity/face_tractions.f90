@@ -17,8 +17,7 @@ module dotyk_elasticity_face_tractions
   implicit none
   private
 
-  !> Mean tractions at faces between two elements.
-  type, public :: face_tractions_t
+  type, public :: face_tractions_t  !! Mean tractions at faces between two elements.
     !> Tractions by areas on the element with the smaller number, at its points (greatest number of points, dim,
     !> n_bodies, n_interior) [force].
     real(dp), allocatable :: value(:, :, :, :)
@@ -35,20 +34,13 @@ contains
   !> Find them, where there is room: the other faces are evaluated from each side.
   subroutine face_tractions_find(self, mesh, faces, material, table, u, is_needed, room)
     class(face_tractions_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Faces of the elements.
-    type(face_table_t), intent(in) :: faces
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements whose faces are needed (n_elements).
-    logical, intent(in) :: is_needed(:)
-    !> Memory for the tractions.
-    type(allowance_t), intent(inout) :: room
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements.
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! Displacements (n_bodies, dim, n_nodes) [length].
+    logical, intent(in) :: is_needed(:)  !! Elements whose faces are needed (n_elements).
+    type(allowance_t), intent(inout) :: room  !! Memory for the tractions.
     integer :: b, e, f, k, n_points
     n_points = 0
     do b = 1, size(table)
@@ -75,16 +67,11 @@ contains
 
     !> Find those of one face.
     subroutine find_one(block, element, f, value, is_known)
-      !> Block of the element with the smaller number.
-      integer, intent(in) :: block
-      !> The element.
-      integer, intent(in) :: element
-      !> Its face.
-      integer, intent(in) :: f
-      !> The tractions (n_points, dim, n_bodies) [force].
-      real(dp), intent(inout) :: value(:, :, :)
-      !> Whether they were found.
-      logical, intent(out) :: is_known
+      integer, intent(in) :: block  !! Block of the element with the smaller number.
+      integer, intent(in) :: element  !! The element.
+      integer, intent(in) :: f  !! Its face.
+      real(dp), intent(inout) :: value(:, :, :)  !! The tractions (n_points, dim, n_bodies) [force].
+      logical, intent(out) :: is_known  !! Whether they were found.
       type(error_t), allocatable :: error
       real(dp) :: worst, their_worst
       integer, allocatable :: same(:)
@@ -111,44 +98,27 @@ contains
   !> Add the mean tractions of the faces of an element.
   subroutine add_faces(n_bodies, dim, n, n_bubbles, n_strains, slots, mesh, faces, held, material, table, tractions, &
                        block, u, element, node, rhs, worst, error)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Faces of the elements.
-    type(face_table_t), intent(in) :: faces
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_bubbles  !! Number of bubbles.
+    integer, intent(in) :: n_strains  !! Number of strains.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements.
     !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
     real(dp), intent(in) :: held(:, :, :, :)
-    !> Materials (n_materials).
-    type(point_material_t), intent(in) :: material(:)
-    !> Bubbles of the kinds of the blocks (n_blocks).
-    type(bubble_table_t), intent(in) :: table(:)
-    !> Those of faces between two elements, as far as they are known.
-    type(face_tractions_t), intent(in) :: tractions
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> The element.
-    integer, intent(in) :: element
-    !> Its nodes (n).
-    integer, intent(in) :: node(n)
+    type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
+    type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
+    type(face_tractions_t), intent(in) :: tractions  !! Those of faces between two elements, as far as they are known.
+    integer, intent(in) :: block  !! Block of the element.
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! Displacements (n_bodies, dim, n_nodes) [length].
+    integer, intent(in) :: element  !! The element.
+    integer, intent(in) :: node(n)  !! Its nodes (n).
     !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
     real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
-    !> Smallest determinant of the element at points of its faces [volume].
-    real(dp), intent(inout) :: worst
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(inout) :: worst  !! Smallest determinant of the element at points of its faces [volume].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(element_kind_t) :: kind
     type(point_shape_table_t) :: points
     real(dp), allocatable :: traction(:, :, :)
@@ -205,22 +175,14 @@ contains
 
   !> The points of a face among those of a face of the element behind.
   pure subroutine find_match(their_table, degree, face, their_node, corner, their_face, same, known)
-    !> Bubbles of the kind of the element behind.
-    type(bubble_table_t), intent(in) :: their_table
-    !> Degree of the rule of the face.
-    integer, intent(in) :: degree
-    !> The face.
-    type(face_bubbles_t), intent(in) :: face
-    !> Nodes of the element behind (n).
-    integer, intent(in) :: their_node(:)
-    !> Nodes at the corners of the face (n_corners).
-    integer, intent(in) :: corner(:)
-    !> Face of the element behind.
-    integer, intent(out) :: their_face
-    !> Its point for each point of the face (n_points).
-    integer, allocatable, intent(out) :: same(:)
-    !> Whether there is one.
-    logical, intent(out) :: known
+    type(bubble_table_t), intent(in) :: their_table  !! Bubbles of the kind of the element behind.
+    integer, intent(in) :: degree  !! Degree of the rule of the face.
+    type(face_bubbles_t), intent(in) :: face  !! The face.
+    integer, intent(in) :: their_node(:)  !! Nodes of the element behind (n).
+    integer, intent(in) :: corner(:)  !! Nodes at the corners of the face (n_corners).
+    integer, intent(out) :: their_face  !! Face of the element behind.
+    integer, allocatable, intent(out) :: same(:)  !! Its point for each point of the face (n_points).
+    logical, intent(out) :: known  !! Whether there is one.
     integer :: first, second
     known = .false.
     their_face = 0
@@ -244,20 +206,13 @@ contains
 
   !> The points of a face in the element behind.
   subroutine place_points(kind, node, corner_kind, corner, face, points, same)
-    !> Kind of the element behind.
-    integer, intent(in) :: kind
-    !> Its nodes (n).
-    integer, intent(in) :: node(:)
-    !> Linear kind of the face.
-    integer, intent(in) :: corner_kind
-    !> Nodes at the corners of the face (n_corners).
-    integer, intent(in) :: corner(:)
-    !> The face.
-    type(face_bubbles_t), intent(in) :: face
-    !> Shape functions there.
-    type(point_shape_table_t), intent(out) :: points
-    !> Number of each point of the face (n_points).
-    integer, allocatable, intent(out) :: same(:)
+    integer, intent(in) :: kind  !! Kind of the element behind.
+    integer, intent(in) :: node(:)  !! Its nodes (n).
+    integer, intent(in) :: corner_kind  !! Linear kind of the face.
+    integer, intent(in) :: corner(:)  !! Nodes at the corners of the face (n_corners).
+    type(face_bubbles_t), intent(in) :: face  !! The face.
+    type(point_shape_table_t), intent(out) :: points  !! Shape functions there.
+    integer, allocatable, intent(out) :: same(:)  !! Number of each point of the face (n_points).
     real(dp) :: xi(size(face%xi, 1), face%n_points)
     integer :: q
     do q = 1, face%n_points
@@ -271,49 +226,31 @@ contains
   subroutine mean_tractions(n_bodies, dim, n, n_strains, slots, n_points, mesh, material, their, face, node, u, &
                             their_n, their_n_points, their_points, their_node, same, traction, worst, their_worst, &
                             error, held)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Number of points of the face, with repetitions.
-    integer, intent(in) :: n_points
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Material of the element.
-    type(point_material_t), intent(in) :: material
-    !> Material of the element behind.
-    type(point_material_t), intent(in) :: their
-    !> The face.
-    type(face_bubbles_t), intent(in) :: face
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Number of nodes of the element behind; 0 on the boundary.
-    integer, intent(in) :: their_n
-    !> Number of its points, with repetitions.
-    integer, intent(in) :: their_n_points
-    !> Shape functions at its points.
-    type(point_shape_table_t), intent(in) :: their_points
-    !> Its nodes (their_n).
-    integer, intent(in) :: their_node(their_n)
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_strains  !! Number of strains.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    integer, intent(in) :: n_points  !! Number of points of the face, with repetitions.
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(point_material_t), intent(in) :: material  !! Material of the element.
+    type(point_material_t), intent(in) :: their  !! Material of the element behind.
+    type(face_bubbles_t), intent(in) :: face  !! The face.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! Displacements (n_bodies, dim, n_nodes) [length].
+    integer, intent(in) :: their_n  !! Number of nodes of the element behind; 0 on the boundary.
+    integer, intent(in) :: their_n_points  !! Number of its points, with repetitions.
+    type(point_shape_table_t), intent(in) :: their_points  !! Shape functions at its points.
+    integer, intent(in) :: their_node(their_n)  !! Its nodes (their_n).
     !> Its point for each point of the face; unused on the boundary (n_points without repetitions).
     integer, intent(in) :: same(:)
     !> Tractions by areas on the element; undefined with an error, or where `worst` is not positive (n_points without
     !> repetitions, dim, n_bodies) [force].
     real(dp), intent(inout) :: traction(:, :, :)
-    !> Smallest determinant of the element at the points [volume].
-    real(dp), intent(out) :: worst
+    real(dp), intent(out) :: worst  !! Smallest determinant of the element at the points [volume].
     !> That of the element behind, whose stress is 0 where it is not positive; 1 on the boundary [volume].
     real(dp), intent(out) :: their_worst
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     !> Projections on the held directions of a face of the boundary (dim, dim, n_bodies) [].
     real(dp), intent(in), optional :: held(:, :, :)
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies)
@@ -358,15 +295,11 @@ contains
   !> Projection on the directions held at a point of a curved face: where the normal of the face is held, that of the
   !> point is.
   pure function turned(dim, held, normal) result(projection)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Projection on the held directions of the face (dim, dim) [].
-    real(dp), intent(in) :: held(dim, dim)
-    !> Normal at the point (dim) [].
-    real(dp), intent(in) :: normal(dim)
+    integer, intent(in) :: dim  !! Number of displacement components.
+    real(dp), intent(in) :: held(dim, dim)  !! Projection on the held directions of the face (dim, dim) [].
+    real(dp), intent(in) :: normal(dim)  !! Normal at the point (dim) [].
     real(dp) :: projection(dim, dim)
-    !> Cosine between the normals of a face and of a point on it, at least.
-    real(dp), parameter :: along = 0.9_dp
+    real(dp), parameter :: along = 0.9_dp  !! Cosine between the normals of a face and of a point on it, at least.
     real(dp) :: free(dim, dim), axis(dim)
     integer :: i, rank
     projection = held

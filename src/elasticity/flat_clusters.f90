@@ -13,14 +13,10 @@ module dotyk_elasticity_flat_clusters
   implicit none
   private
 
-  !> All elements of a body, those of a cluster one after the other.
-  type, public :: flat_clusters_t
-    !> Number of clusters; elements that are in none are clusters of one.
-    integer :: n = 0
-    !> First entry of each cluster in `element` (n + 1).
-    integer, allocatable :: first(:)
-    !> Elements, counted through all blocks (n_elements).
-    integer, allocatable :: element(:)
+  type, public :: flat_clusters_t  !! All elements of a body, those of a cluster one after the other.
+    integer :: n = 0  !! Number of clusters; elements that are in none are clusters of one.
+    integer, allocatable :: first(:)  !! First entry of each cluster in `element` (n + 1).
+    integer, allocatable :: element(:)  !! Elements, counted through all blocks (n_elements).
   contains
     procedure :: init => flat_clusters_init
   end type flat_clusters_t
@@ -36,10 +32,8 @@ contains
   !> Find the clusters; elements of other ranks are in none.
   subroutine flat_clusters_init(self, mesh, faces)
     class(flat_clusters_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Faces of the elements.
-    type(face_table_t), intent(in) :: faces
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements.
     logical, allocatable :: free(:)
     integer :: e, k, f, behind, n
     allocate (self%first(mesh%n_elements() + 1), self%element(mesh%n_elements()), free(mesh%n_elements()))
@@ -71,8 +65,7 @@ contains
 
     !> Add an element to the last cluster.
     subroutine take(element)
-      !> The element.
-      integer, intent(in) :: element
+      integer, intent(in) :: element  !! The element.
       n = n + 1
       self%element(n) = element
       free(element) = .false.
@@ -80,18 +73,15 @@ contains
 
     !> Whether an element may have company.
     pure logical function can_join(element)
-      !> The element.
-      integer, intent(in) :: element
+      integer, intent(in) :: element  !! The element.
       can_join = any(mesh%block(faces%block(element))%kind == [element_tri6, element_tet10])
       if (can_join) can_join = mesh%is_own_element(element)
     end function can_join
 
     !> Height of a simplex over its face towards another one, relative to the size of the face [].
     pure real(dp) function height(element, behind)
-      !> The simplex.
-      integer, intent(in) :: element
-      !> The other one.
-      integer, intent(in) :: behind
+      integer, intent(in) :: element  !! The simplex.
+      integer, intent(in) :: behind  !! The other one.
       type(element_kind_t) :: kind
       real(dp) :: x(3, 4), normal(3)
       integer :: b, d, i

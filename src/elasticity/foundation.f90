@@ -19,26 +19,17 @@ module dotyk_elasticity_foundation
   implicit none
   private
 
-  !> All springs of a body.
-  type, public :: foundation_t
-    !> Number of facets with springs; a facet under two springs counts twice.
-    integer :: n = 0
-    !> Surface of each spring (n_springs).
-    type(text_t), allocatable :: place(:)
-    !> Directions of each spring (n_springs).
-    type(directions_t), allocatable :: fix(:)
-    !> Foundation modulus of each (n_springs) [pressure/length].
-    real(dp), allocatable :: modulus(:)
+  type, public :: foundation_t  !! All springs of a body.
+    integer :: n = 0  !! Number of facets with springs; a facet under two springs counts twice.
+    type(text_t), allocatable :: place(:)  !! Surface of each spring (n_springs).
+    type(directions_t), allocatable :: fix(:)  !! Directions of each spring (n_springs).
+    real(dp), allocatable :: modulus(:)  !! Foundation modulus of each (n_springs) [pressure/length].
     !> Area of its surface; 0 where it is not given (n_springs) [length^2; length in plane analyses].
     real(dp), allocatable :: area(:)
-    !> Displacement of its far ends in the axes of `fix` (3, n_springs) [length].
-    real(dp), allocatable :: value(:, :)
-    !> Spring of each facet (n).
-    integer, allocatable :: of(:)
-    !> Element kind of each facet (n).
-    integer, allocatable :: kind(:)
-    !> Nodes of each facet, padded with 0, oriented outward (max_facet_nodes, n).
-    integer, allocatable :: node(:, :)
+    real(dp), allocatable :: value(:, :)  !! Displacement of its far ends in the axes of `fix` (3, n_springs) [length].
+    integer, allocatable :: of(:)  !! Spring of each facet (n).
+    integer, allocatable :: kind(:)  !! Element kind of each facet (n).
+    integer, allocatable :: node(:, :)  !! Nodes of each facet, padded with 0, oriented outward (max_facet_nodes, n).
     !> Block of the element behind each facet, and number of the element in it (n).
     integer, allocatable :: block(:), element(:)
   contains
@@ -64,16 +55,11 @@ contains
   !> Add a spring.
   subroutine foundation_add(self, surface, fix, modulus, value, area)
     class(foundation_t), intent(inout) :: self
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Directions.
-    type(directions_t), intent(in) :: fix
-    !> Foundation modulus [pressure/length].
-    real(dp), intent(in) :: modulus
-    !> Displacement of the far ends in the axes of `fix`, 0 along others (3) [length].
-    real(dp), intent(in) :: value(3)
-    !> Area of the surface, for the log [length^2; length in plane analyses].
-    real(dp), intent(in), optional :: area
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(directions_t), intent(in) :: fix  !! Directions.
+    real(dp), intent(in) :: modulus  !! Foundation modulus [pressure/length].
+    real(dp), intent(in) :: value(3)  !! Displacement of the far ends in the axes of `fix`, 0 along others (3) [length].
+    real(dp), intent(in), optional :: area  !! Area of the surface, for the log [length^2; length in plane analyses].
     type(text_t), allocatable :: place(:)
     integer :: i, n
     if (.not. allocated(self%modulus)) then
@@ -110,14 +96,10 @@ contains
   !> Springs at the quadrature points of a facet.
   subroutine foundation_points_of(self, x, analysis, f, points)
     class(foundation_t), intent(in) :: self
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Index of the facet.
-    integer, intent(in) :: f
-    !> The points; those of the facet before keep what they share.
-    type(foundation_points_t), intent(inout) :: points
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: f  !! Index of the facet.
+    type(foundation_points_t), intent(inout) :: points  !! The points; those of the facet before keep what they share.
     real(dp) :: normal(size(x, 1)), axes(size(x, 1), 3), value(3)
     logical :: fixed(3)
     integer :: dim, i, q
@@ -149,16 +131,11 @@ contains
   !> Add the forces K_s u of the springs' matrix, and u.K_s u.
   subroutine foundation_add_forces(self, x, analysis, u, force, energy)
     class(foundation_t), intent(in) :: self
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Forces in global axes, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
-    !> Twice the energy of the springs with far ends at rest, added to [energy].
-    real(dp), intent(inout) :: energy
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(inout) :: force(:, :)  !! Forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: energy  !! Twice the energy of the springs with far ends at rest, added to [energy].
     type(foundation_points_t) :: points
     real(dp) :: moved(size(x, 1)), traction(size(x, 1))
     integer :: a, f, q
@@ -180,12 +157,9 @@ contains
   !> Add the forces of the displacements of the far ends.
   subroutine foundation_add_loads(self, x, analysis, force)
     class(foundation_t), intent(in) :: self
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Forces in global axes, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(inout) :: force(:, :)  !! Forces in global axes, added to (dim, n_nodes) [force].
     type(foundation_points_t) :: points
     integer :: a, f, q
     do f = 1, self%n
@@ -204,16 +178,11 @@ contains
   !> Forces of the springs on the body, spring by spring, with their moments about the origin; their energies.
   subroutine foundation_add_up_reactions(self, x, analysis, u, sums, energy)
     class(foundation_t), intent(in) :: self
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Force and moment of each spring (6, n_springs) [force, force length].
-    real(dp), intent(out) :: sums(:, :)
-    !> k (u - g) D (u - g)/2, integrated over all springs [energy].
-    real(dp), intent(out) :: energy
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(out) :: sums(:, :)  !! Force and moment of each spring (6, n_springs) [force, force length].
+    real(dp), intent(out) :: energy  !! k (u - g) D (u - g)/2, integrated over all springs [energy].
     type(foundation_points_t) :: points
     real(dp) :: moved(size(x, 1)), force(3), p(3), along(3)
     integer :: f, i, q, s, dim
@@ -244,8 +213,7 @@ contains
   !> Give the nodes other numbers.
   pure subroutine foundation_renumber(self, number)
     class(foundation_t), intent(inout) :: self
-    !> New number of each node; those of facets have one (n_nodes).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! New number of each node; those of facets have one (n_nodes).
     integer :: a, f
     do f = 1, self%n
       do a = 1, max_facet_nodes
@@ -257,8 +225,7 @@ contains
   !> Keep the facets that have one of some nodes.
   pure subroutine foundation_choose(self, selected)
     class(foundation_t), intent(inout) :: self
-    !> Whether facets with a node are kept (n_nodes).
-    logical, intent(in) :: selected(:)
+    logical, intent(in) :: selected(:)  !! Whether facets with a node are kept (n_nodes).
     logical, allocatable :: kept(:)
     integer, allocatable :: chosen(:)
     integer :: a, f
@@ -281,12 +248,9 @@ contains
   !> Whether another foundation has the same springs but for a rigid motion; far ends may move otherwise.
   pure logical function foundation_is_moved(self, other, dim, motion) result(same)
     class(foundation_t), intent(in) :: self
-    !> The other one.
-    type(foundation_t), intent(in) :: other
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Rigid motion from this one to the other.
-    type(placement_t), intent(in) :: motion
+    type(foundation_t), intent(in) :: other  !! The other one.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from this one to the other.
     logical :: all_fixed
     integer :: s
     same = self%n == other%n .and. self%n_springs() == other%n_springs()
@@ -307,12 +271,9 @@ contains
 
   !> Area of a surface, of the full circumference in axisymmetric analyses [length^2; length in plane analyses].
   real(dp) function surface_area(x, analysis, surface) result(area)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(surface_t), intent(in) :: surface  !! The surface.
     type(foundation_t) :: whole
     type(foundation_points_t) :: points
     integer :: f
@@ -327,8 +288,7 @@ contains
   !> Put the springs into a parcel, or take them out.
   subroutine foundation_carry(self, parcel)
     class(foundation_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     integer, allocatable :: flag(:, :)
     integer :: s
     call parcel%carry(self%n)

@@ -7,28 +7,17 @@ module dotyk_elasticity_foundation_points
   implicit none
   private
 
-  !> The springs of one facet at its quadrature points.
-  type, public :: foundation_points_t
-    !> Element kind of the facet; 0 before the first one.
-    integer :: kind = 0
-    !> Number of nodes of the facet, and of directions at each point.
-    integer :: n_nodes = 0, n_directions = 0
-    !> Reference coordinates (dim - 1, n_points) [].
-    real(dp), allocatable :: xi(:, :)
-    !> Reference weights (n_points) [].
-    real(dp), allocatable :: weight(:)
-    !> Shape functions (n_nodes, n_points) [].
-    real(dp), allocatable :: shape(:, :)
-    !> Positions (dim, n_points) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Areas (n_points) [length^2; length in plane analyses].
-    real(dp), allocatable :: area(:)
-    !> Unit vectors of the springs (dim, 3, n_points) [].
-    real(dp), allocatable :: direction(:, :, :)
-    !> k D (dim, dim, n_points) [pressure/length].
-    real(dp), allocatable :: tensor(:, :, :)
-    !> k D g (dim, n_points) [pressure].
-    real(dp), allocatable :: pull(:, :)
+  type, public :: foundation_points_t  !! The springs of one facet at its quadrature points.
+    integer :: kind = 0  !! Element kind of the facet; 0 before the first one.
+    integer :: n_nodes = 0, n_directions = 0  !! Number of nodes of the facet, and of directions at each point.
+    real(dp), allocatable :: xi(:, :)  !! Reference coordinates (dim - 1, n_points) [].
+    real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
+    real(dp), allocatable :: shape(:, :)  !! Shape functions (n_nodes, n_points) [].
+    real(dp), allocatable :: x(:, :)  !! Positions (dim, n_points) [length].
+    real(dp), allocatable :: area(:)  !! Areas (n_points) [length^2; length in plane analyses].
+    real(dp), allocatable :: direction(:, :, :)  !! Unit vectors of the springs (dim, 3, n_points) [].
+    real(dp), allocatable :: tensor(:, :, :)  !! k D (dim, dim, n_points) [pressure/length].
+    real(dp), allocatable :: pull(:, :)  !! k D g (dim, n_points) [pressure].
   contains
     procedure :: take_rule
     procedure :: matrix => facet_matrix
@@ -41,10 +30,8 @@ contains
   !> Rule and shape functions of a kind of facets.
   subroutine take_rule(points, dim, kind)
     class(foundation_points_t), intent(inout) :: points
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: kind  !! Element kind of the facet.
     type(element_kind_t) :: properties
     integer :: n, q
     if (points%kind == kind) return
@@ -64,14 +51,10 @@ contains
 
   !> Unit vectors along x, y, z, or along xi, eta, n of a surface; what there is none of is 0.
   pure subroutine axes_at(dim, local, normal, axes)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Whether the axes are those of the surface.
-    logical, intent(in) :: local
-    !> Its outward unit normal (dim) [].
-    real(dp), intent(in) :: normal(dim)
-    !> The axes (dim, 3) [].
-    real(dp), intent(out) :: axes(dim, 3)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    logical, intent(in) :: local  !! Whether the axes are those of the surface.
+    real(dp), intent(in) :: normal(dim)  !! Its outward unit normal (dim) [].
+    real(dp), intent(out) :: axes(dim, 3)  !! The axes (dim, 3) [].
     real(dp) :: frame(dim, dim)
     integer :: i
     axes = 0
@@ -90,10 +73,8 @@ contains
   !> Matrix of the springs of a facet in global axes.
   pure subroutine facet_matrix(points, n, dim, k)
     class(foundation_points_t), intent(in) :: points
-    !> Number of nodes of the facet.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
+    integer, intent(in) :: n  !! Number of nodes of the facet.
+    integer, intent(in) :: dim  !! Number of displacement components.
     !> Node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(out) :: k(n, n, dim, dim)
     integer :: a, i, j, q

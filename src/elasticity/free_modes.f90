@@ -10,12 +10,9 @@ contains
 
   !> Number and description of the rigid body modes that the supports of a body leave free.
   subroutine free_rigid_modes(body, n_free, text)
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
-    !> Number of independent modes, summed over the connected components of the body.
-    integer, intent(out) :: n_free
-    !> Description of the modes; empty for none.
-    character(:), allocatable, intent(out) :: text
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
+    integer, intent(out) :: n_free  !! Number of independent modes, summed over the connected components of the body.
+    character(:), allocatable, intent(out) :: text  !! Description of the modes; empty for none.
     call find_free_rigid_modes(body%mesh, body%analysis, body%constraint, n_free, text)
   end subroutine free_rigid_modes
 end module dotyk_elasticity_free_modes

@@ -25,43 +25,32 @@ module dotyk_elasticity_gradient_recovery
 
   !> Recovered strains of several bodies of one mesh: polynomials around the vertices.
   type, public :: gradient_recovery_t
-    !> Monomials of the fitted displacements.
-    type(monomials_t) :: monomials
-    !> Number of bodies.
-    integer :: n_bodies = 0
-    !> Number of vertices.
-    integer :: n_vertices = 0
+    type(monomials_t) :: monomials  !! Monomials of the fitted displacements.
+    integer :: n_bodies = 0  !! Number of bodies.
+    integer :: n_vertices = 0  !! Number of vertices.
     !> Number of strains: xx yy zz yz xz xy in three dimensions, xx yy xy in two, with engineering shear strains.
     integer :: n_strains = 0
-    !> Vertex of each node, 0 for nodes that are no vertices (n_nodes).
-    integer, allocatable :: vertex(:)
-    !> Positions of the vertices (dim, n_vertices) [length].
-    real(dp), allocatable :: centre(:, :)
+    integer, allocatable :: vertex(:)  !! Vertex of each node, 0 for nodes that are no vertices (n_nodes).
+    real(dp), allocatable :: centre(:, :)  !! Positions of the vertices (dim, n_vertices) [length].
     !> Axes of the patches, as rows, in which no node is farther from the vertex than 1 (dim, dim, n_vertices)
     !> [1/length].
     real(dp), allocatable :: axes(:, :, :)
     !> Coefficients of the strains in axes (x - centre) (n_bodies, n_strains, n_lower, n_vertices) [].
     real(dp), allocatable :: strain(:, :, :, :)
-    !> Nodes of the vertices (n_vertices).
-    integer, allocatable :: node(:)
-    !> Memory for patches that are kept; none at first.
-    type(allowance_t) :: room
+    integer, allocatable :: node(:)  !! Nodes of the vertices (n_vertices).
+    type(allowance_t) :: room  !! Memory for patches that are kept; none at first.
     !> Patches that are kept; without nodes where not. Empty where there is no memory for any (n_vertices).
     type(vertex_fit_t), allocatable :: fit(:)
-    !> The displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), allocatable :: u(:, :, :)
+    real(dp), allocatable :: u(:, :, :)  !! The displacements (n_bodies, dim, n_nodes) [length].
   contains
     procedure :: init => gradient_recovery_init
     procedure :: take => gradient_recovery_take
     procedure :: give => gradient_recovery_give
   end type gradient_recovery_t
 
-  !> Displacements of some bodies, and the strains recovered from them.
-  type, public :: recovered_strains_t
-    !> As in `gradient_recovery_t` (n_bodies, dim, n_nodes) [length].
-    real(dp), allocatable :: u(:, :, :)
-    !> Likewise (n_bodies, n_strains, n_lower, n_vertices) [].
-    real(dp), allocatable :: strain(:, :, :, :)
+  type, public :: recovered_strains_t  !! Displacements of some bodies, and the strains recovered from them.
+    real(dp), allocatable :: u(:, :, :)  !! As in `gradient_recovery_t` (n_bodies, dim, n_nodes) [length].
+    real(dp), allocatable :: strain(:, :, :, :)  !! Likewise (n_bodies, n_strains, n_lower, n_vertices) [].
   end type recovered_strains_t
 
   public :: vertex_functions
@@ -76,8 +65,7 @@ contains
   !> Recover the strains of displacements. Those of the same displacements, and patches that were kept, are reused.
   subroutine gradient_recovery_init(self, mesh, u)
     class(gradient_recovery_t), intent(inout) :: self
-    !> Elements and nodes of the body; always the same.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body; always the same.
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     type(vertex_fit_t) :: fit
@@ -129,10 +117,8 @@ contains
   !> Copy what was recovered for some of the bodies.
   pure subroutine gradient_recovery_give(self, first, last, recovered)
     class(gradient_recovery_t), intent(in) :: self
-    !> The bodies.
-    integer, intent(in) :: first, last
-    !> Their displacements and strains.
-    type(recovered_strains_t), intent(out) :: recovered
+    integer, intent(in) :: first, last  !! The bodies.
+    type(recovered_strains_t), intent(out) :: recovered  !! Their displacements and strains.
     recovered%u = self%u(first:last, :, :)
     recovered%strain = self%strain(first:last, :, :, :)
   end subroutine gradient_recovery_give
@@ -140,8 +126,7 @@ contains
   !> Take what was recovered for some bodies in place of what is there.
   pure subroutine gradient_recovery_take(self, recovered)
     class(gradient_recovery_t), intent(inout) :: self
-    !> Their displacements and strains; nothing on return.
-    type(recovered_strains_t), intent(inout) :: recovered
+    type(recovered_strains_t), intent(inout) :: recovered  !! Their displacements and strains; nothing on return.
     call move_alloc(recovered%u, self%u)
     call move_alloc(recovered%strain, self%strain)
     self%n_bodies = size(self%u, 1)
@@ -149,10 +134,8 @@ contains
 
   !> Find the vertices, and choose the monomials.
   subroutine find_vertices(self, mesh)
-    !> The recovery.
     class(gradient_recovery_t), intent(inout) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     type(element_kind_t) :: kind
     logical, allocatable :: corner(:)
     integer :: b, i, v, order
@@ -178,14 +161,11 @@ contains
 
   !> Strains of the fitted polynomials.
   pure subroutine differentiate(monomials, n_bodies, coefficient, axes, strain)
-    !> Monomials of the fit.
-    type(monomials_t), intent(in) :: monomials
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
+    type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
     !> Coefficients of the displacements (n_bodies, dim, monomials%n) [length].
     real(dp), intent(in) :: coefficient(n_bodies, monomials%dimension, monomials%n)
-    !> Axes of the patch, as rows (dim, dim) [1/length].
-    real(dp), intent(in) :: axes(:, :)
+    real(dp), intent(in) :: axes(:, :)  !! Axes of the patch, as rows (dim, dim) [1/length].
     !> Coefficients of the strains in the axes of the mesh (n_bodies, n_strains, n_lower) [].
     real(dp), intent(out) :: strain(:, :, :)
     integer :: i, j, k, lower, s
@@ -209,26 +189,16 @@ contains
   !> an element.
   pure subroutine vertex_functions(dim, n_lower, n_vertices, n_points, vertex, parent, axis, centre, axes, weight, x, &
                                    values)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of monomials of the strains.
-    integer, intent(in) :: n_lower
-    !> Number of vertices.
-    integer, intent(in) :: n_vertices
-    !> Number of points, a multiple of `points_in_row`.
-    integer, intent(in) :: n_points
-    !> The vertices (n_vertices).
-    integer, intent(in) :: vertex(n_vertices)
-    !> Earlier monomial of each product, see `monomials_t` (n_lower).
-    integer, intent(in) :: parent(n_lower)
-    !> Variable of each product, see `monomials_t` (n_lower).
-    integer, intent(in) :: axis(n_lower)
-    !> Positions of all vertices of the body (dim, *) [length].
-    real(dp), intent(in) :: centre(dim, *)
-    !> Axes of all patches of the body (dim, dim, *) [1/length].
-    real(dp), intent(in) :: axes(dim, dim, *)
-    !> Points (n_points, dim) [length].
-    real(dp), intent(in) :: x(n_points, dim)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_lower  !! Number of monomials of the strains.
+    integer, intent(in) :: n_vertices  !! Number of vertices.
+    integer, intent(in) :: n_points  !! Number of points, a multiple of `points_in_row`.
+    integer, intent(in) :: vertex(n_vertices)  !! The vertices (n_vertices).
+    integer, intent(in) :: parent(n_lower)  !! Earlier monomial of each product, see `monomials_t` (n_lower).
+    integer, intent(in) :: axis(n_lower)  !! Variable of each product, see `monomials_t` (n_lower).
+    real(dp), intent(in) :: centre(dim, *)  !! Positions of all vertices of the body (dim, *) [length].
+    real(dp), intent(in) :: axes(dim, dim, *)  !! Axes of all patches of the body (dim, dim, *) [1/length].
+    real(dp), intent(in) :: x(n_points, dim)  !! Points (n_points, dim) [length].
     !> Weights of the vertices at the points (n_points, n_vertices) [].
     real(dp), intent(in) :: weight(n_points, n_vertices)
     !> Values of the basis (n_points, n_lower, n_vertices) [].

@@ -12,8 +12,7 @@ contains
 
   !> Reduce a body that other ranks compute to its surface.
   subroutine hold_surface(body, number)
-    !> The body, with supports and loads, not assembled.
-    type(body_t), intent(inout) :: body
+    type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
     !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
     integer, allocatable, intent(out) :: number(:)
     logical, allocatable :: holds(:), nothing(:)
@@ -26,16 +25,11 @@ contains
   !> Reduce a body that all ranks compute together to the part of one of them: its elements, those around them, and the
   !> surface. Equations are numbered in the part.
   subroutine hold_own_part(body, element_rank, rank, n_ranks, number)
-    !> The body, with supports and loads, not assembled.
-    type(body_t), intent(inout) :: body
-    !> Rank of each element, from 0, counted through all blocks (n_elements).
-    integer, intent(in) :: element_rank(:)
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> As in `hold_surface`.
-    integer, allocatable, intent(out) :: number(:)
+    type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
+    integer, intent(in) :: element_rank(:)  !! Rank of each element, from 0, counted through all blocks (n_elements).
+    integer, intent(in) :: rank  !! This rank, from 0.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, allocatable, intent(out) :: number(:)  !! As in `hold_surface`.
     logical, allocatable :: holds(:), of_surface(:)
     integer, allocatable :: node(:), node_rank(:)
     integer :: layer
@@ -52,14 +46,11 @@ contains
 
   !> Reduce a body.
   subroutine hold(body, holds, own_element, own_node, number)
-    !> The body.
-    type(body_t), intent(inout) :: body
+    type(body_t), intent(inout) :: body  !! The body.
     !> Whether each element is held, and whether this rank computes it (n_elements).
     logical, intent(in) :: holds(:), own_element(:)
-    !> Whether this rank computes each node (n_nodes).
-    logical, intent(in) :: own_node(:)
-    !> As in `hold_surface`.
-    integer, allocatable, intent(out) :: number(:)
+    logical, intent(in) :: own_node(:)  !! Whether this rank computes each node (n_nodes).
+    integer, allocatable, intent(out) :: number(:)  !! As in `hold_surface`.
     integer, allocatable :: of_element(:)
     integer :: e, n
     call hold_part(body%mesh, holds, own_element, own_node, shortest_extent(body%mesh), number)

@@ -5,12 +5,10 @@ module dotyk_elasticity_initial_state
   implicit none
   private
 
-  !> Fields at the nodes of a body; between them the shape functions interpolate.
-  type, public :: initial_state_t
+  type, public :: initial_state_t  !! Fields at the nodes of a body; between them the shape functions interpolate.
     !> Temperature above that of the stress-free body; none where not allocated (n_nodes) [temperature].
     real(dp), allocatable :: temperature(:)
-    !> Its extremes over the whole body, for the log (2) [temperature].
-    real(dp) :: range(2) = 0
+    real(dp) :: range(2) = 0  !! Its extremes over the whole body, for the log (2) [temperature].
     !> Initial stress in global axes, order xx yy zz yz xz xy; none where not allocated (6, n_nodes) [pressure].
     real(dp), allocatable :: stress(:, :)
   contains
@@ -40,8 +38,7 @@ contains
   !> Keep that of some nodes.
   pure subroutine initial_state_hold_nodes(self, node)
     class(initial_state_t), intent(inout) :: self
-    !> Numbers of the nodes, ascending (n_held_nodes).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Numbers of the nodes, ascending (n_held_nodes).
     if (allocated(self%temperature)) self%temperature = self%temperature(node)
     if (allocated(self%stress)) self%stress = self%stress(:, node)
   end subroutine initial_state_hold_nodes
@@ -49,8 +46,7 @@ contains
   !> Put the state into a parcel, or take it out.
   subroutine initial_state_carry(self, parcel)
     class(initial_state_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%temperature)
     call parcel%carry_fixed(2, self%range)
     call parcel%carry(self%stress)

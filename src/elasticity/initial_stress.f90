@@ -21,16 +21,11 @@ contains
 
   !> Add the nodal forces of an initial state: those that hold a body with its stress at rest, with the opposite sign.
   subroutine add_initial_forces(mesh, analysis, material, state, force, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Nodal forces in global axes, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(inout) :: force(:, :)  !! Nodal forces in global axes, added to (dim, n_nodes) [force].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
@@ -56,26 +51,17 @@ contains
 
   !> Nodal forces on one element.
   subroutine element_forces(n, dim, slots, n_points, n_functions, points, state, g, d, force)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> The element.
-    type(element_quadrature_t), intent(in) :: points
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Gradients of the shape functions (n, slots, n_points) [1/length].
-    real(dp), intent(in) :: g(n, slots, n_points)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    type(element_quadrature_t), intent(in) :: points  !! The element.
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
     !> Linear forms of the projected dilatation, where there is one (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n, dim, n_functions)
-    !> Nodal forces (dim, n) [force].
-    real(dp), intent(out) :: force(dim, n)
+    real(dp), intent(out) :: force(dim, n)  !! Nodal forces (dim, n) [force].
     real(dp) :: stress(6, n_points), amplitude(n_functions)
     integer :: i, k, q, s
     call at_rest(points, state, stress, amplitude)
@@ -96,12 +82,9 @@ contains
 
   !> Add the mean over the current element of the stress that does not depend on the displacement.
   pure subroutine add_mean_initial_stress(points, state, stress)
-    !> The element.
-    type(element_quadrature_t), intent(in) :: points
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Mean stress, order xx yy zz yz xz xy, added to (6) [pressure].
-    real(dp), intent(inout) :: stress(6)
+    type(element_quadrature_t), intent(in) :: points  !! The element.
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(inout) :: stress(6)  !! Mean stress, order xx yy zz yz xz xy, added to (6) [pressure].
     real(dp) :: at_points(6, points%n_points), amplitude(points%n_functions), volume
     call at_rest(points, state, at_points, amplitude)
     volume = sum(points%w(:points%n_points))
@@ -111,12 +94,9 @@ contains
 
   !> The stress that does not depend on the displacement at the quadrature points of an element, times their volumes.
   pure subroutine at_rest(points, state, stress, amplitude)
-    !> The element.
-    type(element_quadrature_t), intent(in) :: points
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Without that of the projected dilatation (6, n_points) [pressure volume].
-    real(dp), intent(out) :: stress(:, :)
+    type(element_quadrature_t), intent(in) :: points  !! The element.
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(out) :: stress(:, :)  !! Without that of the projected dilatation (6, n_points) [pressure volume].
     !> That of the projected dilatation: coefficients of the projection functions; 0 where none is projected
     !> (n_functions) [pressure sqrt(volume)].
     real(dp), intent(out) :: amplitude(:)
@@ -153,21 +133,15 @@ contains
   !> The stress that does not depend on the displacement, at the nodes and in axes that move with the body. For bodies
   !> without a projected dilatation.
   subroutine initial_stress_of_nodes(analysis, material, state, axes, component, thermal, initial)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Rotation from global axes to those of the results (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Components that are asked for, in the order xx yy zz yz xz xy (n).
-    integer, intent(in) :: component(:)
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(in) :: axes(3, 3)  !! Rotation from global axes to those of the results (3, 3) [].
+    integer, intent(in) :: component(:)  !! Components that are asked for, in the order xx yy zz yz xz xy (n).
     !> That of the temperature in each material where its modulus field is 1; 0 in materials of which more varies
     !> (n, n_nodes, n_materials) [pressure].
     real(dp), intent(out) :: thermal(:, :, :)
-    !> The initial stress (n, n_nodes) [pressure].
-    real(dp), intent(out) :: initial(:, :)
+    real(dp), intent(out) :: initial(:, :)  !! The initial stress (n, n_nodes) [pressure].
     real(dp) :: rate(6), stress(6)
     integer :: i, m
     thermal = 0

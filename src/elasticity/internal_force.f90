@@ -23,18 +23,12 @@ contains
 
   !> Internal forces on all nodes, those at supports included.
   subroutine internal_force(mesh, analysis, material, u, force, energy, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(qp), intent(in) :: u(:, :)
-    !> Internal forces in global axes (dim, n_nodes) [force].
-    real(dp), intent(out) :: force(:, :)
-    !> Twice the strain energy, A(u,u) [energy].
-    real(dp), intent(out) :: energy
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(qp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(out) :: force(:, :)  !! Internal forces in global axes (dim, n_nodes) [force].
+    real(dp), intent(out) :: energy  !! Twice the strain energy, A(u,u) [energy].
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
@@ -48,20 +42,13 @@ contains
 
   !> Add the internal forces of one block.
   subroutine add_block(mesh, i_block, analysis, material, u, force, energy, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(qp), intent(in) :: u(:, :)
-    !> Internal forces in global axes, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
-    !> Twice the strain energy, added to [energy].
-    real(dp), intent(inout) :: energy
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(qp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(inout) :: force(:, :)  !! Internal forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: energy  !! Twice the strain energy, added to [energy].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
@@ -98,26 +85,17 @@ contains
 
   !> Internal forces of some elements of a block.
   subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, from, to, force, energy, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(qp), intent(in) :: u(:, :)
-    !> First element of the arrays.
-    integer, intent(in) :: first
-    !> First of the elements, counted in the arrays.
-    integer, intent(in) :: from
-    !> Last of the elements, counted in the arrays.
-    integer, intent(in) :: to
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(qp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    integer, intent(in) :: first  !! First element of the arrays.
+    integer, intent(in) :: from  !! First of the elements, counted in the arrays.
+    integer, intent(in) :: to  !! Last of the elements, counted in the arrays.
     !> Internal forces of the elements in global axes (dim, n, n_elements) [force].
     real(dp), intent(inout) :: force(:, :, :)
-    !> Twice their strain energies (n_elements) [energy].
-    real(dp), intent(inout) :: energy(:)
+    real(dp), intent(inout) :: energy(:)  !! Twice their strain energies (n_elements) [energy].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
@@ -148,22 +126,14 @@ contains
   !> Displacements of the nodes of an element minus the translation of its first node and the rotation at the first
   !> quadrature point.
   pure subroutine subtract_rigid_motion(n, dim, slots, axisymmetric, g, x, u, strained)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Whether only the translation along the axis y is rigid.
-    logical, intent(in) :: axisymmetric
-    !> Gradients of the shape functions at the first point (n, slots) [1/length].
-    real(dp), intent(in) :: g(n, slots)
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
-    !> Displacements (dim, n) [length].
-    real(qp), intent(in) :: u(dim, n)
-    !> Displacements without the rigid motion (dim, n) [length].
-    real(dp), intent(out) :: strained(dim, n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    logical, intent(in) :: axisymmetric  !! Whether only the translation along the axis y is rigid.
+    real(dp), intent(in) :: g(n, slots)  !! Gradients of the shape functions at the first point (n, slots) [1/length].
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
+    real(qp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
+    real(dp), intent(out) :: strained(dim, n)  !! Displacements without the rigid motion (dim, n) [length].
     real(qp) :: v(dim, n)
     real(dp) :: slope(dim, dim), rotation
     integer :: a, i, j
@@ -188,30 +158,19 @@ contains
 
   !> Internal forces of an element, and its energy.
   pure subroutine forces_of_strain(n, dim, slots, n_points, g, w, strain_of, n_matrices, matrix, u, force, energy)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Gradients of the shape functions (n, slots, n_points) [1/length].
-    real(dp), intent(in) :: g(n, slots, n_points)
-    !> Weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
-    !> Strain index of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: strain_of(dim, slots)
-    !> Number of matrices: 1, or one for each point.
-    integer, intent(in) :: n_matrices
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
+    real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
+    integer, intent(in) :: strain_of(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
+    integer, intent(in) :: n_matrices  !! Number of matrices: 1, or one for each point.
     !> Unprojected part of the material: from strains to stresses (6, 6, n_matrices) [pressure].
     real(dp), intent(in) :: matrix(6, 6, n_matrices)
-    !> Displacements (dim, n) [length].
-    real(dp), intent(in) :: u(dim, n)
-    !> Internal forces (dim, n) [force].
-    real(dp), intent(out) :: force(dim, n)
-    !> Twice the strain energy, added to [energy].
-    real(dp), intent(inout) :: energy
+    real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
+    real(dp), intent(out) :: force(dim, n)  !! Internal forces (dim, n) [force].
+    real(dp), intent(inout) :: energy  !! Twice the strain energy, added to [energy].
     real(dp) :: strain(6), stress(6)
     integer :: q, i, s
     force = 0
@@ -234,22 +193,15 @@ contains
 
   !> Add the forces and the energy of the projected dilatation.
   pure subroutine add_dilatation(n, dim, n_functions, bulk, d, u, force, energy)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Projected part of the bulk modulus [pressure].
-    real(dp), intent(in) :: bulk
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
     !> Linear forms from `projected_dilatations` (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n, dim, n_functions)
-    !> Displacements (dim, n) [length].
-    real(dp), intent(in) :: u(dim, n)
-    !> Internal forces, added to (dim, n) [force].
-    real(dp), intent(inout) :: force(dim, n)
-    !> Twice the strain energy, added to [energy].
-    real(dp), intent(inout) :: energy
+    real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
+    real(dp), intent(inout) :: force(dim, n)  !! Internal forces, added to (dim, n) [force].
+    real(dp), intent(inout) :: energy  !! Twice the strain energy, added to [energy].
     real(dp) :: amplitude
     integer :: j
     do j = 1, n_functions

@@ -11,29 +11,21 @@ module dotyk_elasticity_isoparametric_map
   implicit none
   private
 
-  !> Number of points in a group: the length of the innermost loops.
-  integer, parameter, public :: points_in_row = 4
+  integer, parameter, public :: points_in_row = 4  !! Number of points in a group: the length of the innermost loops.
 
   !> Shape functions of an element kind at the points of a quadrature rule, by points.
   type, public :: point_shape_table_t
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Number of coordinates.
-    integer :: dimension = 0
-    !> Number of points, with repetitions: a multiple of `points_in_row`.
-    integer :: n_points = 0
-    !> Number of points without repetitions.
-    integer :: n_true = 0
-    !> Shape functions (n_points, n_nodes) [].
-    real(dp), allocatable :: shape(:, :)
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: dimension = 0  !! Number of coordinates.
+    integer :: n_points = 0  !! Number of points, with repetitions: a multiple of `points_in_row`.
+    integer :: n_true = 0  !! Number of points without repetitions.
+    real(dp), allocatable :: shape(:, :)  !! Shape functions (n_points, n_nodes) [].
     !> Derivatives by reference coordinates (n_points, n_nodes, dimension) [].
     real(dp), allocatable :: gradient(:, :, :)
     !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension) [].
     real(dp), allocatable :: products(:, :, :)
-    !> Sums over the nodes of squares of shape functions (n_points) [].
-    real(dp), allocatable :: shape_square(:)
-    !> Reference weights; 0 for repetitions (n_points) [].
-    real(dp), allocatable :: weight(:)
+    real(dp), allocatable :: shape_square(:)  !! Sums over the nodes of squares of shape functions (n_points) [].
+    real(dp), allocatable :: weight(:)  !! Reference weights; 0 for repetitions (n_points) [].
   contains
     procedure :: init => point_shape_table_init
   end type point_shape_table_t
@@ -45,8 +37,7 @@ contains
   !> Rearrange a table by points.
   subroutine point_shape_table_init(self, table)
     class(point_shape_table_t), intent(out) :: self
-    !> Shape functions by nodes.
-    type(shape_table_t), intent(in) :: table
+    type(shape_table_t), intent(in) :: table  !! Shape functions by nodes.
     integer :: q, p, i, k
     self%n_nodes = table%n_nodes
     self%dimension = table%dimension
@@ -71,34 +62,23 @@ contains
   !> The isoparametric map at all points: inverse Jacobians, radii, weights.
   pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, &
                              radius, g_square, w, worst)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of points, a multiple of `points_in_row`.
-    integer, intent(in) :: n_points
-    !> Shape functions (n_points, n) [].
-    real(dp), intent(in) :: shape(n_points, n)
-    !> Sums of squares of shape functions (n_points) [].
-    real(dp), intent(in) :: shape_square(n_points)
-    !> Derivatives by reference coordinates (n_points, n, dim) [].
-    real(dp), intent(in) :: gradient(n_points, n, dim)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of points, a multiple of `points_in_row`.
+    real(dp), intent(in) :: shape(n_points, n)  !! Shape functions (n_points, n) [].
+    real(dp), intent(in) :: shape_square(n_points)  !! Sums of squares of shape functions (n_points) [].
+    real(dp), intent(in) :: gradient(n_points, n, dim)  !! Derivatives by reference coordinates (n_points, n, dim) [].
     !> Sums of products of two derivatives (n_points, dim, dim) [].
     real(dp), intent(in) :: products(n_points, dim, dim)
-    !> Reference weights (n_points) [].
-    real(dp), intent(in) :: weight(n_points)
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
+    real(dp), intent(in) :: weight(n_points)  !! Reference weights (n_points) [].
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
     !> Inverse Jacobians: derivative of reference coordinate m by coordinate k (n_points, dim, dim) [1/length].
     real(dp), intent(out) :: inverse(n_points, dim, dim)
-    !> Radius in axisymmetric analyses, 1 in others (n_points) [length].
-    real(dp), intent(out) :: radius(n_points)
+    real(dp), intent(out) :: radius(n_points)  !! Radius in axisymmetric analyses, 1 in others (n_points) [length].
     !> Sums over nodes and slots of the squares of the shape functions' gradients (n_points) [1/length^2].
     real(dp), intent(out) :: g_square(n_points)
-    !> Quadrature weights (n_points) [volume].
-    real(dp), intent(out) :: w(n_points)
+    real(dp), intent(out) :: w(n_points)  !! Quadrature weights (n_points) [volume].
     !> Smallest Jacobian determinant, or radius in axisymmetric analyses; where it is not positive the other results
     !> are undefined [volume].
     real(dp), intent(out) :: worst
@@ -137,22 +117,16 @@ contains
   !> Displacement gradients in space of one of several bodies, from those by reference coordinates.
   pure subroutine physical_gradients(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, &
                                      radius, slope)
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Index of the body.
-    integer, intent(in) :: body
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: body  !! Index of the body.
     !> Derivatives of displacement i of all bodies by reference coordinate m (n_points, n_bodies, dim, dim) [length].
     real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
     !> Inverse Jacobians from `map_points` (n_points, dim, dim) [1/length].
     real(dp), intent(in) :: inverse(n_points, dim, dim)
-    !> Radius in axisymmetric analyses (n_points) [length].
-    real(dp), intent(in) :: radius(n_points)
+    real(dp), intent(in) :: radius(n_points)  !! Radius in axisymmetric analyses (n_points) [length].
     !> Displacements of all bodies; used in axisymmetric analyses only (n_points, n_bodies, dim) [length].
     real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
     !> Derivatives of displacement i by coordinate k; u_r/r in the third slot of the first component in axisymmetric
@@ -174,16 +148,12 @@ contains
 
   !> Derivatives of functions by reference coordinates.
   pure subroutine reference_slopes(n, dim, n_points, gradient, f, slope)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of functions and of coordinates.
-    integer, intent(in) :: dim
-    !> Number of points, a multiple of `points_in_row`.
-    integer, intent(in) :: n_points
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of functions and of coordinates.
+    integer, intent(in) :: n_points  !! Number of points, a multiple of `points_in_row`.
     !> Derivatives of the shape functions by reference coordinates (n_points, n, dim) [].
     real(dp), intent(in) :: gradient(n_points, n, dim)
-    !> Values at the nodes (dim, n) [any].
-    real(dp), intent(in) :: f(dim, n)
+    real(dp), intent(in) :: f(dim, n)  !! Values at the nodes (dim, n) [any].
     !> Derivative of function i by reference coordinate m (n_points, dim, dim) [unit of f].
     real(dp), intent(out) :: slope(n_points, dim, dim)
     integer :: m
@@ -194,18 +164,12 @@ contains
 
   !> Values of functions at the points.
   pure subroutine interpolate(n, n_functions, n_points, shape, f, values)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of functions.
-    integer, intent(in) :: n_functions
-    !> Number of points, a multiple of `points_in_row`.
-    integer, intent(in) :: n_points
-    !> Shape functions or one of their derivatives (n_points, n) [].
-    real(dp), intent(in) :: shape(n_points, n)
-    !> Values at the nodes (n_functions, n) [any].
-    real(dp), intent(in) :: f(n_functions, n)
-    !> Values at the points (n_points, n_functions) [unit of f].
-    real(dp), intent(out) :: values(n_points, n_functions)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_functions  !! Number of functions.
+    integer, intent(in) :: n_points  !! Number of points, a multiple of `points_in_row`.
+    real(dp), intent(in) :: shape(n_points, n)  !! Shape functions or one of their derivatives (n_points, n) [].
+    real(dp), intent(in) :: f(n_functions, n)  !! Values at the nodes (n_functions, n) [any].
+    real(dp), intent(out) :: values(n_points, n_functions)  !! Values at the points (n_points, n_functions) [unit of f].
     real(dp), dimension(points_in_row) :: s1, s2, s3
     integer :: a, i, q
     do q = 0, n_points - points_in_row, points_in_row
@@ -235,16 +199,11 @@ contains
 
   !> Determinants and inverses of Jacobians d x_k / d xi_m; the inverses of singular ones are zero.
   pure subroutine invert(dim, n_points, jacobian, inverse, determinant)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Jacobians (n_points, dim, dim) [length].
-    real(dp), intent(in) :: jacobian(n_points, dim, dim)
-    !> Inverses (n_points, dim, dim) [1/length].
-    real(dp), intent(out) :: inverse(n_points, dim, dim)
-    !> Determinants (n_points) [volume].
-    real(dp), intent(out) :: determinant(n_points)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    real(dp), intent(in) :: jacobian(n_points, dim, dim)  !! Jacobians (n_points, dim, dim) [length].
+    real(dp), intent(out) :: inverse(n_points, dim, dim)  !! Inverses (n_points, dim, dim) [1/length].
+    real(dp), intent(out) :: determinant(n_points)  !! Determinants (n_points) [volume].
     integer :: i, k, i1, i2, k1, k2, q
     real(dp) :: factor(n_points)
     if (dim == 2) then

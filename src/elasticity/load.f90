@@ -25,36 +25,27 @@ module dotyk_elasticity_load
   implicit none
   private
 
-  !> One load. The place where it acts is an argument of the procedures.
-  type, public :: load_t
-    !> Kind of the load: one of the `load_*` constants.
-    integer :: kind = load_traction
+  type, public :: load_t  !! One load. The place where it acts is an argument of the procedures.
+    integer :: kind = load_traction  !! Kind of the load: one of the `load_*` constants.
     !> Value: a pressure in the first component, else a vector (3) [pressure], [force/volume], [1/time], or
     !> [force] of a total load.
     real(dp) :: value(3) = 0
-    !> A point on the axis of an angular velocity (3) [length].
-    real(dp) :: centre(3) = 0
+    real(dp) :: centre(3) = 0  !! A point on the axis of an angular velocity (3) [length].
     !> Densities of the materials that an angular velocity or acceleration acts on (n_materials) [mass/volume].
     real(dp), allocatable :: density(:)
-    !> Their formulas; empty where the number holds (n_materials).
-    type(text_t), allocatable :: density_formula(:)
+    type(text_t), allocatable :: density_formula(:)  !! Their formulas; empty where the number holds (n_materials).
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
-    !> Moment of a total load (3) [force length].
-    real(dp) :: moment(3) = 0
+    real(dp) :: moment(3) = 0  !! Moment of a total load (3) [force length].
     !> Point that force and moment of a total load refer to; the centroid of the surface where not allocated (3)
     !> [length].
     real(dp), allocatable :: point(:)
   end type load_t
 
-  !> Shape functions of a facet kind at the points of its quadrature rule.
-  type :: facet_rule_t
-    !> Reference coordinates (dim - 1, n_points) [].
-    real(dp), allocatable :: point(:, :)
-    !> Reference weights (n_points) [].
-    real(dp), allocatable :: weight(:)
-    !> Shape functions (n_nodes, n_points) [].
-    real(dp), allocatable :: shape(:, :)
+  type :: facet_rule_t  !! Shape functions of a facet kind at the points of its quadrature rule.
+    real(dp), allocatable :: point(:, :)  !! Reference coordinates (dim - 1, n_points) [].
+    real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
+    real(dp), allocatable :: shape(:, :)  !! Shape functions (n_nodes, n_points) [].
   end type facet_rule_t
 
   public :: add_surface_load, add_volume_load
@@ -63,21 +54,15 @@ contains
 
   !> Add the nodal forces of a load on a surface.
   subroutine add_surface_load(mesh, analysis, surface, load, force, error, points)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Traction, pressure, local traction, or a total load.
-    type(load_t), intent(in) :: load
-    !> Nodal forces, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(load_t), intent(in) :: load  !! Traction, pressure, local traction, or a total load.
+    real(dp), intent(inout) :: force(:, :)  !! Nodal forces, added to (dim, n_nodes) [force].
     !> Allocated where a formula does not parse, or has no value at a quadrature point, or where the surface cannot take
     !> the total load; names the surface.
     type(error_t), allocatable, intent(out) :: error
-    !> The load at the quadrature points, added to.
-    type(point_forces_t), intent(inout), optional :: points
+    type(point_forces_t), intent(inout), optional :: points  !! The load at the quadrature points, added to.
     type(facet_rule_t) :: rule(n_element_kinds)
     type(vector_field_t) :: field
     integer :: f
@@ -103,8 +88,7 @@ contains
 
     !> Add the load on a facet at its quadrature points.
     subroutine add_points(f)
-      !> Index of the facet.
-      integer, intent(in) :: f
+      integer, intent(in) :: f  !! Index of the facet.
       type(element_kind_t) :: kind
       real(dp) :: traction(mesh%dimension), area
       integer :: element, face, q
@@ -127,10 +111,8 @@ contains
 
   !> Quadrature rule of a facet kind.
   subroutine make_rule(kind, rule)
-    !> Facet kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Shape functions at the points of the rule.
-    type(facet_rule_t), intent(out) :: rule
+    integer, intent(in) :: kind  !! Facet kind: one of the `element_*` constants.
+    type(facet_rule_t), intent(out) :: rule  !! Shape functions at the points of the rule.
     type(element_kind_t) :: properties
     integer :: q
     properties = element_kind(kind)
@@ -143,28 +125,17 @@ contains
 
   !> Add the nodal forces on one facet.
   subroutine add_facet(kind, dim, n, x, node, rule, axisymmetric, load_kind, field, force, error)
-    !> Facet kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of nodes of the facet.
-    integer, intent(in) :: n
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes of the facet (n).
-    integer, intent(in) :: node(n)
-    !> Shape functions at the points of the rule.
-    type(facet_rule_t), intent(in) :: rule
-    !> Whether the analysis is axisymmetric.
-    logical, intent(in) :: axisymmetric
-    !> Kind of the load: one of those on surfaces.
-    integer, intent(in) :: load_kind
-    !> Value of the load.
-    type(vector_field_t), intent(in) :: field
-    !> Nodal forces, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
-    !> Allocated where a formula has no value at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: kind  !! Facet kind: one of the `element_*` constants.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of nodes of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: node(n)  !! Nodes of the facet (n).
+    type(facet_rule_t), intent(in) :: rule  !! Shape functions at the points of the rule.
+    logical, intent(in) :: axisymmetric  !! Whether the analysis is axisymmetric.
+    integer, intent(in) :: load_kind  !! Kind of the load: one of those on surfaces.
+    type(vector_field_t), intent(in) :: field  !! Value of the load.
+    real(dp), intent(inout) :: force(:, :)  !! Nodal forces, added to (dim, n_nodes) [force].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value at a quadrature point.
     real(dp) :: corners(dim, n), traction(dim), area
     integer :: q, a
     corners = x(:, node)
@@ -180,30 +151,19 @@ contains
 
   !> Traction at a point of a facet.
   subroutine traction_at(kind, dim, n, x, point, weight, axisymmetric, load_kind, field, traction, area, error)
-    !> Facet kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of nodes of the facet.
-    integer, intent(in) :: n
-    !> Nodes of the facet (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
-    !> Reference coordinates (dim - 1) [].
-    real(dp), intent(in) :: point(dim - 1)
-    !> Reference weight [].
-    real(dp), intent(in) :: weight
-    !> Whether the analysis is axisymmetric.
-    logical, intent(in) :: axisymmetric
-    !> Kind of the load: one of those on surfaces.
-    integer, intent(in) :: load_kind
-    !> Value of the load.
-    type(vector_field_t), intent(in) :: field
-    !> Traction (dim) [pressure].
-    real(dp), intent(out) :: traction(dim)
+    integer, intent(in) :: kind  !! Facet kind: one of the `element_*` constants.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n  !! Number of nodes of the facet.
+    real(dp), intent(in) :: x(dim, n)  !! Nodes of the facet (dim, n) [length].
+    real(dp), intent(in) :: point(dim - 1)  !! Reference coordinates (dim - 1) [].
+    real(dp), intent(in) :: weight  !! Reference weight [].
+    logical, intent(in) :: axisymmetric  !! Whether the analysis is axisymmetric.
+    integer, intent(in) :: load_kind  !! Kind of the load: one of those on surfaces.
+    type(vector_field_t), intent(in) :: field  !! Value of the load.
+    real(dp), intent(out) :: traction(dim)  !! Traction (dim) [pressure].
     !> Area of the point, of the full circumference in axisymmetric analyses [length^2; length in plane ones].
     real(dp), intent(out) :: area
-    !> Allocated where a formula has no value there.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value there.
     real(dp) :: position(dim), normal(dim), frame(dim, dim), value(3)
     traction = 0
     call facet_geometry(kind, dim, x, point, position, normal, area)
@@ -225,14 +185,10 @@ contains
 
   !> Add the nodal forces of a force density, given or that of a rotation.
   subroutine add_volume_load(mesh, analysis, load, force, error, points)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Force density, angular velocity or acceleration.
-    type(load_t), intent(in) :: load
-    !> Nodal forces, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(load_t), intent(in) :: load  !! Force density, angular velocity or acceleration.
+    real(dp), intent(inout) :: force(:, :)  !! Nodal forces, added to (dim, n_nodes) [force].
     !> Allocated where a formula does not parse or has no value at a quadrature point, or where an element is
     !> inverted.
     type(error_t), allocatable, intent(out) :: error
@@ -263,10 +219,8 @@ contains
   !> Centrifugal force per volume by the position relative to a point on the axis: density (w.w I - w w^T) (3, 3)
   !> [force/volume/length].
   pure function centrifugal(velocity, density) result(slope)
-    !> Angular velocity w (3) [1/time].
-    real(dp), intent(in) :: velocity(3)
-    !> Density [mass/volume].
-    real(dp), intent(in) :: density
+    real(dp), intent(in) :: velocity(3)  !! Angular velocity w (3) [1/time].
+    real(dp), intent(in) :: density  !! Density [mass/volume].
     real(dp) :: slope(3, 3)
     integer :: i
     slope = -density*spread(velocity, 2, 3)*spread(velocity, 1, 3)
@@ -277,16 +231,11 @@ contains
 
   !> Add the nodal forces of a force density on one block of elements.
   subroutine add_block(mesh, i_block, analysis, field, force, error, points)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Force density.
-    type(vector_field_t), intent(in) :: field
-    !> Nodal forces, added to (dim, n_nodes) [force].
-    real(dp), intent(inout) :: force(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(vector_field_t), intent(in) :: field  !! Force density.
+    real(dp), intent(inout) :: force(:, :)  !! Nodal forces, added to (dim, n_nodes) [force].
     !> Allocated where a formula has no value at a quadrature point, or where an element is inverted.
     type(error_t), allocatable, intent(out) :: error
     !> A force density that varies at the quadrature points, added to.
@@ -322,8 +271,7 @@ contains
 
     !> Add the nodal forces on the current element.
     subroutine add_element(table)
-      !> Shape functions at the points of the rule.
-      type(shape_table_t), intent(in) :: table
+      type(shape_table_t), intent(in) :: table  !! Shape functions at the points of the rule.
       real(dp) :: value(3), worst
       integer :: q, a
       call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)

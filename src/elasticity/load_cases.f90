@@ -13,8 +13,7 @@ contains
 
   !> Nothing acts on the body: the beginning of a load case.
   subroutine clear_actions(body)
-    !> The body.
-    type(body_t), intent(inout) :: body
+    type(body_t), intent(inout) :: body  !! The body.
     if (allocated(body%load)) deallocate (body%load)
     if (allocated(body%resultant)) deallocate (body%resultant)
     if (allocated(body%unresolved)) deallocate (body%unresolved)
@@ -28,10 +27,8 @@ contains
 
   !> Keep what acts on the body as that of a load case.
   subroutine keep_case(body, k)
-    !> The body; `of_case` is allocated.
-    type(body_t), intent(inout) :: body
-    !> The load case.
-    integer, intent(in) :: k
+    type(body_t), intent(inout) :: body  !! The body; `of_case` is allocated.
+    integer, intent(in) :: k  !! The load case.
     associate (kept => body%of_case(k))
       ! What is zero takes no memory.
       if (any(abs(body%constraint%prescribed) > 0)) kept%prescribed = body%constraint%prescribed
@@ -47,10 +44,8 @@ contains
 
   !> Let a load case act on the body, in place of another one; the right-hand side is to be assembled again.
   subroutine take_case(body, k)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> The load case.
-    integer, intent(in) :: k
+    type(body_t), intent(inout) :: body  !! The body.
+    integer, intent(in) :: k  !! The load case.
     if (.not. allocated(body%of_case)) return
     call clear_actions(body)
     associate (given => body%of_case(k))
@@ -69,12 +64,9 @@ contains
 
   !> Give a body the equations and nodal axes of the representative of its congruence class, in all load cases.
   subroutine adopt_congruent_body(first, motion, body)
-    !> The representative.
-    type(body_t), intent(in) :: first
-    !> Rigid motion from the representative to the body.
-    type(placement_t), intent(in) :: motion
-    !> The body; its prescribed displacements are transformed to the new axes.
-    type(body_t), intent(inout) :: body
+    type(body_t), intent(in) :: first  !! The representative.
+    type(placement_t), intent(in) :: motion  !! Rigid motion from the representative to the body.
+    type(body_t), intent(inout) :: body  !! The body; its prescribed displacements are transformed to the new axes.
     type(constraint_t) :: constraint
     integer :: k
     if (allocated(body%of_case)) then

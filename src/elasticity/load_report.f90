@@ -16,14 +16,10 @@ module dotyk_elasticity_load_report
   implicit none
   private
 
-  !> Resultant of one load.
-  type, public :: load_resultant_t
-    !> Where it acts, for the log.
-    character(:), allocatable :: place
-    !> Force; along the axis in axisymmetric analyses (3) [force].
-    real(dp) :: force(3) = 0
-    !> Moment about the origin; 0 in axisymmetric analyses (3) [force length].
-    real(dp) :: moment(3) = 0
+  type, public :: load_resultant_t  !! Resultant of one load.
+    character(:), allocatable :: place  !! Where it acts, for the log.
+    real(dp) :: force(3) = 0  !! Force; along the axis in axisymmetric analyses (3) [force].
+    real(dp) :: moment(3) = 0  !! Moment about the origin; 0 in axisymmetric analyses (3) [force length].
     !> Radial components in axisymmetric analyses, summed around the circumference: no resultant [force].
     real(dp) :: radial = 0
   contains
@@ -32,8 +28,7 @@ module dotyk_elasticity_load_report
 
   !> Differences of two rules above this fraction are worth a warning.
   real(dp), parameter, public :: notable_difference = 0.01_dp
-  !> The second rule is exact to as many degrees more.
-  integer, parameter :: more_degrees = 5
+  integer, parameter :: more_degrees = 5  !! The second rule is exact to as many degrees more.
   !> Elements of a body that are looked at, at most: evaluating formulas takes time.
   integer, parameter :: most_elements = 20000
 
@@ -43,14 +38,10 @@ contains
 
   !> Resultant of nodal forces. All ranks find that of a body in parts together.
   function resultant_of(mesh, analysis, force, place) result(resultant)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Nodal forces of the load (dim, n_nodes) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Where it acts.
-    character(*), intent(in) :: place
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: force(:, :)  !! Nodal forces of the load (dim, n_nodes) [force].
+    character(*), intent(in) :: place  !! Where it acts.
     type(load_resultant_t) :: resultant
     real(dp) :: x(3), f(3), sums(6)
     integer :: i, d
@@ -78,12 +69,9 @@ contains
   !> Difference of two rules for the integrals of formulas over a surface, times linear shape functions, as a fraction
   !> of the integral of their size; 0 without formulas, and where one has no value, which is reported elsewhere.
   real(dp) function difference_on_surface(mesh, surface, formula) result(difference)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Formulas (<= 3); none where not allocated.
-    type(text_t), intent(in), allocatable :: formula(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(text_t), intent(in), allocatable :: formula(:)  !! Formulas (<= 3); none where not allocated.
     type(vector_field_t) :: field
     type(element_kind_t) :: kind
     type(error_t), allocatable :: error
@@ -106,10 +94,8 @@ contains
 
   !> The same over the elements; all ranks find that of a body in parts together.
   real(dp) function difference_in_volume(mesh, formula) result(difference)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Formulas (<= 3); none where not allocated.
-    type(text_t), intent(in), allocatable :: formula(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(text_t), intent(in), allocatable :: formula(:)  !! Formulas (<= 3); none where not allocated.
     type(vector_field_t) :: field
     type(error_t), allocatable :: error
     real(dp) :: total(2)
@@ -137,18 +123,12 @@ contains
 
   !> Add the difference of the two rules on one element or facet, and the integral of the field's size.
   subroutine compare(kind, dim, x, field, total, error)
-    !> Kind of the element or facet.
-    integer, intent(in) :: kind
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Its nodes (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The formulas.
-    type(vector_field_t), intent(in) :: field
-    !> Difference and size, added to (2) [integral of the field].
-    real(dp), intent(inout) :: total(2)
-    !> Allocated where a formula has no value.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: kind  !! Kind of the element or facet.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    real(dp), intent(in) :: x(:, :)  !! Its nodes (dim, n_nodes) [length].
+    type(vector_field_t), intent(in) :: field  !! The formulas.
+    real(dp), intent(inout) :: total(2)  !! Difference and size, added to (2) [integral of the field].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value.
     type(element_kind_t) :: properties
     real(dp), allocatable :: point(:, :), weight(:), shape(:), linear(:), gradient(:, :), integral(:, :, :)
     real(dp) :: position(dim), normal(dim), value(3), area
@@ -181,8 +161,7 @@ contains
 
   !> Determinant of two or three rows.
   pure real(dp) function determinant(a)
-    !> The matrix (dim, dim) [length].
-    real(dp), intent(in) :: a(:, :)
+    real(dp), intent(in) :: a(:, :)  !! The matrix (dim, dim) [length].
     if (size(a, 1) == 2) then
       determinant = a(1, 1)*a(2, 2) - a(1, 2)*a(2, 1)
     else
@@ -194,8 +173,7 @@ contains
   !> Put a resultant into a parcel, or take it out.
   subroutine load_resultant_carry(self, parcel)
     class(load_resultant_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%place)
     call parcel%carry_fixed(3, self%force)
     call parcel%carry_fixed(3, self%moment)

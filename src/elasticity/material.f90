@@ -17,20 +17,13 @@ module dotyk_elasticity_material
   implicit none
   private
 
-  !> A material.
-  type, public :: material_t
-    !> Name in the input.
-    character(:), allocatable :: name
-    !> Whether the material is isotropic: `lambda` and `mu` define it.
-    logical :: isotropic = .false.
-    !> Lame's first parameter of an isotropic material [pressure].
-    real(dp) :: lambda = 0
-    !> Lame's second parameter, the shear modulus, of an isotropic material [pressure].
-    real(dp) :: mu = 0
-    !> Stiffness in global axes (6, 6) [pressure].
-    real(dp) :: stiffness(6, 6) = 0
-    !> Density; 0 where it is not given [mass/volume].
-    real(dp) :: density = 0
+  type, public :: material_t  !! A material.
+    character(:), allocatable :: name  !! Name in the input.
+    logical :: isotropic = .false.  !! Whether the material is isotropic: `lambda` and `mu` define it.
+    real(dp) :: lambda = 0  !! Lame's first parameter of an isotropic material [pressure].
+    real(dp) :: mu = 0  !! Lame's second parameter, the shear modulus, of an isotropic material [pressure].
+    real(dp) :: stiffness(6, 6) = 0  !! Stiffness in global axes (6, 6) [pressure].
+    real(dp) :: density = 0  !! Density; 0 where it is not given [mass/volume].
     !> Thermal expansion in global axes, as a strain: order xx yy zz yz xz xy, engineering shear (6) [1/temperature].
     real(dp) :: expansion(6) = 0
     !> Formula in x, y, z of the modulus field, a factor on the stiffness; 1 everywhere where not allocated.
@@ -44,8 +37,7 @@ module dotyk_elasticity_material
     !> Ratio of bulk to shear modulus where the dilatation may be projected; 0 where it may not, see
     !> `project_dilatation` [].
     real(dp) :: incompressibility = 0
-    !> Bulk modulus where the dilatation may be projected, else 0 [pressure].
-    real(dp) :: bulk = 0
+    real(dp) :: bulk = 0  !! Bulk modulus where the dilatation may be projected, else 0 [pressure].
   contains
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
@@ -66,8 +58,7 @@ contains
 
   !> The material of a body with the greatest ratio of bulk to shear modulus.
   integer function least_compressible(material) result(worst)
-    !> Its materials (n_materials).
-    type(material_t), intent(in) :: material(:)
+    type(material_t), intent(in) :: material(:)  !! Its materials (n_materials).
     integer :: m
     worst = 1
     do m = 2, size(material)
@@ -78,26 +69,19 @@ contains
   !> Integrals of the modulus field of one of several materials, made comparable with those of the first: times the
   !> ratio of the least Young's moduli.
   pure subroutine weight_moduli(material, own, integral)
-    !> Materials of a body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> The one of these elements.
-    integer, intent(in) :: own
-    !> Integrals of its modulus field over the elements (n_elements) [volume].
-    real(dp), intent(inout) :: integral(:)
+    type(material_t), intent(in) :: material(:)  !! Materials of a body (n_materials).
+    integer, intent(in) :: own  !! The one of these elements.
+    real(dp), intent(inout) :: integral(:)  !! Integrals of its modulus field over the elements (n_elements) [volume].
     if (own > 1) integral = integral*(material(own)%least_young/material(1)%least_young)
   end subroutine weight_moduli
 
   !> Create an isotropic material.
   subroutine material_init_isotropic(self, name, young, poisson, error)
     class(material_t), intent(out) :: self
-    !> Name in the input.
-    character(*), intent(in) :: name
-    !> Young's modulus, > 0 [pressure].
-    real(dp), intent(in) :: young
-    !> Poisson's ratio, between -1 and 0.5 [].
-    real(dp), intent(in) :: poisson
-    !> Allocated where a number is out of its range.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name in the input.
+    real(dp), intent(in) :: young  !! Young's modulus, > 0 [pressure].
+    real(dp), intent(in) :: poisson  !! Poisson's ratio, between -1 and 0.5 [].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is out of its range.
     integer :: i
     self%name = name
     self%isotropic = .true.
@@ -123,16 +107,12 @@ contains
   !> Create an orthotropic material.
   subroutine material_init_orthotropic(self, name, young, poisson, shear, axis_1, axis_2, error)
     class(material_t), intent(out) :: self
-    !> Name in the input.
-    character(*), intent(in) :: name
-    !> Young's moduli along material axes 1, 2, 3 (3) [pressure].
-    real(dp), intent(in) :: young(3)
+    character(*), intent(in) :: name  !! Name in the input.
+    real(dp), intent(in) :: young(3)  !! Young's moduli along material axes 1, 2, 3 (3) [pressure].
     !> Poisson's ratios 12, 13, 23: ij is minus the strain along j per strain along i under tension along i (3) [].
     real(dp), intent(in) :: poisson(3)
-    !> Shear moduli 12, 13, 23 (3) [pressure].
-    real(dp), intent(in) :: shear(3)
-    !> Direction of axis 1, of any length (3) [].
-    real(dp), intent(in) :: axis_1(3)
+    real(dp), intent(in) :: shear(3)  !! Shear moduli 12, 13, 23 (3) [pressure].
+    real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
     !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     real(dp), intent(in) :: axis_2(3)
     !> Allocated where a number is out of its range, the axes are parallel, or the stiffness is not positive definite.
@@ -176,12 +156,10 @@ contains
   !> Create a fully anisotropic material.
   subroutine material_init_anisotropic(self, name, upper, axis_1, axis_2, error)
     class(material_t), intent(out) :: self
-    !> Name in the input.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name in the input.
     !> Upper triangle of the stiffness by rows, order 11 22 33 23 13 12 of the material axes (21) [pressure].
     real(dp), intent(in) :: upper(21)
-    !> Direction of axis 1, of any length (3) [].
-    real(dp), intent(in) :: axis_1(3)
+    real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
     !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     real(dp), intent(in) :: axis_2(3)
     !> Allocated where a value is not finite, the axes are parallel, or the stiffness is not positive definite.
@@ -218,12 +196,9 @@ contains
 
   !> Create the error of a stiffness that is not positive definite.
   subroutine refuse(name, eigenvalue, error)
-    !> Name of the material.
-    character(*), intent(in) :: name
-    !> Least eigenvalue of the stiffness [pressure].
-    real(dp), intent(in) :: eigenvalue
-    !> Allocated on return; names the material and the eigenvalue.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the material.
+    real(dp), intent(in) :: eigenvalue  !! Least eigenvalue of the stiffness [pressure].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return; names the material and the eigenvalue.
     call set_error(error, 'material '//quoted(name)//': the stiffness is not positive definite, '// &
                    'its least eigenvalue is '//to_text(eigenvalue), exit_bad_input)
   end subroutine refuse
@@ -234,8 +209,7 @@ contains
   !> the stresses zz, yz, xz vanish (static condensation).
   pure function material_plane_matrix(self, analysis) result(matrix)
     class(material_t), intent(in) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     real(dp) :: matrix(6, 6)
     integer, parameter :: out_of_plane(3) = [3, 4, 5]
     integer :: k, s, i, j
@@ -262,14 +236,12 @@ contains
   !> symmetry of the material. Elsewhere the equilibrium across the plane is violated, and the body is too stiff.
   subroutine material_check_plane(self, analysis, error)
     class(material_t), intent(in) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     !> Allocated where the assumption does not hold; names the material and the largest of the components.
     type(error_t), allocatable, intent(out) :: error
     !> Components below this fraction of the largest one are the rounding of a rotation.
     real(dp), parameter :: negligible = 1.0e-9_dp
-    !> Strains in the plane; the last one in axisymmetry alone.
-    integer, parameter :: in_plane(4) = [1, 2, 6, 3]
+    integer, parameter :: in_plane(4) = [1, 2, 6, 3]  !! Strains in the plane; the last one in axisymmetry alone.
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'yz', 'xz', 'xy']
     integer :: n, place(2)
     if (self%isotropic .or. .not. any(analysis == [analysis_plane_strain, analysis_axisymmetric])) return
@@ -336,14 +308,11 @@ contains
   !> dilatation.
   subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
     class(material_t), intent(in) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     !> Ratio of bulk to shear modulus that the first part keeps; the second part has the excess [].
     real(dp), intent(in) :: kept
-    !> First part: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(out) :: matrix(6, 6)
-    !> Lame's first parameter of the first part of an isotropic material [pressure].
-    real(dp), intent(out) :: lambda
+    real(dp), intent(out) :: matrix(6, 6)  !! First part: from strains to stresses (6, 6) [pressure].
+    real(dp), intent(out) :: lambda  !! Lame's first parameter of the first part of an isotropic material [pressure].
     !> Bulk modulus of the second part; 0 for none, and in plane stress, where the thickness is free to change
     !> [pressure].
     real(dp), intent(out) :: bulk
@@ -375,8 +344,7 @@ contains
   !> Put a material into a parcel, or take it out.
   subroutine material_carry(self, parcel)
     class(material_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%name)
     call parcel%carry(self%isotropic)
     call parcel%carry(self%lambda)

@@ -17,32 +17,23 @@ module dotyk_elasticity_material_field
   implicit none
   private
 
-  !> The constants of a material at a point.
-  type, public :: point_constants_t
-    !> Factor on the stiffness, see above [].
-    real(dp) :: factor = 1
+  type, public :: point_constants_t  !! The constants of a material at a point.
+    real(dp) :: factor = 1  !! Factor on the stiffness, see above [].
     !> From strains to stresses of the analysis, without the projected part, by the factor (6, 6) [pressure].
     real(dp) :: matrix(6, 6) = 0
     !> Projected part of the bulk modulus, by the factor; 0 where the dilatation is not projected [pressure].
     real(dp) :: bulk = 0
-    !> Thermal expansion, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
-    real(dp) :: expansion(6) = 0
+    real(dp) :: expansion(6) = 0  !! Thermal expansion, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
   end type point_constants_t
 
-  !> A material in space. It owns formulas: never copy it, and destroy it in the end.
-  type, public :: material_field_t
-    !> Whether the material is the same everywhere.
-    logical :: constant = .true.
-    !> Whether more varies than a factor: the matrix, or the expansion.
-    logical :: varies = .false.
-    !> The modulus factor, in the first component.
-    type(vector_field_t) :: factor
-    !> The material.
-    type(material_t), private :: material
+  type, public :: material_field_t  !! A material in space. It owns formulas: never copy it, and destroy it in the end.
+    logical :: constant = .true.  !! Whether the material is the same everywhere.
+    logical :: varies = .false.  !! Whether more varies than a factor: the matrix, or the expansion.
+    type(vector_field_t) :: factor  !! The modulus factor, in the first component.
+    type(material_t), private :: material  !! The material.
     !> Constants by formulas, three in each; none where not allocated.
     type(vector_field_t), allocatable, private :: elastic(:)
-    !> Thermal expansion along the material axes, where it has formulas.
-    type(vector_field_t), private :: expansion
+    type(vector_field_t), private :: expansion  !! Thermal expansion along the material axes, where it has formulas.
   contains
     procedure :: init => material_field_init
     procedure :: at => material_field_at
@@ -57,10 +48,8 @@ contains
   !> Parse the formulas of a material.
   subroutine material_field_init(self, material, error)
     class(material_field_t), intent(inout) :: self
-    !> The material.
-    type(material_t), intent(in) :: material
-    !> Allocated where a formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    type(material_t), intent(in) :: material  !! The material.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula does not parse.
     type(text_t), allocatable :: text(:)
     integer :: first, i, k, n
     call self%destroy()
@@ -92,8 +81,7 @@ contains
   !> The material at a point, where more than a factor varies, in global axes, without the modulus factor.
   subroutine material_field_whole_at(self, x, here, error)
     class(material_field_t), intent(in) :: self
-    !> The point (dim) [length].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: x(:)  !! The point (dim) [length].
     !> Its stiffness, moduli and expansion are set; the ratio of bulk to shear modulus is not.
     type(material_t), intent(inout) :: here
     !> Allocated where a formula has no value, or the material is not stable; names the material and the point.
@@ -140,10 +128,8 @@ contains
 
     !> Add the material, and maybe the point, to the message.
     subroutine locate(what, with_point)
-      !> What has the formula.
-      character(*), intent(in) :: what
-      !> Whether the message does not name the point.
-      logical, intent(in) :: with_point
+      character(*), intent(in) :: what  !! What has the formula.
+      logical, intent(in) :: with_point  !! Whether the message does not name the point.
       !$omp critical (message)
       if (with_point) error%message = error%message//' at '//point_text(x)
       call add_context(error, 'material '//quoted(self%material%name)//': '//what)
@@ -154,12 +140,9 @@ contains
   !> The constants at a point, where more than a factor varies.
   subroutine material_field_at(self, analysis, x, here, error, kind)
     class(material_field_t), intent(in) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The point (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The constants.
-    type(point_constants_t), intent(out) :: here
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: x(:)  !! The point (dim) [length].
+    type(point_constants_t), intent(out) :: here  !! The constants.
     !> Allocated where a formula has no value, or the material is not stable.
     type(error_t), allocatable, intent(out) :: error
     !> Element kind, where its part of the dilatation is projected; none is if absent.
@@ -199,12 +182,9 @@ contains
   !> The factor at a point; positive.
   subroutine material_field_factor_at(self, x, factor, error)
     class(material_field_t), intent(in) :: self
-    !> The point (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The factor [].
-    real(dp), intent(out) :: factor
-    !> Allocated where the field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(:)  !! The point (dim) [length].
+    real(dp), intent(out) :: factor  !! The factor [].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the field has no value.
     type(material_t) :: here
     real(dp) :: value(3)
     factor = 1
@@ -221,18 +201,12 @@ contains
   !> Multiply the quadrature weights of an element by the factor, and evaluate what else varies.
   subroutine material_field_apply(self, analysis, kind, shape, x, tag, w, error, matrix, bulk, expansion)
     class(material_field_t), intent(in) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Shape functions at the points (n_nodes, n_points) [].
-    real(dp), intent(in) :: shape(:, :)
-    !> Nodes of the element (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: tag
-    !> Weights (n_points) [volume].
-    real(dp), intent(inout) :: w(:)
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    real(dp), intent(in) :: shape(:, :)  !! Shape functions at the points (n_nodes, n_points) [].
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the element (dim, n_nodes) [length].
+    integer(int64), intent(in) :: tag  !! Tag of the element, for messages.
+    real(dp), intent(inout) :: w(:)  !! Weights (n_points) [volume].
     !> Allocated where a formula has no value, or the material is not stable at a point.
     type(error_t), allocatable, intent(out) :: error
     !> Matrices at the points, set where more than the factor varies (6, 6, n_points) [pressure].

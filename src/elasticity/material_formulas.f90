@@ -11,10 +11,8 @@ module dotyk_elasticity_material_formulas
   implicit none
   private
 
-  !> The formulas of a material.
-  type, public :: material_formulas_t
-    !> One of `material_*`: which constants there are.
-    integer :: kind = material_isotropic
+  type, public :: material_formulas_t  !! The formulas of a material.
+    integer :: kind = material_isotropic  !! One of `material_*`: which constants there are.
     !> Constants without formulas: isotropic: Young's modulus, Poisson's ratio; orthotropic: three Young's moduli,
     !> Poisson's ratios and shear moduli; else the 21 of the stiffness (21) [pressure] or [].
     real(dp) :: constant(21) = 0
@@ -23,8 +21,7 @@ module dotyk_elasticity_material_formulas
     type(text_t), allocatable :: stiffness(:)
     !> Formulas of the thermal expansion along the material axes, one or three; none where not allocated.
     type(text_t), allocatable :: expansion(:)
-    !> Formula of the density; none where not allocated.
-    character(:), allocatable :: density
+    character(:), allocatable :: density  !! Formula of the density; none where not allocated.
     !> Material axes as columns, in global axes (3, 3) [].
     real(dp) :: axes(3, 3) = reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
   contains
@@ -44,8 +41,7 @@ contains
   !> Key of a constant in the input, as in "poisson_formula(2)".
   pure function material_formulas_constant_name(self, i) result(name)
     class(material_formulas_t), intent(in) :: self
-    !> Index of the constant.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Index of the constant.
     character(:), allocatable :: name
     integer :: place
     place = i
@@ -72,8 +68,7 @@ contains
   !> Put the formulas into a parcel, or take them out.
   subroutine material_formulas_carry(self, parcel)
     class(material_formulas_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%kind)
     call parcel%carry_fixed(size(self%constant), self%constant)
     call parcel%carry(self%stiffness)

@@ -10,10 +10,8 @@ contains
 
   !> The elements of a material, counted through all blocks of the body (n).
   pure function elements_of_material(mesh, material) result(element)
-    !> Elements of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of the material.
-    integer, intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the body.
+    integer, intent(in) :: material  !! Number of the material.
     integer, allocatable :: element(:)
     integer :: b, e, before
     allocate (element(0))
@@ -28,10 +26,8 @@ contains
 
   !> Whether each node belongs to an element of a material (n_nodes).
   pure function nodes_of_material(mesh, material) result(has)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of the material.
-    integer, intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: material  !! Number of the material.
     logical, allocatable :: has(:)
     integer :: b, e
     allocate (has(mesh%n_nodes()), source=.false.)
@@ -45,10 +41,8 @@ contains
 
   !> The elements of a material with all nodes of the body.
   function mesh_of_material(mesh, material) result(part)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of the material.
-    integer, intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: material  !! Number of the material.
     type(body_mesh_t) :: part
     integer :: b, n
     if (allocated(mesh%file)) part%file = mesh%file

@@ -16,12 +16,9 @@ contains
 
   !> Whether a part of the dilatation is projected on some element of the body.
   pure logical function is_projected(mesh, analysis, material)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
     integer :: b
     is_projected = .false.
     if (analysis == analysis_plane_stress) return
@@ -34,16 +31,11 @@ contains
 
   !> Mean dilatations, centroids and volumes of all elements, in the order of the blocks.
   subroutine mean_dilatations(mesh, analysis, u, mean, centre, volume, thermal)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Displacements in the axes of the mesh (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Mean dilatation of each element (n_elements) [].
-    real(dp), allocatable, intent(out) :: mean(:)
-    !> Centroid of each element (dim, n_elements) [length].
-    real(dp), allocatable, intent(out) :: centre(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in the axes of the mesh (dim, n_nodes) [length].
+    real(dp), allocatable, intent(out) :: mean(:)  !! Mean dilatation of each element (n_elements) [].
+    real(dp), allocatable, intent(out) :: centre(:, :)  !! Centroid of each element (dim, n_elements) [length].
     !> Volume of each element, 0 for inverted elements (n_elements) [volume].
     real(dp), allocatable, intent(out) :: volume(:)
     !> Thermal dilatation at the nodes, which is subtracted; none where absent (n_nodes) [].
@@ -64,22 +56,14 @@ contains
 
   !> Mean dilatations, centroids and volumes of the elements of a block.
   subroutine block_mean_dilatations(mesh, i_block, analysis, u, expanded, mean, centre, volume)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Displacements in the axes of the mesh (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Thermal dilatation at the nodes (n_nodes) [].
-    real(dp), intent(in) :: expanded(:)
-    !> Mean dilatation of each element of the block (n_elements) [].
-    real(dp), intent(out) :: mean(:)
-    !> Centroid of each element (dim, n_elements) [length].
-    real(dp), intent(out) :: centre(:, :)
-    !> Volume of each element, 0 for inverted elements (n_elements) [volume].
-    real(dp), intent(out) :: volume(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in the axes of the mesh (dim, n_nodes) [length].
+    real(dp), intent(in) :: expanded(:)  !! Thermal dilatation at the nodes (n_nodes) [].
+    real(dp), intent(out) :: mean(:)  !! Mean dilatation of each element of the block (n_elements) [].
+    real(dp), intent(out) :: centre(:, :)  !! Centroid of each element (dim, n_elements) [length].
+    real(dp), intent(out) :: volume(:)  !! Volume of each element, 0 for inverted elements (n_elements) [volume].
     type(shape_table_t) :: table
     type(element_kind_t) :: kind
     integer :: e
@@ -98,28 +82,17 @@ contains
 
   !> Mean dilatation, centroid and volume of an element.
   pure subroutine element_mean_dilatation(n, dim, slots, n_points, table, x, u, expanded, mean, centre, volume)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Shape functions at the quadrature points.
-    type(shape_table_t), intent(in) :: table
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
-    !> Nodal displacements (dim, n) [length].
-    real(dp), intent(in) :: u(dim, n)
-    !> Thermal dilatation at the nodes, which is subtracted (n) [].
-    real(dp), intent(in) :: expanded(n)
-    !> Mean dilatation [].
-    real(dp), intent(out) :: mean
-    !> Centroid (dim) [length].
-    real(dp), intent(out) :: centre(dim)
-    !> Volume, 0 where the element is inverted [volume].
-    real(dp), intent(out) :: volume
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    type(shape_table_t), intent(in) :: table  !! Shape functions at the quadrature points.
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
+    real(dp), intent(in) :: u(dim, n)  !! Nodal displacements (dim, n) [length].
+    real(dp), intent(in) :: expanded(n)  !! Thermal dilatation at the nodes, which is subtracted (n) [].
+    real(dp), intent(out) :: mean  !! Mean dilatation [].
+    real(dp), intent(out) :: centre(dim)  !! Centroid (dim) [length].
+    real(dp), intent(out) :: volume  !! Volume, 0 where the element is inverted [volume].
     real(dp) :: g(n, slots, n_points), w(n_points), worst
     integer :: i, q
     mean = 0

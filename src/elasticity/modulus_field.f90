@@ -14,12 +14,9 @@ contains
 
   !> Parse the modulus field of a material: 1 where the material has none.
   subroutine read_modulus_field(material, factor, error)
-    !> The material.
-    type(material_t), intent(in) :: material
-    !> The modulus field, in the first component.
-    type(vector_field_t), intent(inout) :: factor
-    !> Allocated where the formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    type(material_t), intent(in) :: material  !! The material.
+    type(vector_field_t), intent(inout) :: factor  !! The modulus field, in the first component.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the formula does not parse.
     type(text_t), allocatable :: text(:)
     if (allocated(material%modulus_formula)) then
       allocate (text(1))
@@ -31,16 +28,11 @@ contains
 
   !> Multiply the quadrature weights of an element by the modulus field.
   subroutine apply_modulus_field(factor, shape, x, tag, w, error)
-    !> The modulus field, in the first component.
-    type(vector_field_t), intent(in) :: factor
-    !> Shape functions at the points (n_nodes, n_points) [].
-    real(dp), intent(in) :: shape(:, :)
-    !> Nodes of the element (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: tag
-    !> Weights (n_points) [volume].
-    real(dp), intent(inout) :: w(:)
+    type(vector_field_t), intent(in) :: factor  !! The modulus field, in the first component.
+    real(dp), intent(in) :: shape(:, :)  !! Shape functions at the points (n_nodes, n_points) [].
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the element (dim, n_nodes) [length].
+    integer(int64), intent(in) :: tag  !! Tag of the element, for messages.
+    real(dp), intent(inout) :: w(:)  !! Weights (n_points) [volume].
     !> Allocated where the modulus field has no value, is not positive, or is too large or too small at a point.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: position(size(x, 1)), value(3)

@@ -6,22 +6,15 @@ module dotyk_elasticity_monomials
   implicit none
   private
 
-  !> All monomials up to a degree, lower degrees first.
-  type, public :: monomials_t
-    !> Number of variables.
-    integer :: dimension = 0
-    !> Degree.
-    integer :: degree = 0
-    !> Number of monomials.
-    integer :: n = 0
-    !> Number of monomials of one degree less.
-    integer :: n_lower = 0
-    !> Exponents (dimension, n).
-    integer, allocatable :: exponent(:, :)
+  type, public :: monomials_t  !! All monomials up to a degree, lower degrees first.
+    integer :: dimension = 0  !! Number of variables.
+    integer :: degree = 0  !! Degree.
+    integer :: n = 0  !! Number of monomials.
+    integer :: n_lower = 0  !! Number of monomials of one degree less.
+    integer, allocatable :: exponent(:, :)  !! Exponents (dimension, n).
     !> Monomial k is monomial parent(k) times variable axis(k); the first one, 1, has no parent (n).
     integer, allocatable :: parent(:)
-    !> Variable of this product (n).
-    integer, allocatable :: axis(:)
+    integer, allocatable :: axis(:)  !! Variable of this product (n).
     !> The derivative of a monomial by a variable is its exponent times this monomial; 0 for none (dimension, n).
     integer, allocatable :: derivative(:, :)
   contains
@@ -39,10 +32,8 @@ contains
   !> List the monomials.
   subroutine monomials_init(self, dimension, degree)
     class(monomials_t), intent(out) :: self
-    !> Number of variables, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Degree, at least 1.
-    integer, intent(in) :: degree
+    integer, intent(in) :: dimension  !! Number of variables, 2 or 3.
+    integer, intent(in) :: degree  !! Degree, at least 1.
     integer :: k, i, e(dimension)
     self%dimension = dimension
     self%degree = degree
@@ -70,27 +61,22 @@ contains
   !> Number of the monomials up to a degree.
   pure integer function monomials_up_to(self, degree) result(n)
     class(monomials_t), intent(in) :: self
-    !> Degree, at most that of the list.
-    integer, intent(in) :: degree
+    integer, intent(in) :: degree  !! Degree, at most that of the list.
     n = number_up_to(self%dimension, degree)
   end function monomials_up_to
 
   !> Number of monomials up to a degree.
   pure integer function number_up_to(dimension, degree) result(n)
-    !> Number of variables, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Degree.
-    integer, intent(in) :: degree
+    integer, intent(in) :: dimension  !! Number of variables, 2 or 3.
+    integer, intent(in) :: degree  !! Degree.
     n = (degree + 1)*(degree + 2)/2
     if (dimension == 3) n = n*(degree + 3)/3
   end function number_up_to
 
   !> Position of exponents in a list, 0 where they are not in it.
   pure integer function position_of(list, exponent) result(place)
-    !> Exponents of monomials (dimension, n).
-    integer, intent(in) :: list(:, :)
-    !> The exponents searched for (dimension).
-    integer, intent(in) :: exponent(:)
+    integer, intent(in) :: list(:, :)  !! Exponents of monomials (dimension, n).
+    integer, intent(in) :: exponent(:)  !! The exponents searched for (dimension).
     do place = size(list, 2), 1, -1
       if (all(list(:, place) == exponent)) return
     end do
@@ -98,12 +84,9 @@ contains
 
   !> Exponents of all monomials up to a degree, lower degrees first.
   pure subroutine list_exponents(dimension, degree, exponent)
-    !> Number of variables, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Degree.
-    integer, intent(in) :: degree
-    !> Exponents (dimension, n).
-    integer, allocatable, intent(out) :: exponent(:, :)
+    integer, intent(in) :: dimension  !! Number of variables, 2 or 3.
+    integer, intent(in) :: degree  !! Degree.
+    integer, allocatable, intent(out) :: exponent(:, :)  !! Exponents (dimension, n).
     integer :: total, i, j, n
     allocate (exponent(dimension, number_up_to(dimension, degree)))
     n = 0
@@ -124,22 +107,14 @@ contains
 
   !> Values of monomials at nodes, times the square roots of the nodes' weights.
   pure subroutine evaluate_monomials(dim, n, n_blocks, parent, axis, t, root_weight, power)
-    !> Number of variables.
-    integer, intent(in) :: dim
-    !> Number of monomials.
-    integer, intent(in) :: n
-    !> Number of blocks of `lanes` nodes.
-    integer, intent(in) :: n_blocks
-    !> Earlier monomial of each product, see `monomials_t` (n).
-    integer, intent(in) :: parent(n)
-    !> Variable of each product, see `monomials_t` (n).
-    integer, intent(in) :: axis(n)
-    !> Scaled positions of the nodes (lanes, dim, n_blocks) [].
-    real(dp), intent(in) :: t(lanes, dim, n_blocks)
-    !> Square roots of the weights (lanes, n_blocks) [].
-    real(dp), intent(in) :: root_weight(lanes, n_blocks)
-    !> Values (lanes, n_blocks, n) [].
-    real(dp), intent(out) :: power(lanes, n_blocks, n)
+    integer, intent(in) :: dim  !! Number of variables.
+    integer, intent(in) :: n  !! Number of monomials.
+    integer, intent(in) :: n_blocks  !! Number of blocks of `lanes` nodes.
+    integer, intent(in) :: parent(n)  !! Earlier monomial of each product, see `monomials_t` (n).
+    integer, intent(in) :: axis(n)  !! Variable of each product, see `monomials_t` (n).
+    real(dp), intent(in) :: t(lanes, dim, n_blocks)  !! Scaled positions of the nodes (lanes, dim, n_blocks) [].
+    real(dp), intent(in) :: root_weight(lanes, n_blocks)  !! Square roots of the weights (lanes, n_blocks) [].
+    real(dp), intent(out) :: power(lanes, n_blocks, n)  !! Values (lanes, n_blocks, n) [].
     integer :: b, k
     power(:, :, 1) = root_weight
     do k = 2, n

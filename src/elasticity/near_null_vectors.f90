@@ -14,10 +14,8 @@ contains
 
   !> The vectors. Rotations are about the middle of the body and scaled by its size.
   subroutine near_null_vectors(x, constraint, vector, box)
-    !> Nodal coordinates (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Equations and nodal axes.
-    type(constraint_t), intent(in) :: constraint
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dim, n_nodes) [length].
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes.
     !> The vectors in nodal axes, zero along held components (dim*n_nodes, n) [].
     real(dp), allocatable, intent(out) :: vector(:, :)
     !> Lower and upper corner of the box that stands for the body, of which these may be a part; that of the nodes if
@@ -40,22 +38,14 @@ contains
 
   !> Fill the vectors node by node.
   subroutine fill(dim, n, m, x, middle, radius, constraint, vector)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of vectors.
-    integer, intent(in) :: m
-    !> Nodal coordinates (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
-    !> Center of the rotations (dim) [length].
-    real(dp), intent(in) :: middle(dim)
-    !> Size of the body [length].
-    real(dp), intent(in) :: radius
-    !> Equations and nodal axes.
-    type(constraint_t), intent(in) :: constraint
-    !> The vectors (dim, n, m) [].
-    real(dp), intent(out) :: vector(dim, n, m)
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: m  !! Number of vectors.
+    real(dp), intent(in) :: x(dim, n)  !! Nodal coordinates (dim, n) [length].
+    real(dp), intent(in) :: middle(dim)  !! Center of the rotations (dim) [length].
+    real(dp), intent(in) :: radius  !! Size of the body [length].
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes.
+    real(dp), intent(out) :: vector(dim, n, m)  !! The vectors (dim, n, m) [].
     real(dp) :: u(dim, m), y(dim)
     integer :: i, k
     !$omp parallel do default(none) shared(dim, n, m, x, middle, radius, constraint, vector) private(u, y, k) &

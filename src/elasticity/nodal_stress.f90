@@ -27,28 +27,20 @@ module dotyk_elasticity_nodal_stress
   !> Radii below this fraction of the largest one are on the axis of an axisymmetric body.
   real(dp), parameter :: on_axis = 1.0e-9_dp
 
-  !> Linear shape functions of the corners at the nodes of an element kind.
-  type :: corner_weights_t
-    !> Number of corners.
-    integer :: n_corners = 0
-    !> Values (n_corners, n_nodes) [].
-    real(dp), allocatable :: at_node(:, :)
-    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
-    real(dp) :: matrix(6, 6) = 0
-    !> Projected part of the bulk modulus [pressure].
-    real(dp) :: bulk = 0
+  type :: corner_weights_t  !! Linear shape functions of the corners at the nodes of an element kind.
+    integer :: n_corners = 0  !! Number of corners.
+    real(dp), allocatable :: at_node(:, :)  !! Values (n_corners, n_nodes) [].
+    real(dp) :: matrix(6, 6) = 0  !! Unprojected part of the material: from strains to stresses (6, 6) [pressure].
+    real(dp) :: bulk = 0  !! Projected part of the bulk modulus [pressure].
   end type corner_weights_t
 
 contains
 
   !> Stresses at the nodes of several bodies of one mesh and material, without initial stresses.
   subroutine nodal_stresses(mesh, analysis, material, u, fit, stress, error, temperature, expansion)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Recovered strains, those of u on return; what is kept of the mesh is reused.
@@ -120,14 +112,10 @@ contains
 
   !> Weights and materials of the element kinds of all blocks.
   subroutine weigh_corners(mesh, analysis, material, of_block)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> One for each block (n_blocks).
-    type(corner_weights_t), allocatable, intent(out) :: of_block(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
+    type(corner_weights_t), allocatable, intent(out) :: of_block(:)  !! One for each block (n_blocks).
     type(element_kind_t) :: kind
     real(dp), allocatable :: xi(:, :)
     real(dp) :: lambda
@@ -152,20 +140,13 @@ contains
 
   !> Recovered strain at a node of an element, without the hoop strain.
   pure subroutine recovered_strain(fit, form, body, weight, node, x, strain)
-    !> Polynomials of the vertices.
-    type(gradient_recovery_t), intent(in) :: fit
-    !> Strains of the analysis.
-    type(energy_form_t), intent(in) :: form
-    !> Index of the body.
-    integer, intent(in) :: body
-    !> Weights of the corners of the element (n_corners) [].
-    real(dp), intent(in) :: weight(:)
-    !> Nodes of the corners (n_corners).
-    integer, intent(in) :: node(:)
-    !> Position of the node (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The strain, order xx yy zz yz xz xy, engineering shear (6) [].
-    real(dp), intent(out) :: strain(6)
+    type(gradient_recovery_t), intent(in) :: fit  !! Polynomials of the vertices.
+    type(energy_form_t), intent(in) :: form  !! Strains of the analysis.
+    integer, intent(in) :: body  !! Index of the body.
+    real(dp), intent(in) :: weight(:)  !! Weights of the corners of the element (n_corners) [].
+    integer, intent(in) :: node(:)  !! Nodes of the corners (n_corners).
+    real(dp), intent(in) :: x(:)  !! Position of the node (dim) [length].
+    real(dp), intent(out) :: strain(6)  !! The strain, order xx yy zz yz xz xy, engineering shear (6) [].
     real(dp) :: t(size(x)), power(fit%monomials%n_lower)
     integer :: c, k, s
     strain = 0
@@ -186,30 +167,21 @@ contains
 
   !> Hoop strain at a node of an axisymmetric body [].
   pure real(dp) function hoop_strain(radius, u, axis_radius, radial_strain) result(strain)
-    !> Radius of the node [length].
-    real(dp), intent(in) :: radius
-    !> Radial displacement [length].
-    real(dp), intent(in) :: u
-    !> Radii up to this one are on the axis [length].
-    real(dp), intent(in) :: axis_radius
-    !> Radial strain, the limit of the hoop strain on the axis [].
-    real(dp), intent(in) :: radial_strain
+    real(dp), intent(in) :: radius  !! Radius of the node [length].
+    real(dp), intent(in) :: u  !! Radial displacement [length].
+    real(dp), intent(in) :: axis_radius  !! Radii up to this one are on the axis [length].
+    real(dp), intent(in) :: radial_strain  !! Radial strain, the limit of the hoop strain on the axis [].
     strain = radial_strain
     if (abs(radius) > axis_radius) strain = u/radius
   end function hoop_strain
 
   !> Recovered dilatation at a node of an element [].
   pure real(dp) function fitted(fit, x, node, weight, position)
-    !> Linear functions around the vertices.
-    type(dilatation_fit_t), intent(in) :: fit
-    !> All nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes of the corners of the element (n_corners).
-    integer, intent(in) :: node(:)
-    !> Weights of the corners (n_corners) [].
-    real(dp), intent(in) :: weight(:)
-    !> Position of the node (dim) [length].
-    real(dp), intent(in) :: position(:)
+    type(dilatation_fit_t), intent(in) :: fit  !! Linear functions around the vertices.
+    real(dp), intent(in) :: x(:, :)  !! All nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: node(:)  !! Nodes of the corners of the element (n_corners).
+    real(dp), intent(in) :: weight(:)  !! Weights of the corners (n_corners) [].
+    real(dp), intent(in) :: position(:)  !! Position of the node (dim) [length].
     real(dp) :: value(1)
     call fit%values(x(:, node), node, reshape(weight, [1, size(weight)]), reshape(position, [1, size(position)]), value)
     fitted = value(1)
@@ -217,8 +189,7 @@ contains
 
   !> Principal stresses, the greatest first (3) [pressure].
   pure function principal_stresses(stress) result(principal)
-    !> Stress, order xx yy zz xy yz xz (6) [pressure].
-    real(dp), intent(in) :: stress(6)
+    real(dp), intent(in) :: stress(6)  !! Stress, order xx yy zz xy yz xz (6) [pressure].
     real(dp) :: principal(3), tensor(3, 3), vectors(3, 3), greatest, least
     integer :: i
     principal = sum(stress)

@@ -6,16 +6,11 @@ module dotyk_elasticity_nodal_vector_list
   implicit none
   private
 
-  !> The list.
-  type, public :: nodal_vector_list_t
-    !> Number of entries; the arrays may be longer.
-    integer :: n = 0
-    !> Node of each entry (>= n).
-    integer, allocatable :: node(:)
-    !> Index of the support of each entry (>= n).
-    integer, allocatable :: source(:)
-    !> Unit vectors (dim, >= n) [].
-    real(dp), allocatable :: direction(:, :)
+  type, public :: nodal_vector_list_t  !! The list.
+    integer :: n = 0  !! Number of entries; the arrays may be longer.
+    integer, allocatable :: node(:)  !! Node of each entry (>= n).
+    integer, allocatable :: source(:)  !! Index of the support of each entry (>= n).
+    real(dp), allocatable :: direction(:, :)  !! Unit vectors (dim, >= n) [].
     !> Value of each entry: an area [length^(dim-1)] or a displacement [length] (>= n).
     real(dp), allocatable :: value(:)
   contains
@@ -29,24 +24,18 @@ contains
   !> Create an empty list.
   subroutine nodal_vector_list_init(self, dim)
     class(nodal_vector_list_t), intent(out) :: self
-    !> Number of components of the vectors.
-    integer, intent(in) :: dim
-    !> Length of the arrays at first; they double when they are full.
-    integer, parameter :: few = 64
+    integer, intent(in) :: dim  !! Number of components of the vectors.
+    integer, parameter :: few = 64  !! Length of the arrays at first; they double when they are full.
     allocate (self%node(few), self%source(few), self%direction(dim, few), self%value(few))
   end subroutine nodal_vector_list_init
 
   !> Add an entry.
   subroutine nodal_vector_list_add(self, node, source, direction, value)
     class(nodal_vector_list_t), intent(inout) :: self
-    !> Node.
-    integer, intent(in) :: node
-    !> Index of the support.
-    integer, intent(in) :: source
-    !> Unit vector (dim) [].
-    real(dp), intent(in) :: direction(:)
-    !> Value [length], or [length^(dim-1)] of normals.
-    real(dp), intent(in) :: value
+    integer, intent(in) :: node  !! Node.
+    integer, intent(in) :: source  !! Index of the support.
+    real(dp), intent(in) :: direction(:)  !! Unit vector (dim) [].
+    real(dp), intent(in) :: value  !! Value [length], or [length^(dim-1)] of normals.
     integer :: more
     integer, allocatable :: integers(:)
     real(dp), allocatable :: reals(:), vectors(:, :)
@@ -75,12 +64,9 @@ contains
   !> List the entries of each node, in the order in which they were added.
   subroutine nodal_vector_list_by_node(self, n_nodes, first, order)
     class(nodal_vector_list_t), intent(in) :: self
-    !> Number of nodes.
-    integer, intent(in) :: n_nodes
-    !> First entry of each node in `order` (n_nodes + 2).
-    integer, allocatable, intent(out) :: first(:)
-    !> Entries by nodes (n).
-    integer, allocatable, intent(out) :: order(:)
+    integer, intent(in) :: n_nodes  !! Number of nodes.
+    integer, allocatable, intent(out) :: first(:)  !! First entry of each node in `order` (n_nodes + 2).
+    integer, allocatable, intent(out) :: order(:)  !! Entries by nodes (n).
     integer :: i, k
     allocate (first(n_nodes + 2), source=0)
     allocate (order(self%n))

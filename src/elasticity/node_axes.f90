@@ -8,24 +8,15 @@ module dotyk_elasticity_node_axes
   implicit none
   private
 
-  !> Axes and prescribed displacements of a node.
-  type, public :: node_axes_t
-    !> Number of independent conditions.
-    integer :: rank = 0
-    !> Whether the axes are the global ones.
-    logical :: is_global = .true.
-    !> Axes as columns; of two-dimensional bodies in the first (2, 2) entries (3, 3) [].
-    real(dp) :: frame(3, 3) = 0
-    !> Whether the displacement along each axis is prescribed (3).
-    logical :: is_given(3) = .false.
-    !> Prescribed displacement along each axis, else 0 (3) [length].
-    real(dp) :: value(3) = 0
-    !> Index of a condition that contradicts the others, 0 for none.
-    integer :: contradiction = 0
-    !> Value of the contradicting condition [length].
-    real(dp) :: conflicting_value = 0
-    !> Value that the other conditions imply for its direction [length].
-    real(dp) :: implied_value = 0
+  type, public :: node_axes_t  !! Axes and prescribed displacements of a node.
+    integer :: rank = 0  !! Number of independent conditions.
+    logical :: is_global = .true.  !! Whether the axes are the global ones.
+    real(dp) :: frame(3, 3) = 0  !! Axes as columns; of two-dimensional bodies in the first (2, 2) entries (3, 3) [].
+    logical :: is_given(3) = .false.  !! Whether the displacement along each axis is prescribed (3).
+    real(dp) :: value(3) = 0  !! Prescribed displacement along each axis, else 0 (3) [length].
+    integer :: contradiction = 0  !! Index of a condition that contradicts the others, 0 for none.
+    real(dp) :: conflicting_value = 0  !! Value of the contradicting condition [length].
+    real(dp) :: implied_value = 0  !! Value that the other conditions imply for its direction [length].
   end type node_axes_t
 
   public :: combine_conditions
@@ -43,16 +34,11 @@ contains
 
   !> Combine the Dirichlet conditions `direction . u = value` of one node.
   pure function combine_conditions(dim, n, direction, value, tolerance) result(axes)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of conditions.
-    integer, intent(in) :: n
-    !> Unit vectors (dim, n) [].
-    real(dp), intent(in) :: direction(dim, n)
-    !> Prescribed displacements along them (n) [length].
-    real(dp), intent(in) :: value(n)
-    !> Differences of displacements below this are rounding errors [length].
-    real(dp), intent(in) :: tolerance
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n  !! Number of conditions.
+    real(dp), intent(in) :: direction(dim, n)  !! Unit vectors (dim, n) [].
+    real(dp), intent(in) :: value(n)  !! Prescribed displacements along them (n) [length].
+    real(dp), intent(in) :: tolerance  !! Differences of displacements below this are rounding errors [length].
     type(node_axes_t) :: axes
     real(dp) :: q(dim, dim), z(dim), remainder(dim, n), residual(n), length, greatest, u(dim)
     logical :: used(n)
@@ -112,13 +98,11 @@ contains
 
   !> Complete the axes, and find out whether the global axes can be used.
   pure subroutine choose_axes(dim, q, axes)
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
     !> Orthonormal directions in the first `rank` columns; completed on return unless the global axes are used
     !> (dim, dim) [].
     real(dp), intent(inout) :: q(dim, dim)
-    !> `rank` on entry; `is_global`, `is_given` and `frame` on return.
-    type(node_axes_t), intent(inout) :: axes
+    type(node_axes_t), intent(inout) :: axes  !! `rank` on entry; `is_global`, `is_given` and `frame` on return.
     real(dp) :: local(dim, dim)
     integer :: i, free
     axes%is_global = .true.
@@ -152,10 +136,8 @@ contains
 
   !> A vector without one of its components (n-1) [].
   pure function without(vector, i) result(others)
-    !> The vector (n) [].
-    real(dp), intent(in) :: vector(:)
-    !> Index of the component that is eliminated.
-    integer, intent(in) :: i
+    real(dp), intent(in) :: vector(:)  !! The vector (n) [].
+    integer, intent(in) :: i  !! Index of the component that is eliminated.
     real(dp) :: others(size(vector) - 1)
     others = [vector(:i - 1), vector(i + 1:)]
   end function without

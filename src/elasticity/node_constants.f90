@@ -18,8 +18,7 @@ contains
 
   !> An element of each node: of the own ones, where the rank has some.
   subroutine find_homes(mesh, home)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     !> Block, element in it, and number in it of each node; 0 for nodes without (3, n_nodes).
     integer, allocatable, intent(out) :: home(:, :)
     integer :: b, e, i, number, round
@@ -43,20 +42,15 @@ contains
 
   !> Factors and constants at the nodes.
   subroutine constants_of_nodes(mesh, analysis, material, home, factor, here, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the body.
-    type(material_t), intent(in) :: material
-    !> Block, element and number of each node (3, n_nodes).
-    integer, intent(in) :: home(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the body.
+    integer, intent(in) :: home(:, :)  !! Block, element and number of each node (3, n_nodes).
     !> The factor on the stiffness; NaN where it has no value (n_nodes) [].
     real(dp), allocatable, intent(out) :: factor(:)
     !> The constants; not allocated where a factor alone varies (n_nodes).
     type(point_constants_t), allocatable, intent(out) :: here(:)
-    !> Allocated where a formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula does not parse.
     type(error_t), allocatable :: no_value
     type(material_field_t) :: field
     integer :: i
@@ -81,8 +75,7 @@ contains
 
     !> Evaluate the material of the node at a point.
     subroutine evaluate(x)
-      !> The point (dim) [length].
-      real(dp), intent(in) :: x(:)
+      real(dp), intent(in) :: x(:)  !! The point (dim) [length].
       if (field%varies) then
         call field%at(analysis, x, here(i), no_value, mesh%block(home(1, i))%kind)
         factor(i) = here(i)%factor
@@ -94,16 +87,11 @@ contains
 
   !> Dilatation of the thermal expansion at the nodes of a body with a temperature (n_nodes) [].
   subroutine thermal_dilatation(mesh, analysis, material, initial, dilatation)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The material.
-    type(material_t), intent(in) :: material
-    !> The temperature.
-    type(initial_state_t), intent(in) :: initial
-    !> The dilatation (n_nodes) [].
-    real(dp), allocatable, intent(out) :: dilatation(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! The material.
+    type(initial_state_t), intent(in) :: initial  !! The temperature.
+    real(dp), allocatable, intent(out) :: dilatation(:)  !! The dilatation (n_nodes) [].
     type(point_constants_t), allocatable :: here(:)
     type(error_t), allocatable :: error
     real(dp), allocatable :: factor(:)

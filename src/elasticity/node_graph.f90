@@ -8,14 +8,10 @@ module dotyk_elasticity_node_graph
 
   !> Incidence of nodes and elements: nodes of all elements, of all kinds, and elements of all nodes.
   type, public :: incidence_t
-    !> First entry of each element in `node` (n_elements + 1).
-    integer, allocatable :: start(:)
-    !> Nodes of element e: node(start(e) : start(e + 1) - 1).
-    integer, allocatable :: node(:)
-    !> First entry of each node in `element` (n_nodes + 2).
-    integer, allocatable :: first(:)
-    !> Elements of node i: element(first(i) : first(i + 1) - 1), ascending.
-    integer, allocatable :: element(:)
+    integer, allocatable :: start(:)  !! First entry of each element in `node` (n_elements + 1).
+    integer, allocatable :: node(:)  !! Nodes of element e: node(start(e) : start(e + 1) - 1).
+    integer, allocatable :: first(:)  !! First entry of each node in `element` (n_nodes + 2).
+    integer, allocatable :: element(:)  !! Elements of node i: element(first(i) : first(i + 1) - 1), ascending.
   contains
     procedure :: init => incidence_init
   end type incidence_t
@@ -27,8 +23,7 @@ contains
   !> List the nodes of all elements and the elements of all nodes.
   subroutine incidence_init(self, mesh)
     class(incidence_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer :: i, n_elements, n_entries
     n_elements = 0
     n_entries = 0
@@ -49,12 +44,10 @@ contains
 
   !> Adjacency of the nodes of a body: neighbours in ascending order, without the node itself.
   subroutine node_graph(mesh, start, neighbour)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     !> First neighbour of each node: there may be more neighbours than default integers count (n_nodes + 1).
     integer(int64), allocatable, intent(out) :: start(:)
-    !> Neighbours, one node after the other (start(n_nodes + 1) - 1).
-    integer, allocatable, intent(out) :: neighbour(:)
+    integer, allocatable, intent(out) :: neighbour(:)  !! Neighbours, one node after the other (start(n_nodes + 1) - 1).
     type(incidence_t) :: incidence
     type(number_set_t) :: around
     integer :: n, i
@@ -83,20 +76,13 @@ contains
 
   !> Append the elements of a block to the list of all elements.
   pure subroutine append(n, m, node, n_elements, n_entries, element_start, element_node)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of elements of the block.
-    integer, intent(in) :: m
-    !> Nodes of the elements (n, m).
-    integer, intent(in) :: node(n, m)
-    !> Number of elements in the list.
-    integer, intent(inout) :: n_elements
-    !> Number of nodes in the list.
-    integer, intent(inout) :: n_entries
-    !> First entry of each element in `element_node` (n_elements + 1).
-    integer, intent(inout) :: element_start(:)
-    !> Nodes of the elements, one element after the other (n_entries).
-    integer, intent(inout) :: element_node(:)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: m  !! Number of elements of the block.
+    integer, intent(in) :: node(n, m)  !! Nodes of the elements (n, m).
+    integer, intent(inout) :: n_elements  !! Number of elements in the list.
+    integer, intent(inout) :: n_entries  !! Number of nodes in the list.
+    integer, intent(inout) :: element_start(:)  !! First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(inout) :: element_node(:)  !! Nodes of the elements, one element after the other (n_entries).
     integer :: e
     do e = 1, m
       element_node(n_entries + 1:n_entries + n) = node(:, e)
@@ -108,16 +94,11 @@ contains
 
   !> List the elements of each node.
   pure subroutine elements_of_nodes(n, n_elements, element_start, element_node, first, node_element)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of elements.
-    integer, intent(in) :: n_elements
-    !> First entry of each element in `element_node` (n_elements + 1).
-    integer, intent(in) :: element_start(:)
-    !> Nodes of the elements, one element after the other (n_entries).
-    integer, intent(in) :: element_node(:)
-    !> First entry of each node in `node_element` (n + 2).
-    integer, allocatable, intent(out) :: first(:)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: n_elements  !! Number of elements.
+    integer, intent(in) :: element_start(:)  !! First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(in) :: element_node(:)  !! Nodes of the elements, one element after the other (n_entries).
+    integer, allocatable, intent(out) :: first(:)  !! First entry of each node in `node_element` (n + 2).
     !> Elements of the nodes, one node after the other (n_entries).
     integer, allocatable, intent(out) :: node_element(:)
     integer :: e, k
@@ -141,12 +122,9 @@ contains
 
   !> The neighbours of a node, behind the node itself, in any order.
   pure subroutine find_neighbours(i, incidence, around)
-    !> The node.
-    integer, intent(in) :: i
-    !> Incidence of nodes and elements.
-    type(incidence_t), intent(in) :: incidence
-    !> Gets the node and its neighbours.
-    type(number_set_t), intent(inout) :: around
+    integer, intent(in) :: i  !! The node.
+    type(incidence_t), intent(in) :: incidence  !! Incidence of nodes and elements.
+    type(number_set_t), intent(inout) :: around  !! Gets the node and its neighbours.
     integer :: k, p
     call around%clear()
     call around%add(i)
@@ -162,12 +140,9 @@ contains
   !> Sort the neighbours of all nodes: the transpose of a symmetric graph is the graph itself with sorted rows.
   !> Serial, but linear in the number of neighbours: faster than sorting each row on up to about four threads.
   pure subroutine sort_by_transposing(n, start, neighbour)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> First neighbour of each node (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> Neighbours of the nodes (start(n + 1) - 1).
-    integer, allocatable, intent(inout) :: neighbour(:)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer(int64), intent(in) :: start(n + 1)  !! First neighbour of each node (n + 1).
+    integer, allocatable, intent(inout) :: neighbour(:)  !! Neighbours of the nodes (start(n + 1) - 1).
     integer(int64), allocatable :: next(:)
     integer, allocatable :: sorted(:)
     integer(int64) :: k

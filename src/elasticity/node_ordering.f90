@@ -25,16 +25,11 @@ contains
 
   !> Order the nodes.
   subroutine fill_reducing_order(mesh, start, neighbour, order, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> First neighbour of each node, see `node_graph` (n_nodes + 1).
-    integer(int64), intent(in) :: start(:)
-    !> Neighbours of the nodes (start(n_nodes + 1) - 1).
-    integer, intent(in) :: neighbour(:)
-    !> Index of the k-th node of the elimination order (n_nodes).
-    integer, intent(out) :: order(:)
-    !> Allocated where METIS fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer(int64), intent(in) :: start(:)  !! First neighbour of each node, see `node_graph` (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes (start(n_nodes + 1) - 1).
+    integer, intent(out) :: order(:)  !! Index of the k-th node of the elimination order (n_nodes).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where METIS fails.
     integer, allocatable :: vertex(:), vertex_start(:), vertex_neighbour(:), vertex_order(:), position(:), first(:), &
       key(:)
     integer :: i
@@ -58,10 +53,8 @@ contains
 
   !> Number the vertices: the corners of all elements.
   pure subroutine number_vertices(mesh, vertex)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Vertex of each node, 0 for nodes that are no corners (n_nodes).
-    integer, intent(out) :: vertex(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(out) :: vertex(:)  !! Vertex of each node, 0 for nodes that are no corners (n_nodes).
     type(element_kind_t) :: kind
     integer :: b, i, n
     vertex = 0
@@ -81,18 +74,13 @@ contains
 
   !> Restrict a graph to the vertices.
   subroutine restrict_graph(vertex, start, neighbour, vertex_start, vertex_neighbour, error)
-    !> Vertex of each node, 0 for none (n_nodes).
-    integer, intent(in) :: vertex(:)
-    !> First neighbour of each node (n_nodes + 1).
-    integer(int64), intent(in) :: start(:)
-    !> Neighbours of the nodes (start(n_nodes + 1) - 1).
-    integer, intent(in) :: neighbour(:)
-    !> First neighbour of each vertex (n_vertices + 1).
-    integer, allocatable, intent(out) :: vertex_start(:)
+    integer, intent(in) :: vertex(:)  !! Vertex of each node, 0 for none (n_nodes).
+    integer(int64), intent(in) :: start(:)  !! First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes (start(n_nodes + 1) - 1).
+    integer, allocatable, intent(out) :: vertex_start(:)  !! First neighbour of each vertex (n_vertices + 1).
     !> Neighbours of the vertices (vertex_start(n_vertices + 1) - 1).
     integer, allocatable, intent(out) :: vertex_neighbour(:)
-    !> Allocated where METIS cannot count the neighbours.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where METIS cannot count the neighbours.
     integer, allocatable :: found(:)
     integer(int64) :: k
     integer :: i, n
@@ -122,16 +110,11 @@ contains
   !> before nodes inside faces, these before nodes on edges, each with distant last vertices first, and the vertex
   !> comes last.
   subroutine sort_keys(mesh, vertex, position, first, key)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Vertex of each node, 0 for none (n_nodes).
-    integer, intent(in) :: vertex(:)
-    !> Position of each vertex in the elimination order (n_vertices).
-    integer, intent(in) :: position(:)
-    !> Position of the first vertex (n_nodes).
-    integer, intent(out) :: first(:)
-    !> Key in ascending order among the nodes of one first vertex (n_nodes).
-    integer, intent(out) :: key(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: vertex(:)  !! Vertex of each node, 0 for none (n_nodes).
+    integer, intent(in) :: position(:)  !! Position of each vertex in the elimination order (n_vertices).
+    integer, intent(out) :: first(:)  !! Position of the first vertex (n_nodes).
+    integer, intent(out) :: key(:)  !! Key in ascending order among the nodes of one first vertex (n_nodes).
     type(element_kind_t) :: kind
     real(dp), allocatable :: xi(:, :), shape(:)
     integer, allocatable :: corner(:)

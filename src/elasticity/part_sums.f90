@@ -17,10 +17,8 @@ contains
 
   !> Product of two nodal vectors over the nodes that this rank computes.
   pure real(dp) function own_product(mesh, a, b) result(product)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Nodal vectors (dim, n_nodes) [any].
-    real(dp), intent(in) :: a(:, :), b(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: a(:, :), b(:, :)  !! Nodal vectors (dim, n_nodes) [any].
     integer :: i
     if (mesh%is_whole()) then
       product = sum(a*b)
@@ -34,27 +32,22 @@ contains
 
   !> Sums over a body of what the ranks have found at their nodes or elements.
   subroutine add_up_parts(mesh, value)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Those of this rank in, those of the body out (n) [any].
-    real(dp), intent(inout) :: value(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(inout) :: value(:)  !! Those of this rank in, those of the body out (n) [any].
     if (mesh%is_in_parts()) call add_up(value)
   end subroutine add_up_parts
 
   !> The greatest over a body of what the ranks have found at their nodes or elements.
   subroutine greatest_of_parts(mesh, value)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Those of this rank in, those of the body out (n) [any].
-    real(dp), intent(inout) :: value(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(inout) :: value(:)  !! Those of this rank in, those of the body out (n) [any].
     if (mesh%is_in_parts()) call greatest(value)
   end subroutine greatest_of_parts
 
   !> A matrix with the singular values and right singular vectors of the one that the rows of all ranks make: each rank
   !> gives as many rows as there are columns, at most.
   subroutine gather_rows(mesh, rows)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     !> Rows of this rank in, those of the body out; unchanged unless the body is in parts (any, n) [any].
     real(dp), allocatable, intent(inout) :: rows(:, :)
     type(error_t), allocatable :: error

@@ -8,18 +8,12 @@ module dotyk_elasticity_point_forces
   implicit none
   private
 
-  !> Forces on one body.
-  type, public :: point_forces_t
-    !> Number of forces.
-    integer :: n = 0
-    !> Element of each, in the order of the blocks (>= n).
-    integer, allocatable :: element(:)
-    !> Face of that element, 0 for its volume (>= n).
-    integer, allocatable :: face(:)
-    !> Reference coordinates in the element (dim, >= n) [].
-    real(dp), allocatable :: xi(:, :)
-    !> Forces (dim, >= n) [force].
-    real(dp), allocatable :: force(:, :)
+  type, public :: point_forces_t  !! Forces on one body.
+    integer :: n = 0  !! Number of forces.
+    integer, allocatable :: element(:)  !! Element of each, in the order of the blocks (>= n).
+    integer, allocatable :: face(:)  !! Face of that element, 0 for its volume (>= n).
+    real(dp), allocatable :: xi(:, :)  !! Reference coordinates in the element (dim, >= n) [].
+    real(dp), allocatable :: force(:, :)  !! Forces (dim, >= n) [force].
   contains
     procedure :: add => point_forces_add
     procedure :: by_element => point_forces_by_element
@@ -32,14 +26,10 @@ contains
   !> Add a force.
   pure subroutine point_forces_add(self, element, face, xi, force)
     class(point_forces_t), intent(inout) :: self
-    !> Element, in the order of the blocks.
-    integer, intent(in) :: element
-    !> Its face, 0 for its volume.
-    integer, intent(in) :: face
-    !> Reference coordinates (dim) [].
-    real(dp), intent(in) :: xi(:)
-    !> The force (dim) [force].
-    real(dp), intent(in) :: force(:)
+    integer, intent(in) :: element  !! Element, in the order of the blocks.
+    integer, intent(in) :: face  !! Its face, 0 for its volume.
+    real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
+    real(dp), intent(in) :: force(:)  !! The force (dim) [force].
     integer, allocatable :: wider(:)
     real(dp), allocatable :: table(:, :)
     integer :: room
@@ -68,8 +58,7 @@ contains
   !> Keep the forces on some elements.
   pure subroutine point_forces_hold(self, number)
     class(point_forces_t), intent(inout) :: self
-    !> New number of each element, 0 where it is not held (n_elements).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! New number of each element, 0 where it is not held (n_elements).
     integer, allocatable :: chosen(:)
     integer :: i
     if (self%n == 0) return
@@ -84,12 +73,9 @@ contains
   !> The forces of element e are those of indices order(first(e) : first(e + 1) - 1).
   pure subroutine point_forces_by_element(self, n_elements, first, order)
     class(point_forces_t), intent(in) :: self
-    !> Number of elements of the body.
-    integer, intent(in) :: n_elements
-    !> First entry of each element in `order` (n_elements + 1).
-    integer, allocatable, intent(out) :: first(:)
-    !> Forces, one element after the other (n).
-    integer, allocatable, intent(out) :: order(:)
+    integer, intent(in) :: n_elements  !! Number of elements of the body.
+    integer, allocatable, intent(out) :: first(:)  !! First entry of each element in `order` (n_elements + 1).
+    integer, allocatable, intent(out) :: order(:)  !! Forces, one element after the other (n).
     integer, allocatable :: next(:)
     integer :: i
     allocate (first(n_elements + 1), source=0)
@@ -113,8 +99,7 @@ contains
   !> Put the forces into a parcel, or take them out.
   subroutine point_forces_carry(self, parcel)
     class(point_forces_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%n)
     if (.not. parcel%is_read .and. self%n > 0) then
       ! Without room for more.

@@ -9,16 +9,11 @@ module dotyk_elasticity_point_stress
   implicit none
   private
 
-  !> The material of a body at points.
-  type, public :: point_material_t
-    !> Strains of the analysis.
-    type(energy_form_t) :: form
-    !> From strains to stresses (n_strains, n_strains) [pressure].
-    real(dp), allocatable :: stiffness(:, :)
-    !> Magnitude of the stiffness, to compare materials [pressure].
-    real(dp) :: size = 0
-    !> Number of gradient slots.
-    integer :: slots = 0
+  type, public :: point_material_t  !! The material of a body at points.
+    type(energy_form_t) :: form  !! Strains of the analysis.
+    real(dp), allocatable :: stiffness(:, :)  !! From strains to stresses (n_strains, n_strains) [pressure].
+    real(dp) :: size = 0  !! Magnitude of the stiffness, to compare materials [pressure].
+    integer :: slots = 0  !! Number of gradient slots.
     !> Stresses of bodies at rest at the nodes: of their temperatures, where the modulus factor is 1; none where not
     !> allocated (n_bodies, n_strains, n_nodes) [pressure].
     real(dp), allocatable :: thermal(:, :, :)
@@ -27,10 +22,8 @@ module dotyk_elasticity_point_stress
     !> Temperatures of the bodies at the nodes, for materials of which more varies than a factor; none where not
     !> allocated (n_bodies, n_nodes) [temperature].
     real(dp), allocatable :: temperature(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer :: analysis = 0
-    !> The material in space.
-    type(material_field_t) :: field
+    integer :: analysis = 0  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_field_t) :: field  !! The material in space.
   contains
     procedure :: init => point_material_init
   end type point_material_t
@@ -45,10 +38,8 @@ contains
   !> Create the material of an analysis; its field is set elsewhere.
   subroutine point_material_init(self, analysis, matrix)
     class(point_material_t), intent(inout) :: self
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Stiffness: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: matrix(6, 6)  !! Stiffness: from strains to stresses (6, 6) [pressure].
     integer :: k, n
     call self%form%init(analysis, matrix)
     self%analysis = analysis
@@ -67,44 +58,28 @@ contains
   !> Stresses at all points of a table.
   subroutine stresses_at(n, n_points, n_bodies, dim, n_strains, slots, material, points, node, all_x, all_u, at_faces, &
                          inverse, radius, w, modulus, stress, worst, error, matrix)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of points, with repetitions.
-    integer, intent(in) :: n_points
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of strains.
-    integer, intent(in) :: n_strains
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Material.
-    type(point_material_t), intent(in) :: material
-    !> Shape functions at the points.
-    type(point_shape_table_t), intent(in) :: points
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: all_x(dim, *)
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in) :: all_u(n_bodies, dim, *)
-    !> Whether the points are on faces: the modulus is that beside them.
-    logical, intent(in) :: at_faces
-    !> Inverse Jacobians (n_points, dim, dim) [1/length].
-    real(dp), intent(out) :: inverse(n_points, dim, dim)
-    !> Radius in axisymmetric analyses, 1 in others (n_points) [length].
-    real(dp), intent(out) :: radius(n_points)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: n_points  !! Number of points, with repetitions.
+    integer, intent(in) :: n_bodies  !! Number of bodies.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_strains  !! Number of strains.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    type(point_material_t), intent(in) :: material  !! Material.
+    type(point_shape_table_t), intent(in) :: points  !! Shape functions at the points.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
+    real(dp), intent(in) :: all_x(dim, *)  !! Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: all_u(n_bodies, dim, *)  !! Displacements (n_bodies, dim, n_nodes) [length].
+    logical, intent(in) :: at_faces  !! Whether the points are on faces: the modulus is that beside them.
+    real(dp), intent(out) :: inverse(n_points, dim, dim)  !! Inverse Jacobians (n_points, dim, dim) [1/length].
+    real(dp), intent(out) :: radius(n_points)  !! Radius in axisymmetric analyses, 1 in others (n_points) [length].
     !> Jacobian determinants by the weights of the points, 0 for repetitions (n_points) [volume].
     real(dp), intent(out) :: w(n_points)
-    !> Modulus factor (n_points) [].
-    real(dp), intent(out) :: modulus(n_points)
+    real(dp), intent(out) :: modulus(n_points)  !! Modulus factor (n_points) [].
     !> Stresses; 0 where the element is inverted at a point (n_points, n_strains, n_bodies) [pressure].
     real(dp), intent(out) :: stress(n_points, n_strains, n_bodies)
     !> Smallest determinant; where it is not positive `inverse` and `w` are undefined [volume].
     real(dp), intent(out) :: worst
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     !> Material at the points, by the factor: from strains to stresses (n_strains, n_strains, n_points) [pressure].
     real(dp), intent(out), optional :: matrix(n_strains, n_strains, n_points)
     type(point_constants_t) :: here

@@ -36,8 +36,7 @@ module dotyk_elasticity_projected_dilatation
   public :: unprojected_bulk_ratio, n_projection_functions, project_onto_functions, projection_functions
   public :: projected_dilatations, add_projected_stiffness, limit_projected_part
 
-  !> Largest number of projection functions on an element.
-  integer, parameter, public :: max_projection_functions = 4
+  integer, parameter, public :: max_projection_functions = 4  !! Largest number of projection functions on an element.
 
   !> Ratio of bulk to shear modulus that elements bear without locking: that of Poisson's ratio 0.4.
   real(dp), parameter :: locking_free_ratio = 14.0_dp/3
@@ -55,10 +54,8 @@ contains
 
   !> Part of the ratio of bulk to shear modulus that is not projected [].
   pure real(dp) function unprojected_bulk_ratio(kind, incompressibility) result(kept)
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Ratio of bulk to shear modulus of the material [].
-    real(dp), intent(in) :: incompressibility
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    real(dp), intent(in) :: incompressibility  !! Ratio of bulk to shear modulus of the material [].
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     if (properties%order == 1) then
@@ -74,10 +71,8 @@ contains
 
   !> Number of projection functions on an element.
   pure integer function n_projection_functions(kind, dimension) result(n)
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Number of coordinates.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    integer, intent(in) :: dimension  !! Number of coordinates.
     n = 1
     if (kind == element_quad9 .or. kind == element_hex27) n = 1 + dimension
   end function n_projection_functions
@@ -85,8 +80,7 @@ contains
   !> Limit the variation of the projected part of the bulk modulus within an element: the excess joins the unprojected
   !> part.
   pure subroutine limit_projected_part(n_points, bulk, matrix)
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
+    integer, intent(in) :: n_points  !! Number of quadrature points.
     !> Projected parts of the bulk modulus; 0 at all points on return where there is none at one (n_points) [pressure].
     real(dp), intent(inout) :: bulk(n_points)
     !> Unprojected parts of the material: from strains to stresses (6, 6, n_points) [pressure].
@@ -104,20 +98,13 @@ contains
   !> Evaluate the projection functions at the quadrature points of an element: orthonormal in the weighted sum over
   !> them.
   pure subroutine projection_functions(n, dim, n_points, n_functions, shape, x, w, value)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Shape functions (n, n_points) [].
-    real(dp), intent(in) :: shape(n, n_points)
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
-    !> Weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: shape(n, n_points)  !! Shape functions (n, n_points) [].
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
+    real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
     !> Values of the functions (n_points, n_functions) [1/sqrt(volume)].
     real(dp), intent(out) :: value(n_points, n_functions)
     integer :: j
@@ -130,16 +117,11 @@ contains
 
   !> Replace a function by its L2 projection onto the projection functions of an element.
   pure subroutine project_onto_functions(dim, n_points, n_functions, place, w, f)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Quadrature points (n_points, dim) [length].
-    real(dp), intent(in) :: place(n_points, dim)
-    !> Weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: place(n_points, dim)  !! Quadrature points (n_points, dim) [length].
+    real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
     !> Values of the function, replaced by those of its projection (n_points) [].
     real(dp), intent(inout) :: f(n_points)
     real(dp) :: value(n_points, n_functions)
@@ -153,12 +135,9 @@ contains
 
   !> Orthonormalize functions in the weighted sum over the points; the first one becomes constant.
   pure subroutine orthonormalize(n_points, n_functions, w, value)
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Weights (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: w(n_points)  !! Weights (n_points) [volume].
     !> Values of the functions, of which the first is set here (n_points, n_functions) [1/sqrt(volume)] on return.
     real(dp), intent(inout) :: value(n_points, n_functions)
     real(dp) :: length, before
@@ -183,20 +162,14 @@ contains
 
   !> Coefficients of the projected dilatation as linear forms of the nodal displacements.
   pure subroutine projected_dilatations(n, dim, slots, n_points, n_functions, g, w, value, d)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
     !> Gradients of the shape functions; third slot N/r in axisymmetric analyses (n, slots, n_points) [1/length].
     real(dp), intent(in) :: g(n, slots, n_points)
-    !> Weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
     !> Projection functions at the points (n_points, n_functions) [1/sqrt(volume)].
     real(dp), intent(in) :: value(n_points, n_functions)
     !> Coefficient of each function per nodal displacement (n, dim, n_functions) [sqrt(volume)/length].
@@ -215,14 +188,10 @@ contains
 
   !> Add the stiffness of the projected dilatation to an element stiffness.
   pure subroutine add_projected_stiffness(n, dim, n_functions, bulk, d, k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Projected part of the bulk modulus [pressure].
-    real(dp), intent(in) :: bulk
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
     !> Linear forms from `projected_dilatations` (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n, dim, n_functions)
     !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].

@@ -11,14 +11,10 @@ module dotyk_elasticity_recovery_patch
   !> weight: near nodes count more, up to a hundredfold.
   real(dp), parameter :: weight_floor = 0.01_dp
 
-  !> The nodes of a patch in scaled axes, in blocks of `lanes` nodes.
-  type, public :: recovery_patch_t
-    !> Nodes; the first one is the vertex.
-    type(number_set_t) :: nodes
-    !> Number of blocks.
-    integer :: n_blocks = 0
-    !> Scaled positions relative to the vertex (lanes, dim, >= n_blocks) [].
-    real(dp), allocatable :: t(:, :, :)
+  type, public :: recovery_patch_t  !! The nodes of a patch in scaled axes, in blocks of `lanes` nodes.
+    type(number_set_t) :: nodes  !! Nodes; the first one is the vertex.
+    integer :: n_blocks = 0  !! Number of blocks.
+    real(dp), allocatable :: t(:, :, :)  !! Scaled positions relative to the vertex (lanes, dim, >= n_blocks) [].
     !> Square roots of the weights of the least squares; 0 beyond the last node (lanes, >= n_blocks) [].
     real(dp), allocatable :: root_weight(:, :)
   contains
@@ -31,20 +27,13 @@ contains
 
   !> Add one ring: the nodes of all elements of the vertices of a patch.
   pure subroutine add_ring(start, node, first, element, vertex, inner, patch)
-    !> First entry of each element in `node` (n_elements + 1).
-    integer, intent(in) :: start(:)
-    !> Nodes of the elements, one element after the other (n_entries).
-    integer, intent(in) :: node(:)
-    !> First entry of each node in `element` (n_nodes + 1).
-    integer, intent(in) :: first(:)
-    !> Elements of the nodes, one node after the other (n_entries).
-    integer, intent(in) :: element(:)
-    !> Vertex of each node, 0 for none (n_nodes).
-    integer, intent(in) :: vertex(:)
-    !> Number of nodes whose elements are in the patch already.
-    integer, intent(inout) :: inner
-    !> Nodes of the patch.
-    type(number_set_t), intent(inout) :: patch
+    integer, intent(in) :: start(:)  !! First entry of each element in `node` (n_elements + 1).
+    integer, intent(in) :: node(:)  !! Nodes of the elements, one element after the other (n_entries).
+    integer, intent(in) :: first(:)  !! First entry of each node in `element` (n_nodes + 1).
+    integer, intent(in) :: element(:)  !! Elements of the nodes, one node after the other (n_entries).
+    integer, intent(in) :: vertex(:)  !! Vertex of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: inner  !! Number of nodes whose elements are in the patch already.
+    type(number_set_t), intent(inout) :: patch  !! Nodes of the patch.
     integer :: i, k, p, last, of
     last = patch%n
     do i = inner + 1, last
@@ -62,12 +51,9 @@ contains
   !> Take the positions of the nodes of the patch, and find its axes.
   subroutine recovery_patch_fill(self, dim, x, axes)
     class(recovery_patch_t), intent(inout) :: self
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: x(:, :)
-    !> Axes of the patch, as rows (dim, dim) [1/length].
-    real(dp), intent(out) :: axes(dim, dim)
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    real(dp), intent(in), contiguous :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(out) :: axes(dim, dim)  !! Axes of the patch, as rows (dim, dim) [1/length].
     self%n_blocks = (self%nodes%n + lanes - 1)/lanes
     if (allocated(self%t)) then
       if (size(self%root_weight, 2) < self%n_blocks) deallocate (self%t, self%root_weight)
@@ -82,18 +68,12 @@ contains
 
   !> Vectors at the nodes of a patch relative to that of the first node; zeros fill the last block.
   pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
-    !> Number of nodes of the patch.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of blocks.
-    integer, intent(in) :: n_blocks
-    !> Nodes of the patch (n).
-    integer, intent(in) :: node(n)
-    !> Vectors at the nodes of the body (dim, *) [length].
-    real(dp), intent(in) :: of_nodes(dim, *)
-    !> Relative vectors (lanes, dim, n_blocks) [length].
-    real(dp), intent(out) :: relative(lanes, dim, n_blocks)
+    integer, intent(in) :: n  !! Number of nodes of the patch.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_blocks  !! Number of blocks.
+    integer, intent(in) :: node(n)  !! Nodes of the patch (n).
+    real(dp), intent(in) :: of_nodes(dim, *)  !! Vectors at the nodes of the body (dim, *) [length].
+    real(dp), intent(out) :: relative(lanes, dim, n_blocks)  !! Relative vectors (lanes, dim, n_blocks) [length].
     real(dp) :: origin(dim)
     integer :: b, i, k, l
     origin = of_nodes(:, node(1))
@@ -113,14 +93,10 @@ contains
 
   !> Principal axes of a patch, scaled so that the mean squares of its nodes' coordinates are equal.
   subroutine own_axes(dim, n_blocks, x, axes)
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of blocks.
-    integer, intent(in) :: n_blocks
-    !> Nodes relative to the vertex (lanes, dim, n_blocks) [length].
-    real(dp), intent(in) :: x(lanes, dim, n_blocks)
-    !> Axes as rows (dim, dim) [1/length].
-    real(dp), intent(out) :: axes(dim, dim)
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_blocks  !! Number of blocks.
+    real(dp), intent(in) :: x(lanes, dim, n_blocks)  !! Nodes relative to the vertex (lanes, dim, n_blocks) [length].
+    real(dp), intent(out) :: axes(dim, dim)  !! Axes as rows (dim, dim) [1/length].
     real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), largest
     integer :: b, i, k
     total = 0
@@ -151,14 +127,10 @@ contains
   !> Eigenvalues and eigenvectors of a small symmetric matrix by Jacobi rotations: fewer operations than a call of
   !> LAPACK, always in the same order.
   pure subroutine diagonalize(n, a, vectors)
-    !> Order of the matrix.
-    integer, intent(in) :: n
-    !> The matrix; its eigenvalues on the diagonal on return (n, n) [any].
-    real(dp), intent(inout) :: a(n, n)
-    !> Eigenvectors as columns (n, n) [].
-    real(dp), intent(out) :: vectors(n, n)
-    !> Largest number of sweeps; three or four are enough.
-    integer, parameter :: sweeps = 12
+    integer, intent(in) :: n  !! Order of the matrix.
+    real(dp), intent(inout) :: a(n, n)  !! The matrix; its eigenvalues on the diagonal on return (n, n) [any].
+    real(dp), intent(out) :: vectors(n, n)  !! Eigenvectors as columns (n, n) [].
+    integer, parameter :: sweeps = 12  !! Largest number of sweeps; three or four are enough.
     !> Entries below this fraction of the diagonal are zero: the square of t must not overflow.
     real(dp), parameter :: negligible = 1.0e-100_dp
     !> Off-diagonal entries below this fraction of the diagonal do not change it.
@@ -202,18 +174,13 @@ contains
 
   !> Transform the nodes to axes in which none is farther from the vertex than 1, and weight them.
   pure subroutine to_axes(n, dim, n_blocks, axes, t, root_weight)
-    !> Number of nodes of the patch.
-    integer, intent(in) :: n
-    !> Number of coordinates.
-    integer, intent(in) :: dim
-    !> Number of blocks.
-    integer, intent(in) :: n_blocks
-    !> Axes of the patch, scaled on return (dim, dim) [1/length].
-    real(dp), intent(inout) :: axes(dim, dim)
+    integer, intent(in) :: n  !! Number of nodes of the patch.
+    integer, intent(in) :: dim  !! Number of coordinates.
+    integer, intent(in) :: n_blocks  !! Number of blocks.
+    real(dp), intent(inout) :: axes(dim, dim)  !! Axes of the patch, scaled on return (dim, dim) [1/length].
     !> Positions relative to the vertex [length], scaled on return [] (lanes, dim, n_blocks).
     real(dp), intent(inout) :: t(lanes, dim, n_blocks)
-    !> Square roots of the weights (lanes, n_blocks) [].
-    real(dp), intent(out) :: root_weight(lanes, n_blocks)
+    real(dp), intent(out) :: root_weight(lanes, n_blocks)  !! Square roots of the weights (lanes, n_blocks) [].
     real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
     integer :: b, i, k
     farthest = tiny(scale)

@@ -29,8 +29,7 @@ module dotyk_elasticity_residual_check
                                                       0.45_dp, 1.1_dp, 1.2_dp]
   !> Recovered strains count where they say at least this fraction of what the residual says [].
   real(dp), parameter :: least_fraction = 0.6_dp
-  !> They count up to this multiple of it [].
-  real(dp), parameter :: most_multiple = 1.6_dp
+  real(dp), parameter :: most_multiple = 1.6_dp  !! They count up to this multiple of it [].
 
   public :: check_by_residuals
 
@@ -39,28 +38,21 @@ contains
   !> Hold the squared errors of elements against their residuals. Bodies with a projected dilatation keep theirs.
   subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, face_room, &
                                 square, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Loads and held directions of the bodies.
-    type(residual_data_t), intent(in) :: data
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(residual_data_t), intent(in) :: data  !! Loads and held directions of the bodies.
     !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Elements of each body with smaller squared errors are left alone (n_bodies) [energy].
     real(dp), intent(in) :: least(:)
     !> Factors of elements: those that were kept are used, and others are kept where there is room (n_elements).
     type(bubble_factor_t), intent(inout) :: factor(:)
-    !> Memory for factors.
-    type(allowance_t), intent(inout) :: room
-    !> Memory for the tractions of faces, while this runs.
-    type(allowance_t), intent(inout) :: face_room
+    type(allowance_t), intent(inout) :: room  !! Memory for factors.
+    type(allowance_t), intent(inout) :: face_room  !! Memory for the tractions of faces, while this runs.
     !> Squared errors of the elements in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(inout) :: square(:, :)
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(point_material_t) :: point_material(size(material))
     type(bubble_table_t), allocatable :: table(:)
     type(simplex_bubbles_t), allocatable :: bubbles(:)
@@ -150,10 +142,8 @@ contains
 
   !> Hold one number against the other.
   pure subroutine hold(residual, recovered)
-    !> Squared error by the residual; none where it is 0 [energy].
-    real(dp), intent(in) :: residual
-    !> Squared error by recovered strains [energy].
-    real(dp), intent(inout) :: recovered
+    real(dp), intent(in) :: residual  !! Squared error by the residual; none where it is 0 [energy].
+    real(dp), intent(inout) :: recovered  !! Squared error by recovered strains [energy].
     if (.not. residual > 0) return
     if (recovered < least_fraction**2*residual) recovered = residual
     recovered = min(recovered, most_multiple**2*residual)

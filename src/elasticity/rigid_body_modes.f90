@@ -20,20 +20,14 @@ module dotyk_elasticity_rigid_body_modes
   implicit none
   private
 
-  !> Free rigid body modes of all connected components of a body.
-  type, public :: rigid_body_modes_t
-    !> Number of modes.
-    integer :: n = 0
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, private :: analysis = analysis_3d
-    !> Connected component that each mode moves (n).
-    integer, allocatable :: component(:)
+  type, public :: rigid_body_modes_t  !! Free rigid body modes of all connected components of a body.
+    integer :: n = 0  !! Number of modes.
+    integer, private :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
+    integer, allocatable :: component(:)  !! Connected component that each mode moves (n).
     !> Translation, and rotation times the radius of the component, about its centre (6, n) [].
     real(dp), allocatable, private :: coefficient(:, :)
-    !> Centre of each component (3, n_components) [length].
-    real(dp), allocatable, private :: centre(:, :)
-    !> Radius of each component (n_components) [length].
-    real(dp), allocatable, private :: radius(:)
+    real(dp), allocatable, private :: centre(:, :)  !! Centre of each component (3, n_components) [length].
+    real(dp), allocatable, private :: radius(:)  !! Radius of each component (n_components) [length].
     !> Text in front of the modes of each component (n_components).
     type(text_t), allocatable, private :: component_name(:)
   contains
@@ -50,20 +44,16 @@ module dotyk_elasticity_rigid_body_modes
 
   !> Modes whose amplitude is below this fraction of the largest one are rounding errors, and not described.
   real(dp), parameter :: least_fraction = 1.0e-9_dp
-  !> Motions that modes leave this fraction of are not free.
-  real(dp), parameter :: not_free = 1.0e-9_dp
+  real(dp), parameter :: not_free = 1.0e-9_dp  !! Motions that modes leave this fraction of are not free.
 
 contains
 
   !> Find the modes. All ranks find those of a body in parts together.
   subroutine rigid_body_modes_init(self, mesh, analysis, constraint, mode)
     class(rigid_body_modes_t), intent(out) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
     !> Nodal displacements in global axes, orthonormal in the Euclidean product over nodes and components, exactly
     !> zero along held unknowns (dim, n_nodes, n) [].
     real(dp), allocatable, intent(out) :: mode(:, :, :)
@@ -104,10 +94,8 @@ contains
   !> The modes of a congruent body.
   subroutine rigid_body_modes_move(self, mesh, placement)
     class(rigid_body_modes_t), intent(inout) :: self
-    !> Mesh of the congruent body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Rigid motion from the body of the modes to the congruent one.
-    type(placement_t), intent(in) :: placement
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the congruent body.
+    type(placement_t), intent(in) :: placement  !! Rigid motion from the body of the modes to the congruent one.
     integer, allocatable :: component(:)
     integer(int64) :: tag
     real(dp) :: x(mesh%dimension)
@@ -161,8 +149,7 @@ contains
   !> Combinations of the modes of a body of one component as motions of space.
   pure function rigid_body_modes_motions(self, amplitude) result(motion)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitudes as columns (n, n_motions) [length].
-    real(dp), intent(in) :: amplitude(:, :)
+    real(dp), intent(in) :: amplitude(:, :)  !! Amplitudes as columns (n, n_motions) [length].
     !> Translation of the origin, and rotation (6, n_motions) [length, radian].
     real(dp) :: motion(6, size(amplitude, 2))
     integer :: k
@@ -176,12 +163,9 @@ contains
   !> Motions of space as combinations of the modes of a body of one component.
   subroutine rigid_body_modes_amplitudes(self, motion, amplitude, are_free)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Translation of the origin, and rotation (6, n_motions) [length, radian].
-    real(dp), intent(in) :: motion(:, :)
-    !> Amplitudes as columns (n, n_motions) [length].
-    real(dp), allocatable, intent(out) :: amplitude(:, :)
-    !> Whether the modes of the body have all these motions.
-    logical, intent(out) :: are_free
+    real(dp), intent(in) :: motion(:, :)  !! Translation of the origin, and rotation (6, n_motions) [length, radian].
+    real(dp), allocatable, intent(out) :: amplitude(:, :)  !! Amplitudes as columns (n, n_motions) [length].
+    logical, intent(out) :: are_free  !! Whether the modes of the body have all these motions.
     type(error_t), allocatable :: error
     real(dp) :: about_centre(6, size(motion, 2)), a(6, self%n)
     integer :: k, rank
@@ -200,22 +184,14 @@ contains
 
   !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
   subroutine make_orthonormal(mesh, constraint, component, p, centre, radius, coefficient, mode)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Index of the component.
-    integer, intent(in) :: p
-    !> Centre of the component (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Radius of the component [length].
-    real(dp), intent(in) :: radius
-    !> Independent motions, orthonormal ones on return (6, n) [].
-    real(dp), intent(inout) :: coefficient(:, :)
-    !> Their nodal displacements (dim, n_nodes, n) [].
-    real(dp), intent(out) :: mode(:, :, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    integer, intent(in) :: p  !! Index of the component.
+    real(dp), intent(in) :: centre(3)  !! Centre of the component (3) [length].
+    real(dp), intent(in) :: radius  !! Radius of the component [length].
+    real(dp), intent(inout) :: coefficient(:, :)  !! Independent motions, orthonormal ones on return (6, n) [].
+    real(dp), intent(out) :: mode(:, :, :)  !! Their nodal displacements (dim, n_nodes, n) [].
     real(dp) :: product(size(coefficient, 2)), square(1)
     integer :: j, k, pass
     do j = 1, size(coefficient, 2)
@@ -241,22 +217,14 @@ contains
 
   !> Nodal displacements of a rigid motion of a component; other nodes do not move.
   pure subroutine evaluate(x, constraint, component, p, centre, radius, coefficient, mode)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Index of the component.
-    integer, intent(in) :: p
-    !> Centre of the component (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Radius of the component [length].
-    real(dp), intent(in) :: radius
-    !> The motion (6) [].
-    real(dp), intent(in) :: coefficient(:)
-    !> Nodal displacements (dim, n_nodes) [].
-    real(dp), intent(out) :: mode(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    integer, intent(in) :: p  !! Index of the component.
+    real(dp), intent(in) :: centre(3)  !! Centre of the component (3) [length].
+    real(dp), intent(in) :: radius  !! Radius of the component [length].
+    real(dp), intent(in) :: coefficient(:)  !! The motion (6) [].
+    real(dp), intent(out) :: mode(:, :)  !! Nodal displacements (dim, n_nodes) [].
     real(dp) :: u(size(x, 1))
     integer :: i
     do i = 1, size(x, 2)
@@ -275,8 +243,7 @@ contains
   !> Describe a combination of the modes, as in "translation along (0, 0, 1)"; empty for none.
   function rigid_body_modes_combination_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitude of each mode (n) [any].
-    real(dp), intent(in) :: amplitude(:)
+    real(dp), intent(in) :: amplitude(:)  !! Amplitude of each mode (n) [any].
     character(:), allocatable :: text
     character(:), allocatable :: motion
     real(dp) :: combined(6, 1), most
@@ -332,8 +299,7 @@ contains
   !> Put the modes into a parcel, or take them out.
   subroutine rigid_body_modes_carry(self, parcel)
     class(rigid_body_modes_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%n)
     call parcel%carry(self%analysis)
     call parcel%carry(self%component)

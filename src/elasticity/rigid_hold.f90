@@ -9,16 +9,11 @@ module dotyk_elasticity_rigid_hold
   implicit none
   private
 
-  !> How a rigid body is held.
-  type, public :: rigid_hold_t
-    !> Whether the body is rigid.
-    logical :: is_set = .false.
-    !> Whether each component of a and w is held (6).
-    logical :: held(6) = .false.
-    !> a and w along held components, 0 along others (6) [length, radian].
-    real(dp) :: motion(6) = 0
-    !> p (3) [length].
-    real(dp) :: point(3) = 0
+  type, public :: rigid_hold_t  !! How a rigid body is held.
+    logical :: is_set = .false.  !! Whether the body is rigid.
+    logical :: held(6) = .false.  !! Whether each component of a and w is held (6).
+    real(dp) :: motion(6) = 0  !! a and w along held components, 0 along others (6) [length, radian].
+    real(dp) :: point(3) = 0  !! p (3) [length].
   contains
     procedure :: displacement => rigid_hold_displacement
     procedure :: motion_of => rigid_hold_motion_of
@@ -32,8 +27,7 @@ contains
   !> Displacement of the held motions at a point (dim) [length].
   pure function rigid_hold_displacement(self, x) result(u)
     class(rigid_hold_t), intent(in) :: self
-    !> The point, two or three coordinates (dim) [length].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: x(:)  !! The point, two or three coordinates (dim) [length].
     real(dp) :: u(size(x)), arm(3), moved(3)
     arm = 0
     arm(:size(x)) = x - self%point(:size(x))
@@ -44,10 +38,8 @@ contains
   !> Motion of the body: a and w of its displacements, free components included (6) [length, radian].
   pure function rigid_hold_motion_of(self, x, u) result(motion)
     class(rigid_hold_t), intent(in) :: self
-    !> Its nodes (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Their displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Its nodes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)  !! Their displacements (dim, n_nodes) [length].
     real(dp) :: motion(6), centre(3), mean(3), arm(3), moved(3), inertia(3, 3), moment(3), cofactor(3, 3), determinant
     integer :: i, n
     n = size(x, 2)
@@ -87,16 +79,12 @@ contains
   !> by one: a null space of what is held would lose motions about a point far away to rounding.
   pure subroutine rigid_hold_free_motions(self, centre, radius, exists, free, n)
     class(rigid_hold_t), intent(in) :: self
-    !> Centre of the body (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Its radius [length].
-    real(dp), intent(in) :: radius
-    !> Motions that exist in the analysis (n_motions).
-    integer, intent(in) :: exists(:)
+    real(dp), intent(in) :: centre(3)  !! Centre of the body (3) [length].
+    real(dp), intent(in) :: radius  !! Its radius [length].
+    integer, intent(in) :: exists(:)  !! Motions that exist in the analysis (n_motions).
     !> Orthonormal motions in the first n columns: translation of the centre, and rotation times the radius (6, 6) [].
     real(dp), intent(out) :: free(6, 6)
-    !> Number of motions.
-    integer, intent(out) :: n
+    integer, intent(out) :: n  !! Number of motions.
     real(dp) :: axis(3)
     integer :: i, k, pass
     n = 0
@@ -135,8 +123,7 @@ contains
   !> Put it into a parcel, or take it out.
   subroutine rigid_hold_carry(self, parcel)
     class(rigid_hold_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     integer :: k
     call parcel%carry(self%is_set)
     do k = 1, 6

@@ -43,14 +43,10 @@ contains
   !> Number and description of the free rigid body modes of all connected components of a body. All ranks ask together
   !> for a body in parts.
   subroutine find_free_rigid_modes(mesh, analysis, constraint, n_free, text)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Number of independent free modes.
-    integer, intent(out) :: n_free
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    integer, intent(out) :: n_free  !! Number of independent free modes.
     !> Description, as in "translation along (0, 0, 1) and rotation about the axis (0, 1, 0) through (1, 0, 0)"; empty
     !> for none.
     character(:), allocatable, intent(out) :: text
@@ -76,18 +72,12 @@ contains
 
   !> The first node of a connected component in the order of the whole body.
   subroutine first_node(mesh, component, p, tag, x)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Index of the component.
-    integer, intent(in) :: p
-    !> Tag of the node in the file.
-    integer(int64), intent(out) :: tag
-    !> Its coordinates (dim) [length].
-    real(dp), intent(out) :: x(:)
-    !> Tags go in two halves: not all 64-bit integers are real numbers.
-    integer, parameter :: half = 32
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    integer, intent(in) :: p  !! Index of the component.
+    integer(int64), intent(out) :: tag  !! Tag of the node in the file.
+    real(dp), intent(out) :: x(:)  !! Its coordinates (dim) [length].
+    integer, parameter :: half = 32  !! Tags go in two halves: not all 64-bit integers are real numbers.
     real(dp) :: earliest(1), found(2 + size(x)), number
     integer :: i
     if (.not. mesh%is_in_parts()) then
@@ -114,14 +104,10 @@ contains
 
   !> Text in front of the modes of a connected component; empty where the body has only one.
   function component_text(p, n_components, tag, x) result(text)
-    !> Index of the component.
-    integer, intent(in) :: p
-    !> Number of connected components.
-    integer, intent(in) :: n_components
-    !> Tag of its first node in the file.
-    integer(int64), intent(in) :: tag
-    !> Coordinates of this node (dim) [length].
-    real(dp), intent(in) :: x(:)
+    integer, intent(in) :: p  !! Index of the component.
+    integer, intent(in) :: n_components  !! Number of connected components.
+    integer(int64), intent(in) :: tag  !! Tag of its first node in the file.
+    real(dp), intent(in) :: x(:)  !! Coordinates of this node (dim) [length].
     character(:), allocatable :: text
     text = ''
     if (n_components == 1) return
@@ -131,14 +117,10 @@ contains
 
   !> Displacement of a point in a rigid motion (dim) [unit of the motion].
   pure function rigid_displacement(motion, centre, radius, x) result(u)
-    !> Translation, and rotation times the radius, about the centre (6) [any].
-    real(dp), intent(in) :: motion(6)
-    !> Centre of the component (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Radius of the component [length].
-    real(dp), intent(in) :: radius
-    !> The point, two or three coordinates (dim) [length].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: motion(6)  !! Translation, and rotation times the radius, about the centre (6) [any].
+    real(dp), intent(in) :: centre(3)  !! Centre of the component (3) [length].
+    real(dp), intent(in) :: radius  !! Radius of the component [length].
+    real(dp), intent(in) :: x(:)  !! The point, two or three coordinates (dim) [length].
     real(dp) :: u(size(x)), arm(3), moved(3)
     arm = 0
     arm(:size(x)) = (x - centre(:size(x)))/radius
@@ -149,24 +131,16 @@ contains
   !> Rigid motions of a connected component that leave its held unknowns at rest. All ranks ask together for a body in
   !> parts.
   subroutine rigid_null_space(mesh, analysis, constraint, component, p, centre, radius, free, n)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Index of the component.
-    integer, intent(in) :: p
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    integer, intent(in) :: p  !! Index of the component.
     !> Centre of the bounding box of the component; the origin in axisymmetric analyses (3) [length].
     real(dp), intent(out) :: centre(3)
-    !> Half of the diagonal of this box [length].
-    real(dp), intent(out) :: radius
-    !> Orthonormal rigid body modes in the first n columns (6, 6) [].
-    real(dp), intent(out) :: free(6, 6)
-    !> Number of rigid body modes that the supports leave.
-    integer, intent(out) :: n
+    real(dp), intent(out) :: radius  !! Half of the diagonal of this box [length].
+    real(dp), intent(out) :: free(6, 6)  !! Orthonormal rigid body modes in the first n columns (6, 6) [].
+    integer, intent(out) :: n  !! Number of rigid body modes that the supports leave.
     type(error_t), allocatable :: error
     real(dp), allocatable :: held_displacement(:, :)
     real(dp) :: values(6), vectors(6, 6), low(3), high(3), limits(6), row(6), axis(3), arm(3), least
@@ -239,24 +213,15 @@ contains
 
   !> Add a row for each direction of a spring, at each of its points.
   subroutine add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, row)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> With the springs of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Index of the component.
-    integer, intent(in) :: p
-    !> Centre of the component (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Radius of the component [length].
-    real(dp), intent(in) :: radius
-    !> Motions that exist in the analysis (n).
-    integer, intent(in) :: exists(:)
-    !> Displacements in each motion, added to (n_rows, n) [].
-    real(dp), allocatable, intent(inout) :: row(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(constraint_t), intent(in) :: constraint  !! With the springs of the body.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    integer, intent(in) :: p  !! Index of the component.
+    real(dp), intent(in) :: centre(3)  !! Centre of the component (3) [length].
+    real(dp), intent(in) :: radius  !! Radius of the component [length].
+    integer, intent(in) :: exists(:)  !! Motions that exist in the analysis (n).
+    real(dp), allocatable, intent(inout) :: row(:, :)  !! Displacements in each motion, added to (n_rows, n) [].
     type(foundation_points_t) :: points
     real(dp), allocatable :: more(:, :)
     real(dp) :: axis(3), arm(3), all(6)
@@ -288,16 +253,11 @@ contains
 
   !> Describe a space of rigid motions.
   subroutine describe_rigid_motions(analysis, free, centre, radius, text, on_contact)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Independent motions (6, n) [].
-    real(dp), intent(in) :: free(:, :)
-    !> Centre of the component (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Radius of the component [length].
-    real(dp), intent(in) :: radius
-    !> Description.
-    character(:), allocatable, intent(out) :: text
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    real(dp), intent(in) :: free(:, :)  !! Independent motions (6, n) [].
+    real(dp), intent(in) :: centre(3)  !! Centre of the component (3) [length].
+    real(dp), intent(in) :: radius  !! Radius of the component [length].
+    character(:), allocatable, intent(out) :: text  !! Description.
     !> Whether the words are sliding, spin about an axis through the component, and rocking about another one.
     logical, intent(in), optional :: on_contact
     character(:), allocatable :: sliding
@@ -359,10 +319,8 @@ contains
   !> Gauss-Jordan elimination of the columns of a matrix, with the rows in a given order and the largest pivot first
   !> in each row.
   pure subroutine echelon(motion, rows)
-    !> Motions as columns; in echelon form on return (6, n) [].
-    real(dp), intent(inout) :: motion(:, :)
-    !> Order of the rows (6).
-    integer, intent(in) :: rows(:)
+    real(dp), intent(inout) :: motion(:, :)  !! Motions as columns; in echelon form on return (6, n) [].
+    integer, intent(in) :: rows(:)  !! Order of the rows (6).
     real(dp) :: column(size(motion, 1))
     integer :: r, j, k, next
     next = 1
@@ -385,10 +343,8 @@ contains
 
   !> Subtract free translations from rotations, so that their axes pass as near to the centre as possible.
   pure subroutine remove_translations(motion, n_rotations)
-    !> Motions as columns (6, n) [].
-    real(dp), intent(inout) :: motion(:, :)
-    !> Number of rotations, the first columns; the others are translations.
-    integer, intent(in) :: n_rotations
+    real(dp), intent(inout) :: motion(:, :)  !! Motions as columns (6, n) [].
+    integer, intent(in) :: n_rotations  !! Number of rotations, the first columns; the others are translations.
     real(dp) :: q(3, 3)
     integer :: i, j, n
     n = 0
@@ -409,8 +365,7 @@ contains
 
   !> A direction as a unit vector for messages, along a global axis rather than against it.
   pure function direction_text(vector) result(text)
-    !> The direction (dim) [any].
-    real(dp), intent(in) :: vector(:)
+    real(dp), intent(in) :: vector(:)  !! The direction (dim) [any].
     character(:), allocatable :: text
     real(dp) :: unit(size(vector))
     unit = vector/norm2(vector)

@@ -12,32 +12,22 @@ module dotyk_elasticity_shape_table
   implicit none
   private
 
-  !> Shape functions at the points of one quadrature rule.
-  type, public :: shape_table_t
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Number of coordinates.
-    integer :: dimension = 0
-    !> Number of points.
-    integer :: n_points = 0
-    !> Shape functions (n_nodes, n_points) [].
-    real(dp), allocatable :: shape(:, :)
+  type, public :: shape_table_t  !! Shape functions at the points of one quadrature rule.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: dimension = 0  !! Number of coordinates.
+    integer :: n_points = 0  !! Number of points.
+    real(dp), allocatable :: shape(:, :)  !! Shape functions (n_nodes, n_points) [].
     !> Derivatives by reference coordinates (n_nodes, dimension, n_points) [].
     real(dp), allocatable :: gradient(:, :, :)
-    !> Reference weights (n_points) [].
-    real(dp), allocatable :: weight(:)
+    real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
   contains
     procedure :: init => shape_table_init
   end type shape_table_t
 
-  !> The tables of one element kind.
-  type, public :: shape_table_pair_t
-    !> Table for straight elements, or for all where one serves both.
-    type(shape_table_t) :: straight
-    !> Table for curved elements; not set where one table serves both.
-    type(shape_table_t) :: curved
-    !> Whether there are two tables.
-    logical :: two = .false.
+  type, public :: shape_table_pair_t  !! The tables of one element kind.
+    type(shape_table_t) :: straight  !! Table for straight elements, or for all where one serves both.
+    type(shape_table_t) :: curved  !! Table for curved elements; not set where one table serves both.
+    logical :: two = .false.  !! Whether there are two tables.
     !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners) [].
     real(dp), allocatable :: corner_shape(:, :)
   contains
@@ -57,10 +47,8 @@ contains
   !> Evaluate the shape functions of an element kind at the points of a rule.
   subroutine shape_table_init(self, kind, degree)
     class(shape_table_t), intent(out) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Degree of the quadrature rule.
-    integer, intent(in) :: degree
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: degree  !! Degree of the quadrature rule.
     type(element_kind_t) :: properties
     real(dp), allocatable :: points(:, :), gradients(:, :)
     integer :: q
@@ -81,12 +69,9 @@ contains
   !> Tables for the stiffness of an element kind.
   subroutine shape_table_pair_init_stiffness(self, kind, analysis, varying)
     class(shape_table_pair_t), intent(out) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Whether the modulus varies within elements.
-    logical, intent(in) :: varying
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    logical, intent(in) :: varying  !! Whether the modulus varies within elements.
     type(element_kind_t) :: properties
     integer :: degree
     properties = element_kind(kind)
@@ -99,12 +84,9 @@ contains
   !> Tables for the nodal forces of a force density.
   subroutine shape_table_pair_init_load(self, kind, analysis, varying)
     class(shape_table_pair_t), intent(out) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Whether the force density varies.
-    logical, intent(in) :: varying
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    logical, intent(in) :: varying  !! Whether the force density varies.
     type(element_kind_t) :: properties
     integer :: degree
     properties = element_kind(kind)
@@ -118,16 +100,12 @@ contains
 
   !> Create both tables.
   subroutine init_tables(self, kind, properties, degree, curved_degree)
-    !> The tables.
     class(shape_table_pair_t), intent(inout) :: self
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
     !> Degree of quadrature on straight elements, and on all elements that are no simplices.
     integer, intent(in) :: degree
-    !> Degree of quadrature on curved simplices.
-    integer, intent(in) :: curved_degree
+    integer, intent(in) :: curved_degree  !! Degree of quadrature on curved simplices.
     real(dp), allocatable :: xi(:, :)
     integer :: i
     call self%straight%init(kind, degree)
@@ -144,12 +122,9 @@ contains
 
   !> Degree of the quadrature of the stiffness: exact on straight elements with a constant material.
   pure integer function stiffness_degree(corner_kind, order, analysis) result(degree)
-    !> Linear kind of the same family.
-    integer, intent(in) :: corner_kind
-    !> Order of the element.
-    integer, intent(in) :: order
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
+    integer, intent(in) :: corner_kind  !! Linear kind of the same family.
+    integer, intent(in) :: order  !! Order of the element.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     if (is_simplex(corner_kind)) then
       degree = 2*(order - 1)
       ! The radius and N^2/r.
@@ -164,15 +139,13 @@ contains
 
   !> Whether the reference element is a simplex.
   pure logical function is_simplex(corner_kind)
-    !> Linear kind of the family.
-    integer, intent(in) :: corner_kind
+    integer, intent(in) :: corner_kind  !! Linear kind of the family.
     is_simplex = corner_kind == element_tri3 .or. corner_kind == element_tet4
   end function is_simplex
 
   !> Degree of the quadrature of loads on elements or facets.
   pure integer function load_degree(order) result(degree)
-    !> Order of the element or facet.
-    integer, intent(in) :: order
+    integer, intent(in) :: order  !! Order of the element or facet.
     ! Shape function, Jacobian of a curved element, and two or more degrees for the load.
     degree = merge(6, 4, order == 2)
   end function load_degree
@@ -180,8 +153,7 @@ contains
   !> Whether an element is curved and needs the second table.
   pure logical function shape_table_pair_is_curved(self, x) result(is_curved)
     class(shape_table_pair_t), intent(in) :: self
-    !> Nodes of the element (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the element (dim, n_nodes) [length].
     real(dp) :: size_squared, deviation_squared, middle
     integer :: i, k, corners, c
     is_curved = .false.
@@ -206,26 +178,17 @@ contains
 
   !> Gradients of the shape functions in space and quadrature weights of one element.
   pure subroutine map_element(n, dim, slots, n_points, shape, gradient, weight, x, g, w, worst)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of coordinates, 2 or 3.
-    integer, intent(in) :: dim
-    !> Gradient slots: `dim`, or 3 with `dim` 2 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Shape functions (n, n_points) [].
-    real(dp), intent(in) :: shape(n, n_points)
-    !> Derivatives by reference coordinates (n, dim, n_points) [].
-    real(dp), intent(in) :: gradient(n, dim, n_points)
-    !> Reference weights (n_points) [].
-    real(dp), intent(in) :: weight(n_points)
-    !> Nodes (dim, n) [length].
-    real(dp), intent(in) :: x(dim, n)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of coordinates, 2 or 3.
+    integer, intent(in) :: slots  !! Gradient slots: `dim`, or 3 with `dim` 2 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    real(dp), intent(in) :: shape(n, n_points)  !! Shape functions (n, n_points) [].
+    real(dp), intent(in) :: gradient(n, dim, n_points)  !! Derivatives by reference coordinates (n, dim, n_points) [].
+    real(dp), intent(in) :: weight(n_points)  !! Reference weights (n_points) [].
+    real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
     !> Gradients of the shape functions; third slot N/r in axisymmetric analyses (n, slots, n_points) [1/length].
     real(dp), intent(out) :: g(n, slots, n_points)
-    !> Quadrature weights (n_points) [volume].
-    real(dp), intent(out) :: w(n_points)
+    real(dp), intent(out) :: w(n_points)  !! Quadrature weights (n_points) [volume].
     !> Smallest Jacobian determinant, or radius in axisymmetric analyses; where it is not positive g and w are
     !> undefined [volume].
     real(dp), intent(out) :: worst
@@ -278,14 +241,10 @@ contains
 
   !> Determinant and inverse of a small matrix; of a singular one, the adjugate.
   pure subroutine invert(dim, matrix, inverse, determinant)
-    !> Order of the matrix, 2 or 3.
-    integer, intent(in) :: dim
-    !> The matrix (dim, dim) [length].
-    real(dp), intent(in) :: matrix(dim, dim)
-    !> The inverse (dim, dim) [1/length].
-    real(dp), intent(out) :: inverse(dim, dim)
-    !> The determinant [volume].
-    real(dp), intent(out) :: determinant
+    integer, intent(in) :: dim  !! Order of the matrix, 2 or 3.
+    real(dp), intent(in) :: matrix(dim, dim)  !! The matrix (dim, dim) [length].
+    real(dp), intent(out) :: inverse(dim, dim)  !! The inverse (dim, dim) [1/length].
+    real(dp), intent(out) :: determinant  !! The determinant [volume].
     if (dim == 2) then
       inverse(1, 1) = matrix(2, 2)
       inverse(2, 1) = -matrix(2, 1)

@@ -19,8 +19,7 @@ contains
   !> Shortest edge of the brick with the moments of a body; of the section in plane and axisymmetric analyses; 0 where
   !> its elements have no volume [length].
   real(dp) function shortest_extent(mesh) result(extent)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     if (mesh%is_whole()) then
       call find_extent(mesh, sum(mesh%x, dim=2)/mesh%n_nodes(), extent)
     else
@@ -54,12 +53,9 @@ contains
 
   !> Shortest edge of the brick with the moments of the own elements of all ranks.
   subroutine find_extent(mesh, origin, extent)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> A point in its middle, the same on all ranks (dimension) [length].
-    real(dp), intent(in) :: origin(:)
-    !> As in `shortest_extent` [length].
-    real(dp), intent(out) :: extent
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: origin(:)  !! A point in its middle, the same on all ranks (dimension) [length].
+    real(dp), intent(out) :: extent  !! As in `shortest_extent` [length].
     type(error_t), allocatable :: error
     real(dp), dimension(mesh%dimension) :: first, values
     real(dp), dimension(mesh%dimension, mesh%dimension) :: second, axes
@@ -91,20 +87,13 @@ contains
 
   !> Add the moments of the own elements of one block.
   subroutine add_block(mesh, i_block, before, origin, volume, first, second)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Number of elements of the blocks before it.
-    integer, intent(in) :: before
-    !> Point that the moments are about (dimension) [length].
-    real(dp), intent(in) :: origin(:)
-    !> Volume, added to [volume].
-    real(dp), intent(inout) :: volume
-    !> First moments, added to (dimension) [volume length].
-    real(dp), intent(inout) :: first(:)
-    !> Second moments, added to (dimension, dimension) [volume length^2].
-    real(dp), intent(inout) :: second(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: before  !! Number of elements of the blocks before it.
+    real(dp), intent(in) :: origin(:)  !! Point that the moments are about (dimension) [length].
+    real(dp), intent(inout) :: volume  !! Volume, added to [volume].
+    real(dp), intent(inout) :: first(:)  !! First moments, added to (dimension) [volume length].
+    real(dp), intent(inout) :: second(:, :)  !! Second moments, added to (dimension, dimension) [volume length^2].
     type(shape_table_pair_t) :: tables
     real(dp), allocatable :: x(:, :), g(:), w(:)
     integer :: e, n, most_points
@@ -128,8 +117,7 @@ contains
 
     !> Add the moments of the current element; one that is inverted counts nothing.
     subroutine add_element(table)
-      !> Shape functions at the points of the rule.
-      type(shape_table_t), intent(in) :: table
+      type(shape_table_t), intent(in) :: table  !! Shape functions at the points of the rule.
       real(dp) :: worst, position(size(x, 1))
       integer :: q, k
       call map_element(n, size(x, 1), size(x, 1), table%n_points, table%shape, table%gradient, table%weight, x, g, w, &

@@ -11,14 +11,11 @@ module dotyk_elasticity_sparsity_pattern
   !> Positions of the nodal blocks. Node b has the greater neighbours neighbour(first(b) : first(b + 1) - 1),
   !> ascending.
   type, public :: block_positions_t
-    !> First greater neighbour of each node (n_nodes + 1).
-    integer(int64), allocatable :: first(:)
-    !> Greater neighbours, one node after the other (first(n_nodes + 1) - 1).
-    integer, allocatable :: neighbour(:)
+    integer(int64), allocatable :: first(:)  !! First greater neighbour of each node (n_nodes + 1).
+    integer, allocatable :: neighbour(:)  !! Greater neighbours, one node after the other (first(n_nodes + 1) - 1).
     !> Number of rows between the diagonal block of a node and its block with the neighbour (first(n_nodes + 1) - 1).
     integer, allocatable :: offset(:)
-    !> Number of equations of each node (n_nodes).
-    integer, allocatable :: n_free(:)
+    integer, allocatable :: n_free(:)  !! Number of equations of each node (n_nodes).
   end type block_positions_t
 
   public :: build_pattern, scatter
@@ -27,18 +24,12 @@ contains
 
   !> Pattern of the lower triangle of a matrix over the equations of the nodes of a graph.
   subroutine build_pattern(dim, equation, start, neighbour, positions, matrix)
-    !> Number of components of a node.
-    integer, intent(in) :: dim
-    !> Equations by nodes, ascending, 0 for none (dim, n_nodes).
-    integer, intent(in), contiguous :: equation(:, :)
-    !> First neighbour of each node, see `node_graph` (n_nodes + 1).
-    integer(int64), intent(in) :: start(:)
-    !> Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
-    integer, intent(in) :: neighbour(:)
-    !> Positions of the nodal blocks.
-    type(block_positions_t), intent(out) :: positions
-    !> The matrix, with zeros as values [force/length].
-    type(sparse_symmetric_t), intent(inout) :: matrix
+    integer, intent(in) :: dim  !! Number of components of a node.
+    integer, intent(in), contiguous :: equation(:, :)  !! Equations by nodes, ascending, 0 for none (dim, n_nodes).
+    integer(int64), intent(in) :: start(:)  !! First neighbour of each node, see `node_graph` (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
+    type(block_positions_t), intent(out) :: positions  !! Positions of the nodal blocks.
+    type(sparse_symmetric_t), intent(inout) :: matrix  !! The matrix, with zeros as values [force/length].
     integer, allocatable :: rows(:)
     integer(int64) :: k, last
     integer :: n, b
@@ -83,14 +74,10 @@ contains
 
   !> Starts of the columns.
   pure subroutine start_columns(n, n_free, rows, column_start)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of equations of each node (n).
-    integer, intent(in) :: n_free(n)
-    !> Number of equations of the greater neighbours of each node (n).
-    integer, intent(in) :: rows(n)
-    !> First entry of each column, 0-based (n_equations + 1).
-    integer(int64), intent(out) :: column_start(:)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: n_free(n)  !! Number of equations of each node (n).
+    integer, intent(in) :: rows(n)  !! Number of equations of the greater neighbours of each node (n).
+    integer(int64), intent(out) :: column_start(:)  !! First entry of each column, 0-based (n_equations + 1).
     integer :: b, k, column
     column = 0
     column_start(1) = 0
@@ -104,24 +91,15 @@ contains
 
   !> Rows of the columns of a node, and zeros as values.
   pure subroutine fill_rows(b, n, dim, equation, first, neighbour, column_start, row, value)
-    !> The node.
-    integer, intent(in) :: b
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Equations by nodes, 0 for none (dim, n).
-    integer, intent(in) :: equation(dim, n)
-    !> First greater neighbour of each node (n + 1).
-    integer(int64), intent(in) :: first(:)
-    !> Greater neighbours (first(n + 1) - 1).
-    integer, intent(in) :: neighbour(:)
-    !> First entry of each column, 0-based (n_equations + 1).
-    integer(int64), intent(in) :: column_start(:)
-    !> Row of each entry, 0-based (n_entries).
-    integer(int64), intent(inout) :: row(:)
-    !> Value of each entry (n_entries) [force/length].
-    real(dp), intent(inout) :: value(:)
+    integer, intent(in) :: b  !! The node.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: equation(dim, n)  !! Equations by nodes, 0 for none (dim, n).
+    integer(int64), intent(in) :: first(:)  !! First greater neighbour of each node (n + 1).
+    integer, intent(in) :: neighbour(:)  !! Greater neighbours (first(n + 1) - 1).
+    integer(int64), intent(in) :: column_start(:)  !! First entry of each column, 0-based (n_equations + 1).
+    integer(int64), intent(inout) :: row(:)  !! Row of each entry, 0-based (n_entries).
+    real(dp), intent(inout) :: value(:)  !! Value of each entry (n_entries) [force/length].
     integer(int64) :: last, diagonal, next, source, k
     integer :: i, j, column
     diagonal = 0
@@ -159,34 +137,22 @@ contains
   !> Add an element stiffness to the matrix.
   pure subroutine scatter(n, dim, n_nodes, node, k, part, owner, equation, n_free, first, neighbour, offset, &
                           column_start, value)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of nodes of the body.
-    integer, intent(in) :: n_nodes
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the body.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
     !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> Index of the part, see `element_partition_t`.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the part, see `element_partition_t`.
     !> Part that owns each node (n_nodes); columns of nodes of other parts are left to their owners.
     integer, intent(in) :: owner(n_nodes)
-    !> Equations by nodes, 0 for none (dim, n_nodes).
-    integer, intent(in) :: equation(dim, n_nodes)
-    !> Number of equations of each node (n_nodes).
-    integer, intent(in) :: n_free(n_nodes)
-    !> First greater neighbour of each node (n_nodes + 1).
-    integer(int64), intent(in) :: first(n_nodes + 1)
-    !> Greater neighbours, see `block_positions_t` (n_blocks).
-    integer, intent(in) :: neighbour(*)
-    !> Row offsets of the blocks, see `block_positions_t` (n_blocks).
-    integer, intent(in) :: offset(*)
-    !> First entry of each column, 0-based (n_equations + 1).
-    integer(int64), intent(in) :: column_start(*)
-    !> Values of the matrix (n_entries) [force/length].
-    real(dp), intent(inout) :: value(*)
+    integer, intent(in) :: equation(dim, n_nodes)  !! Equations by nodes, 0 for none (dim, n_nodes).
+    integer, intent(in) :: n_free(n_nodes)  !! Number of equations of each node (n_nodes).
+    integer(int64), intent(in) :: first(n_nodes + 1)  !! First greater neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: neighbour(*)  !! Greater neighbours, see `block_positions_t` (n_blocks).
+    integer, intent(in) :: offset(*)  !! Row offsets of the blocks, see `block_positions_t` (n_blocks).
+    integer(int64), intent(in) :: column_start(*)  !! First entry of each column, 0-based (n_equations + 1).
+    real(dp), intent(inout) :: value(*)  !! Values of the matrix (n_entries) [force/length].
     integer :: order(n), ia, ib, a, b, i, j, rank
     integer(int64) :: base(dim), position, p
     call sort_nodes(n, node, order)
@@ -236,12 +202,9 @@ contains
 
   !> Order of the nodes of an element by their numbers: insertion sort of at most 27 numbers in the innermost kernel.
   pure subroutine sort_nodes(n, node, order)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
-    !> Local index of the k-th node (n).
-    integer, intent(out) :: order(n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
+    integer, intent(out) :: order(n)  !! Local index of the k-th node (n).
     integer :: i, k
     do i = 1, n
       k = i

@@ -12,16 +12,11 @@ contains
 
   !> Number the nodes along the curve. Equations keep their numbers.
   subroutine order_nodes(mesh, constraint, ordered_mesh, ordered_constraint, order)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Equations, prescribed displacements and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> The mesh with its nodes in the new order.
-    type(body_mesh_t), intent(out) :: ordered_mesh
-    !> The constraint with its nodes in the new order.
-    type(constraint_t), intent(out) :: ordered_constraint
-    !> Node of the body that each of them is (n_nodes).
-    integer, allocatable, intent(out) :: order(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    type(body_mesh_t), intent(out) :: ordered_mesh  !! The mesh with its nodes in the new order.
+    type(constraint_t), intent(out) :: ordered_constraint  !! The constraint with its nodes in the new order.
+    integer, allocatable, intent(out) :: order(:)  !! Node of the body that each of them is (n_nodes).
     integer, allocatable :: number(:)
     integer :: i, e, b
     allocate (order(mesh%n_nodes()), number(mesh%n_nodes()))

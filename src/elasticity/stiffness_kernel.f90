@@ -13,16 +13,12 @@ contains
 
   !> Products of gradients, summed over the points: the blocks of M on and below the diagonal.
   pure subroutine gradient_products(n, slots, n_points, g, w, products)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
     !> Gradients, node and slot in one index (n*slots, n_points) [1/length].
     real(dp), intent(in) :: g(n*slots, n_points)
-    !> Quadrature weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    real(dp), intent(in) :: w(n_points)  !! Quadrature weights times the modulus field (n_points) [volume].
     !> M; blocks above the diagonal are not set (n*slots, n*slots) [length^(dim-2)].
     real(dp), intent(out) :: products(n*slots, n*slots)
     integer :: first, last, column, row, q
@@ -53,14 +49,10 @@ contains
 
   !> Stiffness of an isotropic element in three dimensions.
   pure subroutine stiffness_isotropic(n, lambda, mu, m, k)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Lame's first parameter [pressure].
-    real(dp), intent(in) :: lambda
-    !> Shear modulus [pressure].
-    real(dp), intent(in) :: mu
-    !> Products of gradients from `gradient_products` (n, 3, n, 3) [length].
-    real(dp), intent(in) :: m(n, 3, n, 3)
+    integer, intent(in) :: n  !! Number of nodes.
+    real(dp), intent(in) :: lambda  !! Lame's first parameter [pressure].
+    real(dp), intent(in) :: mu  !! Shear modulus [pressure].
+    real(dp), intent(in) :: m(n, 3, n, 3)  !! Products of gradients from `gradient_products` (n, 3, n, 3) [length].
     !> Element stiffness: node a, node b, component i, component j (n, n, 3, 3) [force/length].
     real(dp), intent(out) :: k(n, n, 3, 3)
     integer :: i, j, a, b
@@ -94,16 +86,11 @@ contains
 
   !> Stiffness of an element of any material in any analysis.
   pure subroutine stiffness_general(n, dim, slots, strain, material, m, k)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Strain index of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: strain(dim, slots)
-    !> Material matrix: from strains to stresses (6, 6) [pressure].
-    real(dp), intent(in) :: material(6, 6)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    integer, intent(in) :: strain(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
+    real(dp), intent(in) :: material(6, 6)  !! Material matrix: from strains to stresses (6, 6) [pressure].
     !> Products of gradients from `gradient_products`; blocks above the diagonal are set on return
     !> (n, slots, n, slots) [length^(dim-2)].
     real(dp), intent(inout) :: m(n, slots, n, slots)
@@ -143,22 +130,15 @@ contains
 
   !> Stiffness of an element whose material matrix differs from point to point.
   pure subroutine stiffness_varying(n, dim, slots, n_points, strain, material, g, w, k)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of gradient slots.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Strain index of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: strain(dim, slots)
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: slots  !! Number of gradient slots.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    integer, intent(in) :: strain(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
     !> Material matrices: from strains to stresses (6, 6, n_points) [pressure].
     real(dp), intent(in) :: material(6, 6, n_points)
-    !> Gradients of the shape functions (n, slots, n_points) [1/length].
-    real(dp), intent(in) :: g(n, slots, n_points)
-    !> Quadrature weights times the factor of the matrices (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
+    real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
+    real(dp), intent(in) :: w(n_points)  !! Quadrature weights times the factor of the matrices (n_points) [volume].
     !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(out) :: k(n, n, dim, dim)
     real(dp) :: b(n, 6, dim), stress(6, n, dim)
@@ -187,16 +167,11 @@ contains
 
   !> Rotate the unknowns of nodes into their local axes: K_ab <- R_a^T K_ab R_b.
   pure subroutine rotate_blocks(n, dim, n_frames, frame_of, frame, k)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of sets of axes.
-    integer, intent(in) :: n_frames
-    !> Local axes of each node of the element, 0 for the global axes (n).
-    integer, intent(in) :: frame_of(n)
-    !> Axes as columns (dim, dim, n_frames) [].
-    real(dp), intent(in) :: frame(dim, dim, n_frames)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: n_frames  !! Number of sets of axes.
+    integer, intent(in) :: frame_of(n)  !! Local axes of each node of the element, 0 for the global axes (n).
+    real(dp), intent(in) :: frame(dim, dim, n_frames)  !! Axes as columns (dim, dim, n_frames) [].
     !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(inout) :: k(n, n, dim, dim)
     real(dp) :: line(n, dim)

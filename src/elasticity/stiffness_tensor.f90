@@ -23,12 +23,9 @@ contains
 
   !> Orthonormal right-handed axes from two directions.
   subroutine material_axes(axis_1, axis_2, axes, error)
-    !> Direction of axis 1, of any length (3) [any].
-    real(dp), intent(in) :: axis_1(3)
-    !> A direction in the plane of axes 1 and 2 (3) [any].
-    real(dp), intent(in) :: axis_2(3)
-    !> Unit vectors along axes 1, 2, 3, as columns (3, 3) [].
-    real(dp), intent(out) :: axes(3, 3)
+    real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [any].
+    real(dp), intent(in) :: axis_2(3)  !! A direction in the plane of axes 1 and 2 (3) [any].
+    real(dp), intent(out) :: axes(3, 3)  !! Unit vectors along axes 1, 2, 3, as columns (3, 3) [].
     !> Allocated where a direction is zero, or where both are parallel.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: length_1, length_2, rest(3)
@@ -53,10 +50,8 @@ contains
 
   !> A 6 by 6 matrix with rows and columns multiplied by weights (6, 6) [any].
   pure function scale_components(matrix, weight) result(product)
-    !> The matrix (6, 6) [any].
-    real(dp), intent(in) :: matrix(6, 6)
-    !> Weight of each row and column (6) [].
-    real(dp), intent(in) :: weight(6)
+    real(dp), intent(in) :: matrix(6, 6)  !! The matrix (6, 6) [any].
+    real(dp), intent(in) :: weight(6)  !! Weight of each row and column (6) [].
     real(dp) :: product(6, 6)
     integer :: i, j
     do j = 1, 6
@@ -68,12 +63,10 @@ contains
 
   !> Inverse of a positive definite stiffness or compliance.
   subroutine invert_stiffness(matrix, weight, inverse, error)
-    !> Stiffness (6, 6) [pressure] or compliance [1/pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    real(dp), intent(in) :: matrix(6, 6)  !! Stiffness (6, 6) [pressure] or compliance [1/pressure].
     !> Weights of Kelvin's notation: `kelvin` for a stiffness, its reciprocal for a compliance (6) [].
     real(dp), intent(in) :: weight(6)
-    !> The inverse (6, 6) [1/pressure] or [pressure].
-    real(dp), intent(out) :: inverse(6, 6)
+    real(dp), intent(out) :: inverse(6, 6)  !! The inverse (6, 6) [1/pressure] or [pressure].
     !> Allocated where the matrix is not positive definite; names the least eigenvalue of the inverse, a stiffness.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(6), vectors(6, 6)
@@ -102,12 +95,9 @@ contains
 
   !> Transform a stiffness from its own axes to global axes (Bond's transformation).
   pure function rotate_stiffness(stiffness, axes) result(rotated)
-    !> Stiffness in its own axes (6, 6) [pressure].
-    real(dp), intent(in) :: stiffness(6, 6)
-    !> These axes as columns, orthonormal (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Stiffness in global axes (6, 6) [pressure].
-    real(dp) :: rotated(6, 6)
+    real(dp), intent(in) :: stiffness(6, 6)  !! Stiffness in its own axes (6, 6) [pressure].
+    real(dp), intent(in) :: axes(3, 3)  !! These axes as columns, orthonormal (3, 3) [].
+    real(dp) :: rotated(6, 6)  !! Stiffness in global axes (6, 6) [pressure].
     real(dp) :: bond(6, 6)
     bond = bond_matrix(axes)
     rotated = matmul(bond, matmul(stiffness, transpose(bond)))
@@ -116,12 +106,9 @@ contains
 
   !> Transform a stress from its own axes to global axes.
   pure function rotate_stress(stress, axes) result(rotated)
-    !> Stress in its own axes, order xx yy zz yz xz xy (6) [pressure].
-    real(dp), intent(in) :: stress(6)
-    !> These axes as columns, orthonormal (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Stress in global axes (6) [pressure].
-    real(dp) :: rotated(6)
+    real(dp), intent(in) :: stress(6)  !! Stress in its own axes, order xx yy zz yz xz xy (6) [pressure].
+    real(dp), intent(in) :: axes(3, 3)  !! These axes as columns, orthonormal (3, 3) [].
+    real(dp) :: rotated(6)  !! Stress in global axes (6) [pressure].
     real(dp) :: bond(6, 6)
     bond = bond_matrix(axes)
     rotated = matmul(bond, stress)
@@ -129,12 +116,9 @@ contains
 
   !> Transform a strain from its own axes to global axes; the work of stress on strain stays the same.
   pure function rotate_strain(strain, axes) result(rotated)
-    !> Strain in its own axes, order xx yy zz yz xz xy, engineering shear (6) [any].
-    real(dp), intent(in) :: strain(6)
-    !> These axes as columns, orthonormal (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Strain in global axes (6) [any].
-    real(dp) :: rotated(6)
+    real(dp), intent(in) :: strain(6)  !! Strain in its own axes, order xx yy zz yz xz xy, engineering shear (6) [any].
+    real(dp), intent(in) :: axes(3, 3)  !! These axes as columns, orthonormal (3, 3) [].
+    real(dp) :: rotated(6)  !! Strain in global axes (6) [any].
     real(dp) :: bond(6, 6)
     bond = bond_matrix(transpose(axes))
     rotated = matmul(transpose(bond), strain)
@@ -142,8 +126,7 @@ contains
 
   !> Bond's matrix, which transforms the six components of a stress from its own axes to global axes (6, 6) [].
   pure function bond_matrix(axes) result(bond)
-    !> These axes as columns, orthonormal (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
+    real(dp), intent(in) :: axes(3, 3)  !! These axes as columns, orthonormal (3, 3) [].
     real(dp) :: bond(6, 6)
     integer :: row, column, i, j, a, b
     do column = 1, 6

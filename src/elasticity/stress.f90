@@ -20,8 +20,7 @@ contains
   subroutine element_stress(body, u, stress, energy)
     !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
     !> Strain energy; of the own elements where the rank holds a part of the body [energy].
@@ -56,10 +55,8 @@ contains
 
     !> Smooth the pressures in one of several materials.
     subroutine smooth_some(material, part)
-      !> The material.
-      type(material_t), intent(in) :: material
-      !> Its elements.
-      type(body_mesh_t), intent(in) :: part
+      type(material_t), intent(in) :: material  !! The material.
+      type(body_mesh_t), intent(in) :: part  !! Its elements.
       real(dp) :: of_part(6, size(own))
       of_part = stress(:, own)
       call smooth_pressures(part, body%analysis, material, u, factor(own), of_part, thermal)
@@ -69,8 +66,7 @@ contains
 
   !> Equivalent stress of von Mises [pressure].
   pure real(dp) function von_mises(stress)
-    !> Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
-    real(dp), intent(in) :: stress(6)
+    real(dp), intent(in) :: stress(6)  !! Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
     von_mises = sqrt(0.5_dp*((stress(1) - stress(2))**2 + (stress(2) - stress(3))**2 + (stress(3) - stress(1))**2) + &
                      3*(stress(4)**2 + stress(5)**2 + stress(6)**2))
   end function von_mises

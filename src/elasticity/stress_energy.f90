@@ -17,16 +17,11 @@ contains
   !> Mean stress of each element, and the strain energy.
   subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor, volume, &
                                  initial)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
-    real(dp), intent(out) :: stress(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(out) :: stress(:, :)  !! Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
     !> Strain energy A(u,u)/2, whatever the initial state; of the own elements where the rank holds a part of the body
     !> [energy].
     real(dp), intent(out) :: energy
@@ -34,8 +29,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Mean of the modulus field over each element (n_elements) [].
     real(dp), intent(out), optional :: mean_modulus_factor(:)
-    !> Volume of each element (n_elements) [volume].
-    real(dp), intent(out), optional :: volume(:)
+    real(dp), intent(out), optional :: volume(:)  !! Volume of each element (n_elements) [volume].
     !> Temperature and initial stress, which have a part in the stress; none where absent.
     type(initial_state_t), intent(in), optional :: initial
     type(initial_state_t) :: state
@@ -65,26 +59,17 @@ contains
   !> Evaluate the elements of one block, distributed over the threads.
   subroutine evaluate_block(mesh, i_block, analysis, material, state, u, stress, energy, mean_modulus_factor, volume, &
                             error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Mean stresses of the elements of the block (6, n_elements) [pressure].
-    real(dp), intent(inout) :: stress(:, :)
-    !> Strain energies of the elements of the block (n_elements) [energy].
-    real(dp), intent(inout) :: energy(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(inout) :: stress(:, :)  !! Mean stresses of the elements of the block (6, n_elements) [pressure].
+    real(dp), intent(inout) :: energy(:)  !! Strain energies of the elements of the block (n_elements) [energy].
     !> Mean of the modulus field over each element of the block (n_elements) [].
     real(dp), intent(inout) :: mean_modulus_factor(:)
-    !> Volumes of the elements of the block (n_elements) [volume].
-    real(dp), intent(inout) :: volume(:)
+    real(dp), intent(inout) :: volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
@@ -108,30 +93,19 @@ contains
   !> Evaluate a range of elements of a block.
   subroutine evaluate_elements(mesh, i_block, analysis, material, state, u, first, last, stress, energy, &
                                mean_modulus_factor, element_volume, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Index of the element block.
-    integer, intent(in) :: i_block
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Materials of the body (n_materials).
-    type(material_t), intent(in) :: material(:)
-    !> Temperature and initial stress.
-    type(initial_state_t), intent(in) :: state
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> First element.
-    integer, intent(in) :: first
-    !> Last element.
-    integer, intent(in) :: last
-    !> Mean stresses of the elements of the block (6, n_elements) [pressure].
-    real(dp), intent(inout) :: stress(:, :)
-    !> Strain energies of the elements of the block (n_elements) [energy].
-    real(dp), intent(inout) :: energy(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: i_block  !! Index of the element block.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    integer, intent(in) :: first  !! First element.
+    integer, intent(in) :: last  !! Last element.
+    real(dp), intent(inout) :: stress(:, :)  !! Mean stresses of the elements of the block (6, n_elements) [pressure].
+    real(dp), intent(inout) :: energy(:)  !! Strain energies of the elements of the block (n_elements) [energy].
     !> Mean of the modulus field over each element of the block (n_elements) [].
     real(dp), intent(inout) :: mean_modulus_factor(:)
-    !> Volumes of the elements of the block (n_elements) [volume].
-    real(dp), intent(inout) :: element_volume(:)
+    real(dp), intent(inout) :: element_volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
@@ -164,32 +138,20 @@ contains
   !> Mean stress of an element, and its energy.
   pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, n_matrices, matrix, u, &
                                         stress, energy)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: slots
-    !> Number of quadrature points.
-    integer, intent(in) :: n_points
-    !> Gradients of the shape functions (n, slots, n_points) [1/length].
-    real(dp), intent(in) :: g(n, slots, n_points)
-    !> Quadrature weights (n_points) [volume].
-    real(dp), intent(in) :: w(n_points)
-    !> Weights times the modulus field (n_points) [volume].
-    real(dp), intent(in) :: stiffness(n_points)
-    !> Strain index of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: strain_of(dim, slots)
-    !> Number of matrices: 1, or one for each point.
-    integer, intent(in) :: n_matrices
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: n_points  !! Number of quadrature points.
+    real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
+    real(dp), intent(in) :: w(n_points)  !! Quadrature weights (n_points) [volume].
+    real(dp), intent(in) :: stiffness(n_points)  !! Weights times the modulus field (n_points) [volume].
+    integer, intent(in) :: strain_of(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
+    integer, intent(in) :: n_matrices  !! Number of matrices: 1, or one for each point.
     !> Unprojected part of the material: from strains to stresses (6, 6, n_matrices) [pressure].
     real(dp), intent(in) :: matrix(6, 6, n_matrices)
-    !> Displacements (dim, n) [length].
-    real(dp), intent(in) :: u(dim, n)
-    !> Mean stress (6) [pressure].
-    real(dp), intent(out) :: stress(6)
-    !> Strain energy [energy].
-    real(dp), intent(out) :: energy
+    real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
+    real(dp), intent(out) :: stress(6)  !! Mean stress (6) [pressure].
+    real(dp), intent(out) :: energy  !! Strain energy [energy].
     real(dp) :: strain(6), total(6), slope
     integer :: q, i, s, a
     total = 0
@@ -215,22 +177,16 @@ contains
 
   !> Add the energy of the projected dilatation.
   pure subroutine dilatation_energy(n, dim, n_functions, bulk, d, u, amplitude, energy)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of displacement components, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of projection functions.
-    integer, intent(in) :: n_functions
-    !> Projected part of the bulk modulus [pressure].
-    real(dp), intent(in) :: bulk
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
+    integer, intent(in) :: n_functions  !! Number of projection functions.
+    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
     !> Linear forms from `projected_dilatations` (n*dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n*dim, n_functions)
-    !> Displacements (dim, n) [length].
-    real(dp), intent(in) :: u(dim, n)
+    real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
     !> Coefficients of the projection functions (n_functions) [sqrt(volume)].
     real(dp), intent(out) :: amplitude(n_functions)
-    !> Strain energy, added to [energy].
-    real(dp), intent(inout) :: energy
+    real(dp), intent(inout) :: energy  !! Strain energy, added to [energy].
     amplitude = matmul(reshape(transpose(u), [n*dim]), d)
     energy = energy + 0.5_dp*bulk*sum(amplitude**2)
   end subroutine dilatation_energy

@@ -25,12 +25,9 @@ contains
 
   !> Whether the greater part of the dilatation of a kind of quadratic elements is projected on a constant.
   logical function has_constant_dilatation(kind, analysis, material) result(is_constant)
-    !> Element kind: one of the `element_*` constants.
-    integer, intent(in) :: kind
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material of the elements.
-    type(material_t), intent(in) :: material
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the elements.
     type(element_kind_t) :: properties
     real(dp) :: matrix(6, 6), lambda, bulk
     properties = element_kind(kind)
@@ -42,18 +39,12 @@ contains
 
   !> Take the stresses of the fit at the nodes of such elements, but where there are too few elements for it.
   subroutine take_stress_of_means(mesh, analysis, material, u, mean, is_meant, stress)
-    !> Elements of one material, and all nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The material.
-    type(material_t), intent(in) :: material
-    !> Displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Mean stresses of the elements (6, n_elements) [pressure].
-    real(dp), intent(in) :: mean(:, :)
-    !> Nodes whose stress is that of this material (n_nodes).
-    logical, intent(in) :: is_meant(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of one material, and all nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! The material.
+    real(dp), intent(in) :: u(:, :)  !! Displacements (dim, n_nodes) [length].
+    real(dp), intent(in) :: mean(:, :)  !! Mean stresses of the elements (6, n_elements) [pressure].
+    logical, intent(in) :: is_meant(:)  !! Nodes whose stress is that of this material (n_nodes).
     !> Stresses in the order of the means; those of some nodes change (6, n_nodes) [pressure].
     real(dp), intent(inout) :: stress(:, :)
     type(dilatation_fit_t) :: fit(6)
@@ -94,8 +85,7 @@ contains
 
     !> Whether the elements around a vertex determine linear functions.
     pure logical function is_linear(vertex)
-      !> The node.
-      integer, intent(in) :: vertex
+      integer, intent(in) :: vertex  !! The node.
       integer :: k
       is_linear = any([(any(abs(fit(k)%coefficient(2:, vertex)) > 0), k=1, 6)])
     end function is_linear

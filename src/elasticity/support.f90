@@ -22,16 +22,11 @@ module dotyk_elasticity_support
   implicit none
   private
 
-  !> One support.
-  type, public :: support_t
-    !> The surface.
-    type(surface_t) :: surface
-    !> Line of the input, for messages; 0: unknown.
-    integer :: line = 0
-    !> Directions of prescribed displacements.
-    type(directions_t) :: fix
-    !> Prescribed displacement (3) [length].
-    real(dp) :: value(3) = 0
+  type, public :: support_t  !! One support.
+    type(surface_t) :: surface  !! The surface.
+    integer :: line = 0  !! Line of the input, for messages; 0: unknown.
+    type(directions_t) :: fix  !! Directions of prescribed displacements.
+    real(dp) :: value(3) = 0  !! Prescribed displacement (3) [length].
     !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
   end type support_t
@@ -53,14 +48,10 @@ contains
   !> surface, or of surfaces with the same `fix`, that are within 20 degrees are averaged; others count separately. In
   !> axisymmetric analyses nodes on the axis have no radial displacement.
   subroutine collect_supports(mesh, analysis, supports, constraint, error, directions)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Supports of the body (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> Equations, prescribed displacements and nodal axes.
-    type(constraint_t), intent(out) :: constraint
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(support_t), intent(in) :: supports(:)  !! Supports of the body (n_supports).
+    type(constraint_t), intent(out) :: constraint  !! Equations, prescribed displacements and nodal axes.
     !> Allocated where a formula does not parse or has no value at a node, or where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
     !> Directions of the prescribed displacements, for reactions.
@@ -105,20 +96,13 @@ contains
 
   !> Add the Dirichlet conditions of a support in global axes at the nodes of its surface.
   subroutine add_global_conditions(x, surface, s, fixed, field, conditions, error)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Surface of the support.
-    type(surface_t), intent(in) :: surface
-    !> Index of the support.
-    integer, intent(in) :: s
-    !> Whether the displacements along x, y, z are prescribed (3).
-    logical, intent(in) :: fixed(3)
-    !> Prescribed displacement [length].
-    type(vector_field_t), intent(in) :: field
-    !> Dirichlet conditions, added to.
-    type(nodal_vector_list_t), intent(inout) :: conditions
-    !> Allocated where a formula has no value at a node.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface of the support.
+    integer, intent(in) :: s  !! Index of the support.
+    logical, intent(in) :: fixed(3)  !! Whether the displacements along x, y, z are prescribed (3).
+    type(vector_field_t), intent(in) :: field  !! Prescribed displacement [length].
+    type(nodal_vector_list_t), intent(inout) :: conditions  !! Dirichlet conditions, added to.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value at a node.
     integer, allocatable :: nodes(:)
     real(dp) :: value(3), axis(size(x, 1))
     integer :: i, k
@@ -137,16 +121,11 @@ contains
 
   !> Add the Dirichlet conditions of supports in axes of their surfaces, face by face.
   subroutine add_local_conditions(x, supports, fields, faces, conditions, error)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Supports of the body (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> Prescribed displacements (n_supports) [length].
-    type(vector_field_t), intent(in) :: fields(:)
-    !> Normals of the facets at the nodes.
-    type(nodal_vector_list_t), intent(in) :: faces
-    !> Dirichlet conditions, added to.
-    type(nodal_vector_list_t), intent(inout) :: conditions
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    type(support_t), intent(in) :: supports(:)  !! Supports of the body (n_supports).
+    type(vector_field_t), intent(in) :: fields(:)  !! Prescribed displacements (n_supports) [length].
+    type(nodal_vector_list_t), intent(in) :: faces  !! Normals of the facets at the nodes.
+    type(nodal_vector_list_t), intent(inout) :: conditions  !! Dirichlet conditions, added to.
     !> Allocated where a formula has no value at a node; names the surface.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: first(:), order(:), signature(:), group(:)
@@ -184,22 +163,14 @@ contains
 
   !> Add the Dirichlet conditions of one support at a node on one smooth face.
   subroutine add_face_conditions(x, node, normal, s, fixed, field, conditions, error)
-    !> Position of the node (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The node.
-    integer, intent(in) :: node
-    !> Unit normal of the face (dim) [].
-    real(dp), intent(in) :: normal(:)
-    !> Index of the support.
-    integer, intent(in) :: s
-    !> Whether the displacements along xi, eta, n are prescribed (3).
-    logical, intent(in) :: fixed(3)
-    !> Prescribed displacement along xi, eta, n [length].
-    type(vector_field_t), intent(in) :: field
-    !> Dirichlet conditions, added to.
-    type(nodal_vector_list_t), intent(inout) :: conditions
-    !> Allocated where a formula has no value at the node.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(:)  !! Position of the node (dim) [length].
+    integer, intent(in) :: node  !! The node.
+    real(dp), intent(in) :: normal(:)  !! Unit normal of the face (dim) [].
+    integer, intent(in) :: s  !! Index of the support.
+    logical, intent(in) :: fixed(3)  !! Whether the displacements along xi, eta, n are prescribed (3).
+    type(vector_field_t), intent(in) :: field  !! Prescribed displacement along xi, eta, n [length].
+    type(nodal_vector_list_t), intent(inout) :: conditions  !! Dirichlet conditions, added to.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value at the node.
     real(dp) :: value(3), frame(size(x), size(x))
     call field%evaluate(x, value, error)
     if (allocated(error)) return
@@ -211,10 +182,8 @@ contains
 
   !> Add the conditions of symmetry: nodes on the axis of an axisymmetric body have no radial displacement.
   subroutine add_axis_conditions(x, conditions)
-    !> Nodes of the body (2, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Dirichlet conditions, added to.
-    type(nodal_vector_list_t), intent(inout) :: conditions
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (2, n_nodes) [length].
+    type(nodal_vector_list_t), intent(inout) :: conditions  !! Dirichlet conditions, added to.
     real(dp) :: body_size
     integer :: i
     body_size = max(maxval(abs(x(1, :))), maxval(x(2, :)) - minval(x(2, :)))
@@ -225,16 +194,11 @@ contains
 
   !> Combine the conditions node by node to nodal axes and prescribed displacements.
   subroutine apply_conditions(mesh, supports, conditions, constraint, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Supports of the body, for messages (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> Dirichlet conditions.
-    type(nodal_vector_list_t), intent(in) :: conditions
-    !> Equations, prescribed displacements and nodal axes.
-    type(constraint_t), intent(inout) :: constraint
-    !> Allocated where supports contradict each other.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(support_t), intent(in) :: supports(:)  !! Supports of the body, for messages (n_supports).
+    type(nodal_vector_list_t), intent(in) :: conditions  !! Dirichlet conditions.
+    type(constraint_t), intent(inout) :: constraint  !! Equations, prescribed displacements and nodal axes.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where supports contradict each other.
     type(node_axes_t) :: axes
     integer, allocatable :: first(:), order(:)
     real(dp), allocatable :: frame(:, :, :), direction(:, :), value(:)
@@ -272,18 +236,13 @@ contains
 
   !> Create the error of supports that contradict each other at a node.
   subroutine contradiction_error(mesh, supports, node, source, axes, direction, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Supports of the body (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> The node.
-    integer, intent(in) :: node
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(support_t), intent(in) :: supports(:)  !! Supports of the body (n_supports).
+    integer, intent(in) :: node  !! The node.
     !> Supports of the conditions at the node that are not perpendicular to this one; 0 for the axis of symmetry (n).
     integer, intent(in) :: source(:)
-    !> Nodal axes with the contradicting condition.
-    type(node_axes_t), intent(in) :: axes
-    !> Direction of this condition (dim) [].
-    real(dp), intent(in) :: direction(:)
+    type(node_axes_t), intent(in) :: axes  !! Nodal axes with the contradicting condition.
+    real(dp), intent(in) :: direction(:)  !! Direction of this condition (dim) [].
     !> Allocated on return; names node, surfaces, direction and both displacements.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: names, name

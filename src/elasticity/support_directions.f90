@@ -15,16 +15,12 @@ module dotyk_elasticity_support_directions
   implicit none
   private
 
-  !> Conditions of all supports of a body, by nodes.
-  type, public :: support_directions_t
+  type, public :: support_directions_t  !! Conditions of all supports of a body, by nodes.
     !> Surface of each support; of size 0 or not allocated without supports (n_supports).
     type(text_t), allocatable :: place(:)
-    !> Node of each condition, ascending (n).
-    integer, allocatable :: node(:)
-    !> Support of each condition, 0 for the axis of symmetry (n).
-    integer, allocatable :: source(:)
-    !> Directions of the prescribed displacements (dim, n) [].
-    real(dp), allocatable :: direction(:, :)
+    integer, allocatable :: node(:)  !! Node of each condition, ascending (n).
+    integer, allocatable :: source(:)  !! Support of each condition, 0 for the axis of symmetry (n).
+    real(dp), allocatable :: direction(:, :)  !! Directions of the prescribed displacements (dim, n) [].
   contains
     procedure :: init => directions_init
     procedure :: n_supports => directions_n_supports
@@ -44,12 +40,9 @@ contains
   !> Take the conditions of all supports.
   subroutine directions_init(self, place, conditions, n_nodes)
     class(support_directions_t), intent(out) :: self
-    !> Surface of each support (n_supports).
-    type(text_t), intent(in) :: place(:)
-    !> Dirichlet conditions; source 0 is the axis of symmetry.
-    type(nodal_vector_list_t), intent(in) :: conditions
-    !> Number of nodes.
-    integer, intent(in) :: n_nodes
+    type(text_t), intent(in) :: place(:)  !! Surface of each support (n_supports).
+    type(nodal_vector_list_t), intent(in) :: conditions  !! Dirichlet conditions; source 0 is the axis of symmetry.
+    integer, intent(in) :: n_nodes  !! Number of nodes.
     integer, allocatable :: first(:), order(:)
     call conditions%by_node(n_nodes, first, order)
     self%place = place
@@ -85,10 +78,8 @@ contains
   !> Forces and moments of the supports on the body, over the nodes that this rank computes.
   subroutine directions_add_up_reactions(self, mesh, reaction, sums)
     class(support_directions_t), intent(in) :: self
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Reactions at the nodes (dim, n_nodes) [force].
-    real(dp), intent(in) :: reaction(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    real(dp), intent(in) :: reaction(:, :)  !! Reactions at the nodes (dim, n_nodes) [force].
     !> Force and moment about the origin of each support (6, n_supports) [force, force length].
     real(dp), intent(out) :: sums(:, :)
     real(dp), allocatable :: part(:)
@@ -124,10 +115,8 @@ contains
 
   !> Forces along directions with the sum r and the least sum of squares (n) [force].
   function divide_force(direction, r) result(part)
-    !> Unit vectors (dim, n) [].
-    real(dp), intent(in) :: direction(:, :)
-    !> Force in their span (dim) [force].
-    real(dp), intent(in) :: r(:)
+    real(dp), intent(in) :: direction(:, :)  !! Unit vectors (dim, n) [].
+    real(dp), intent(in) :: r(:)  !! Force in their span (dim) [force].
     real(dp), allocatable :: part(:)
     type(error_t), allocatable :: failed
     real(dp) :: values(size(r)), vectors(size(r), size(r)), inverse(size(r))
@@ -140,10 +129,8 @@ contains
 
   !> A force and its moment about the origin (6) [force, force length].
   pure function wrench(x, force)
-    !> Where it acts (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The force (dim) [force].
-    real(dp), intent(in) :: force(:)
+    real(dp), intent(in) :: x(:)  !! Where it acts (dim) [length].
+    real(dp), intent(in) :: force(:)  !! The force (dim) [force].
     real(dp) :: wrench(6)
     real(dp) :: p(3), f(3)
     p = 0
@@ -156,8 +143,7 @@ contains
   !> Put the conditions into a parcel, or take them out.
   subroutine directions_carry(self, parcel)
     class(support_directions_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%place)
     call parcel%carry(self%node)
     call parcel%carry(self%source)

@@ -18,16 +18,11 @@ contains
 
   !> Forces of the supports on the body at its nodes; 0 at nodes without, and at those of other ranks.
   subroutine find_reactions(body, u, contact_node, contact_force, reaction, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Contact nodes (n_contact_nodes).
-    integer, intent(in) :: contact_node(:)
-    !> Contact forces on them (dim, n_contact_nodes) [force].
-    real(dp), intent(in) :: contact_force(:, :)
-    !> In global axes (dim, n_nodes) [force].
-    real(dp), allocatable, intent(out) :: reaction(:, :)
+    type(body_t), intent(in) :: body  !! The body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    integer, intent(in) :: contact_node(:)  !! Contact nodes (n_contact_nodes).
+    real(dp), intent(in) :: contact_force(:, :)  !! Contact forces on them (dim, n_contact_nodes) [force].
+    real(dp), allocatable, intent(out) :: reaction(:, :)  !! In global axes (dim, n_nodes) [force].
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: next_to
@@ -57,12 +52,9 @@ contains
 
   !> Keep the components of a force along prescribed displacements: along free ones it is the residual of the solution.
   pure subroutine keep_prescribed(constraint, node, force)
-    !> Equations and nodal axes.
-    type(constraint_t), intent(in) :: constraint
-    !> The node.
-    integer, intent(in) :: node
-    !> Force in global axes (dim) [force].
-    real(dp), intent(inout) :: force(:)
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes.
+    integer, intent(in) :: node  !! The node.
+    real(dp), intent(inout) :: force(:)  !! Force in global axes (dim) [force].
     associate (equation => constraint%equation(:, node), k => constraint%frame_of(node))
       if (k > 0) force = matmul(force, constraint%frame(:, :, k))
       where (equation /= held) force = 0

@@ -31,20 +31,14 @@ contains
 
   !> Traction of a total load.
   subroutine spread_total_load(mesh, analysis, surface, force, moment, point, traction, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(surface_t), intent(in) :: surface  !! The surface.
     !> F; in axisymmetric analyses along the axis, on the full circumference (3) [force].
     real(dp), intent(in) :: force(3)
-    !> M; 0 in axisymmetric analyses (3) [force length].
-    real(dp), intent(in) :: moment(3)
-    !> p; the centroid where not allocated (3) [length].
-    real(dp), allocatable, intent(in) :: point(:)
-    !> The traction [pressure].
-    type(vector_field_t), intent(inout) :: traction
+    real(dp), intent(in) :: moment(3)  !! M; 0 in axisymmetric analyses (3) [force length].
+    real(dp), allocatable, intent(in) :: point(:)  !! p; the centroid where not allocated (3) [length].
+    type(vector_field_t), intent(inout) :: traction  !! The traction [pressure].
     !> Allocated where such a load has no meaning, or the surface cannot take it.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: area, centre(3), second(3, 3), about_centre(3), spin(3), values(3), axes(3, 3), inverse(3)
@@ -83,18 +77,12 @@ contains
 
   !> Area, centroid and second moments J of a surface.
   subroutine area_moments(mesh, axisymmetric, surface, area, centre, second)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Whether areas are those of the full circumference.
-    logical, intent(in) :: axisymmetric
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Area [length^2; length in plane analyses].
-    real(dp), intent(out) :: area
-    !> Centroid (3) [length].
-    real(dp), intent(out) :: centre(3)
-    !> J about the centroid (3, 3) [area length^2].
-    real(dp), intent(out) :: second(3, 3)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    logical, intent(in) :: axisymmetric  !! Whether areas are those of the full circumference.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(out) :: area  !! Area [length^2; length in plane analyses].
+    real(dp), intent(out) :: centre(3)  !! Centroid (3) [length].
+    real(dp), intent(out) :: second(3, 3)  !! J about the centroid (3, 3) [area length^2].
     real(dp), allocatable :: xi(:, :), weight(:)
     type(element_kind_t) :: kind
     real(dp) :: x(mesh%dimension), normal(mesh%dimension), r(3), w

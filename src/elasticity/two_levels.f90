@@ -19,25 +19,19 @@ module dotyk_elasticity_two_levels
   implicit none
   private
 
-  !> Stiffness on two levels.
-  type, public :: two_levels_t
-    !> Equations of the body and nodal axes, nodes in the order of the rows.
-    type(constraint_t) :: constraint
+  type, public :: two_levels_t  !! Stiffness on two levels.
+    type(constraint_t) :: constraint  !! Equations of the body and nodal axes, nodes in the order of the rows.
     !> Stiffness by block rows, in nodal axes; held components have the unit diagonal [force/length].
     type(block_rows_t) :: rows
-    !> Interpolation from the corners.
-    type(corner_space_t) :: space
-    !> The body of linear elements on the corners: mesh, supports at rest, no loads.
-    type(body_t) :: corner_body
+    type(corner_space_t) :: space  !! Interpolation from the corners.
+    type(body_t) :: corner_body  !! The body of linear elements on the corners: mesh, supports at rest, no loads.
     !> Galerkin matrix P^T K P over its equations, with the graph of the corners; a large one is in `corner_rows`
     !> [force/length].
     type(stiffness_t) :: corner_stiffness
     !> Galerkin matrix of a large corner space by block rows; held components have the unit diagonal [force/length].
     type(block_rows_t) :: corner_rows
-    !> Volume [volume].
-    real(dp) :: volume = 0
-    !> Mean of the modulus field over the volume [].
-    real(dp) :: mean_modulus_factor = 1
+    real(dp) :: volume = 0  !! Volume [volume].
+    real(dp) :: mean_modulus_factor = 1  !! Mean of the modulus field over the volume [].
   contains
     procedure :: assemble => two_levels_assemble
     procedure :: assemble_rows => two_levels_assemble_rows
@@ -54,15 +48,13 @@ module dotyk_elasticity_two_levels
 
   !> Bulk over shear modulus above which the iterations are too many: Poisson's ratio 0.4989 [].
   real(dp), parameter :: most_bulk_over_shear = 450
-  !> Equations of linear elements below which a factor costs nothing.
-  integer, parameter :: fewest_of_linear = 300
+  integer, parameter :: fewest_of_linear = 300  !! Equations of linear elements below which a factor costs nothing.
 
 contains
 
   !> Whether something speaks against p-multigrid: one of the `obstacle_*` constants.
   integer function multigrid_obstacle(body) result(obstacle)
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     obstacle = obstacle_none
     if (body%is_hinged) obstacle = obstacle_hinged
     if (is_linear(body%mesh) .and. body%n_unknowns() < fewest_of_linear) obstacle = obstacle_few_unknowns
@@ -73,8 +65,7 @@ contains
 
   !> Whether all elements are linear: they have no lower degree.
   pure logical function is_linear(mesh)
-    !> Elements of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the body.
     type(element_kind_t) :: kind
     integer :: b
     is_linear = .true.
@@ -87,8 +78,7 @@ contains
   !> Assemble both levels.
   subroutine two_levels_assemble(self, body, error, large)
     class(two_levels_t), intent(out) :: self
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
     !> Corner spaces of more equations are assembled by block rows; none if absent.
@@ -133,8 +123,7 @@ contains
   !> Assemble the block rows alone: the other level is the body itself, all of its displacements.
   subroutine two_levels_assemble_rows(self, body, error)
     class(two_levels_t), intent(out) :: self
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     !> Allocated where an element is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: mesh
@@ -155,12 +144,9 @@ contains
 
   !> Block rows of zeros.
   subroutine make_pattern(body, mesh, rows, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its mesh, nodes in the order of the rows.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The rows.
-    type(block_rows_t), intent(inout) :: rows
+    type(body_t), intent(in) :: body  !! The body.
+    type(body_mesh_t), intent(in) :: mesh  !! Its mesh, nodes in the order of the rows.
+    type(block_rows_t), intent(inout) :: rows  !! The rows.
     !> Allocated where the first element is inverted, or the modulus field is no formula or not positive there.
     type(error_t), allocatable, intent(out) :: error
     integer(int64), allocatable :: start(:)
@@ -174,16 +160,11 @@ contains
 
   !> The body of linear elements on the corners, without loads.
   subroutine make_corner_body(body, space, mesh, constraint, corner_body)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Its corner space.
-    type(corner_space_t), intent(in) :: space
-    !> Its mesh, nodes in the order of the rows.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Its equations, nodes in the order of the rows.
-    type(constraint_t), intent(in) :: constraint
-    !> The body of the corners.
-    type(body_t), intent(out) :: corner_body
+    type(body_t), intent(in) :: body  !! The body.
+    type(corner_space_t), intent(in) :: space  !! Its corner space.
+    type(body_mesh_t), intent(in) :: mesh  !! Its mesh, nodes in the order of the rows.
+    type(constraint_t), intent(in) :: constraint  !! Its equations, nodes in the order of the rows.
+    type(body_t), intent(out) :: corner_body  !! The body of the corners.
     corner_body%name = ''
     if (allocated(body%name)) corner_body%name = body%name
     corner_body%analysis = body%analysis
@@ -196,10 +177,8 @@ contains
 
   !> Move a matrix.
   subroutine move_matrix(from, to)
-    !> The matrix; without arrays on return.
-    type(sparse_symmetric_t), intent(inout) :: from
-    !> Gets its arrays.
-    type(sparse_symmetric_t), intent(inout) :: to
+    type(sparse_symmetric_t), intent(inout) :: from  !! The matrix; without arrays on return.
+    type(sparse_symmetric_t), intent(inout) :: to  !! Gets its arrays.
     to%n = from%n
     call move_alloc(from%column_start, to%column_start)
     call move_alloc(from%row, to%row)

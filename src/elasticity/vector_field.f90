@@ -14,22 +14,15 @@ module dotyk_elasticity_vector_field
   !> Numbers below this fraction of the scale of a text are rounding errors, and written as zero.
   real(dp), parameter :: text_rounding = 1.0e-9_dp
 
-  !> A vector field. It owns formulas: never copy it, and destroy it in the end.
-  type, public :: vector_field_t
-    !> Components without a formula (3) [any].
-    real(dp) :: value(3) = 0
-    !> Whether the field is constant: no component has a formula, and it is not affine.
-    logical :: constant = .true.
+  type, public :: vector_field_t  !! A vector field. It owns formulas: never copy it, and destroy it in the end.
+    real(dp) :: value(3) = 0  !! Components without a formula (3) [any].
+    logical :: constant = .true.  !! Whether the field is constant: no component has a formula, and it is not affine.
     !> Derivatives of the components of an affine field by the coordinates (3, 3) [any/length].
     real(dp), private :: slope(3, 3) = 0
-    !> Where an affine field has the constant components (3) [length].
-    real(dp), private :: origin(3) = 0
-    !> Formulas of the components; not set where the component is constant (3).
-    type(formula_t) :: formula(3)
-    !> Formula of a density that multiplies the field; not set where there is none.
-    type(formula_t), private :: density
-    !> Their texts, for messages; not allocated where the component is constant (3).
-    type(text_t), private :: text(3)
+    real(dp), private :: origin(3) = 0  !! Where an affine field has the constant components (3) [length].
+    type(formula_t) :: formula(3)  !! Formulas of the components; not set where the component is constant (3).
+    type(formula_t), private :: density  !! Formula of a density that multiplies the field; not set where there is none.
+    type(text_t), private :: text(3)  !! Their texts, for messages; not allocated where the component is constant (3).
   contains
     procedure :: init => vector_field_init
     procedure :: init_affine => vector_field_init_affine
@@ -45,10 +38,8 @@ contains
   !> Parse the formulas of a field.
   subroutine vector_field_init(self, value, error, text)
     class(vector_field_t), intent(inout) :: self
-    !> Constant components (3) [any].
-    real(dp), intent(in) :: value(3)
-    !> Allocated where a formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: value(3)  !! Constant components (3) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula does not parse.
     !> Formulas of the first components; an empty one keeps the constant; no formulas where not allocated (<= 3).
     type(text_t), intent(in), allocatable, optional :: text(:)
     integer :: i
@@ -72,10 +63,8 @@ contains
   !> An affine field that vanishes at a point.
   subroutine vector_field_init_affine(self, slope, origin)
     class(vector_field_t), intent(inout) :: self
-    !> Derivatives of the components by the coordinates (3, 3) [any/length].
-    real(dp), intent(in) :: slope(3, 3)
-    !> The point (3) [length].
-    real(dp), intent(in) :: origin(3)
+    real(dp), intent(in) :: slope(3, 3)  !! Derivatives of the components by the coordinates (3, 3) [any/length].
+    real(dp), intent(in) :: origin(3)  !! The point (3) [length].
     call self%destroy()
     self%slope = slope
     self%origin = origin
@@ -85,10 +74,8 @@ contains
   !> Multiply the field by a density.
   subroutine vector_field_multiply_by_density(self, text, error)
     class(vector_field_t), intent(inout) :: self
-    !> Its formula.
-    character(*), intent(in) :: text
-    !> Allocated where the formula does not parse.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: text  !! Its formula.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the formula does not parse.
     call self%density%init(text, error)
     if (.not. allocated(error)) self%constant = .false.
   end subroutine vector_field_multiply_by_density
@@ -96,10 +83,8 @@ contains
   !> Value of the field at a point.
   subroutine vector_field_evaluate(self, x, value, error)
     class(vector_field_t), intent(in) :: self
-    !> Coordinates of the point, two or three (dim) [length].
-    real(dp), intent(in) :: x(:)
-    !> The vector (3) [any].
-    real(dp), intent(out) :: value(3)
+    real(dp), intent(in) :: x(:)  !! Coordinates of the point, two or three (dim) [length].
+    real(dp), intent(out) :: value(3)  !! The vector (3) [any].
     !> Allocated where a component has no finite value there, or one that is too large or too small.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: position(3), density
@@ -148,8 +133,7 @@ contains
 
   !> A point for messages, as in "(1.5, 0, 2)".
   pure function point_text(x) result(text)
-    !> Coordinates of the point (dim) [length].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: x(:)  !! Coordinates of the point (dim) [length].
     character(:), allocatable :: text
     integer :: i
     text = '('
@@ -162,10 +146,8 @@ contains
 
   !> A vector for messages, without rounding errors.
   pure function vector_text(vector, scale) result(text)
-    !> The vector (n) [any].
-    real(dp), intent(in) :: vector(:)
-    !> Size of numbers that are not rounding errors [any].
-    real(dp), intent(in) :: scale
+    real(dp), intent(in) :: vector(:)  !! The vector (n) [any].
+    real(dp), intent(in) :: scale  !! Size of numbers that are not rounding errors [any].
     character(:), allocatable :: text
     real(dp) :: clean(size(vector))
     clean = vector

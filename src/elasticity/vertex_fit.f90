@@ -13,24 +13,15 @@ module dotyk_elasticity_vertex_fit
   implicit none
   private
 
-  !> The fit of one vertex.
-  type, public :: vertex_fit_t
-    !> Number of nodes of the patch.
-    integer :: n_nodes = 0
-    !> Number of rows of the values of the monomials.
-    integer :: rows = 0
-    !> Whether the nodes determine the polynomial of the full degree.
-    logical :: is_full = .false.
-    !> The nodes; the first one is the vertex (n_nodes).
-    integer, allocatable :: node(:)
-    !> Square roots of their weights (n_nodes) [].
-    real(dp), allocatable :: root_weight(:)
-    !> Values of the monomials times these roots (rows*n) [].
-    real(dp), allocatable :: power(:)
-    !> Factor of the normal equations (n, n) [].
-    real(dp), allocatable :: r(:, :)
-    !> Its pivots (n).
-    integer, allocatable :: pivot(:)
+  type, public :: vertex_fit_t  !! The fit of one vertex.
+    integer :: n_nodes = 0  !! Number of nodes of the patch.
+    integer :: rows = 0  !! Number of rows of the values of the monomials.
+    logical :: is_full = .false.  !! Whether the nodes determine the polynomial of the full degree.
+    integer, allocatable :: node(:)  !! The nodes; the first one is the vertex (n_nodes).
+    real(dp), allocatable :: root_weight(:)  !! Square roots of their weights (n_nodes) [].
+    real(dp), allocatable :: power(:)  !! Values of the monomials times these roots (rows*n) [].
+    real(dp), allocatable :: r(:, :)  !! Factor of the normal equations (n, n) [].
+    integer, allocatable :: pivot(:)  !! Its pivots (n).
   contains
     procedure :: init => vertex_fit_init
     procedure :: solve => vertex_fit_solve
@@ -51,20 +42,13 @@ contains
   !> the interior, two at most places of the boundary.
   subroutine vertex_fit_init(self, monomials, elements, vertex, x, node, patch, axes)
     class(vertex_fit_t), intent(inout) :: self
-    !> Monomials of the fit.
-    type(monomials_t), intent(in) :: monomials
-    !> Incidence of nodes and elements.
-    type(incidence_t), intent(in) :: elements
-    !> Vertex of each node, 0 for none (n_nodes).
-    integer, intent(in) :: vertex(:)
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: x(:, :)
-    !> Node of the vertex.
-    integer, intent(in) :: node
-    !> Work space.
-    type(recovery_patch_t), intent(inout) :: patch
-    !> Axes of the patch, as rows (dim, dim) [1/length].
-    real(dp), intent(out) :: axes(:, :)
+    type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
+    type(incidence_t), intent(in) :: elements  !! Incidence of nodes and elements.
+    integer, intent(in) :: vertex(:)  !! Vertex of each node, 0 for none (n_nodes).
+    real(dp), intent(in), contiguous :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: node  !! Node of the vertex.
+    type(recovery_patch_t), intent(inout) :: patch  !! Work space.
+    real(dp), intent(out) :: axes(:, :)  !! Axes of the patch, as rows (dim, dim) [1/length].
     integer :: i, ring, inner, rank
     call patch%nodes%clear()
     call patch%nodes%add(node)
@@ -98,22 +82,15 @@ contains
 
   !> Factorize the normal equations of the full degree.
   subroutine factorize(n, rows, n_nodes, power, tolerance, r, pivot, rank)
-    !> Number of monomials.
-    integer, intent(in) :: n
-    !> Number of rows of their values.
-    integer, intent(in) :: rows
-    !> Number of nodes of the patch.
-    integer, intent(in) :: n_nodes
+    integer, intent(in) :: n  !! Number of monomials.
+    integer, intent(in) :: rows  !! Number of rows of their values.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
     !> Values of the monomials times the square roots of the weights (rows, n) [].
     real(dp), intent(in) :: power(rows, n)
-    !> Smallest inverse condition number of the least squares [].
-    real(dp), intent(in) :: tolerance
-    !> Factor (n, n) [].
-    real(dp), intent(out) :: r(n, n)
-    !> Its pivots (n).
-    integer, intent(out) :: pivot(n)
-    !> Number of monomials that the nodes determine.
-    integer, intent(out) :: rank
+    real(dp), intent(in) :: tolerance  !! Smallest inverse condition number of the least squares [].
+    real(dp), intent(out) :: r(n, n)  !! Factor (n, n) [].
+    integer, intent(out) :: pivot(n)  !! Its pivots (n).
+    integer, intent(out) :: rank  !! Number of monomials that the nodes determine.
     real(dp) :: gram(n, n)
     call dgemm('T', 'N', n, n, n_nodes, 1.0_dp, power, rows, power, rows, 0.0_dp, gram, n)
     call factorize_gram(n, gram, tolerance, r, pivot, rank)
@@ -122,12 +99,9 @@ contains
   !> Fit values.
   subroutine vertex_fit_solve(self, monomials, n_values, values, coefficient)
     class(vertex_fit_t), intent(in) :: self
-    !> Monomials of the fit.
-    type(monomials_t), intent(in) :: monomials
-    !> Number of fitted values per node: displacement components of all bodies.
-    integer, intent(in) :: n_values
-    !> Fitted values (n_values, n_nodes of the body) [length].
-    real(dp), intent(in) :: values(n_values, *)
+    type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
+    integer, intent(in) :: n_values  !! Number of fitted values per node: displacement components of all bodies.
+    real(dp), intent(in) :: values(n_values, *)  !! Fitted values (n_values, n_nodes of the body) [length].
     !> Coefficients of the fitted values in the axes of the patch (n_values, monomials%n) [length].
     real(dp), intent(out) :: coefficient(n_values, monomials%n)
     real(dp), allocatable :: relative(:, :)
@@ -146,24 +120,17 @@ contains
 
   !> Fit polynomials of the full degree by normal equations.
   subroutine fit_full_degree(n, rows, n_nodes, m, power, r, pivot, value, coefficient)
-    !> Number of monomials.
-    integer, intent(in) :: n
-    !> Number of rows of their values.
-    integer, intent(in) :: rows
-    !> Number of nodes of the patch.
-    integer, intent(in) :: n_nodes
-    !> Number of fitted values per node.
-    integer, intent(in) :: m
+    integer, intent(in) :: n  !! Number of monomials.
+    integer, intent(in) :: rows  !! Number of rows of their values.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
+    integer, intent(in) :: m  !! Number of fitted values per node.
     !> Values of the monomials times the square roots of the weights (rows, n) [].
     real(dp), intent(in) :: power(rows, n)
-    !> Factor of the normal equations (n, n) [].
-    real(dp), intent(in) :: r(n, n)
-    !> Its pivots (n).
-    integer, intent(in) :: pivot(n)
+    real(dp), intent(in) :: r(n, n)  !! Factor of the normal equations (n, n) [].
+    integer, intent(in) :: pivot(n)  !! Its pivots (n).
     !> Fitted values times the square roots; residuals on return (m, n_nodes) [length].
     real(dp), intent(inout) :: value(m, n_nodes)
-    !> Coefficients (m, n) [length].
-    real(dp), intent(out) :: coefficient(m, n)
+    real(dp), intent(out) :: coefficient(m, n)  !! Coefficients (m, n) [length].
     real(dp) :: correction(m, n)
     call dgemm('N', 'N', m, n, n_nodes, 1.0_dp, value, m, power, rows, 0.0_dp, coefficient, m)
     call solve_gram(n, m, r, pivot, coefficient)
@@ -177,18 +144,13 @@ contains
   !> Fit polynomials of rising degree to the residuals of the degrees before, so that low degrees are reproduced, and
   !> drop undetermined terms.
   subroutine fit_by_degrees(monomials, rows, power, n_nodes, value, coefficient)
-    !> Monomials of the fit.
-    type(monomials_t), intent(in) :: monomials
-    !> Number of rows of the values of the monomials.
-    integer, intent(in) :: rows
-    !> Number of nodes of the patch.
-    integer, intent(in) :: n_nodes
+    type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
+    integer, intent(in) :: rows  !! Number of rows of the values of the monomials.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
     !> Values of the monomials times the square roots of the weights (rows, monomials%n) [].
     real(dp), intent(in) :: power(rows, monomials%n)
-    !> Fitted values times the same square roots (n_values, >= n_nodes) [length].
-    real(dp), intent(in) :: value(:, :)
-    !> Coefficients (n_values, monomials%n) [length].
-    real(dp), intent(out) :: coefficient(:, :)
+    real(dp), intent(in) :: value(:, :)  !! Fitted values times the same square roots (n_values, >= n_nodes) [length].
+    real(dp), intent(out) :: coefficient(:, :)  !! Coefficients (n_values, monomials%n) [length].
     real(dp), allocatable :: b(:, :)
     integer :: k, degree, rank
     allocate (b(n_nodes, size(value, 1)))
@@ -202,16 +164,11 @@ contains
 
   !> Add the polynomial that fits the residuals, and subtract it from them.
   subroutine add_fit(a, b, tolerance, coefficient, rank)
-    !> Monomials at the nodes, weighted (n_nodes, n) [].
-    real(dp), intent(in) :: a(:, :)
-    !> Residuals (n_nodes, n_values) [length].
-    real(dp), intent(inout) :: b(:, :)
-    !> Smallest inverse condition number, see `least_squares` [].
-    real(dp), intent(in) :: tolerance
-    !> Coefficients (n_values, n) [length].
-    real(dp), intent(inout) :: coefficient(:, :)
-    !> Number of monomials that the nodes determine.
-    integer, intent(out) :: rank
+    real(dp), intent(in) :: a(:, :)  !! Monomials at the nodes, weighted (n_nodes, n) [].
+    real(dp), intent(inout) :: b(:, :)  !! Residuals (n_nodes, n_values) [length].
+    real(dp), intent(in) :: tolerance  !! Smallest inverse condition number, see `least_squares` [].
+    real(dp), intent(inout) :: coefficient(:, :)  !! Coefficients (n_values, n) [length].
+    integer, intent(out) :: rank  !! Number of monomials that the nodes determine.
     type(error_t), allocatable :: error
     real(dp), allocatable :: c(:, :)
     integer :: n

@@ -16,16 +16,11 @@ contains
 
   !> Read them, for each body that a group names.
   subroutine read_actions(groups, cases, bodies, problems, case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The case with scene, materials and bodies; all else here is set.
-    type(case_t), intent(inout) :: case
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(case_t), intent(inout) :: case  !! The case with scene, materials and bodies; all else here is set.
     type(support_input_t), allocatable :: support(:)
     type(load_input_t), allocatable :: load(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)

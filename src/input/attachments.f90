@@ -22,8 +22,7 @@ contains
 
   !> Keys of `&spring`.
   pure subroutine add_spring_keys(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('spring')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support')
@@ -44,16 +43,11 @@ contains
 
   !> Read all `&spring` and append them to the supports.
   subroutine read_springs(groups, bodies, dimension, problems, support)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Supports, added to (n_supports).
-    type(support_input_t), allocatable, intent(inout) :: support(:)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(support_input_t), allocatable, intent(inout) :: support(:)  !! Supports, added to (n_supports).
     type(support_input_t), allocatable :: spring(:), all(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     integer :: i, n
@@ -78,14 +72,10 @@ contains
 
   !> Read one `&spring`.
   subroutine read_spring(group, bodies, dimension, problems, spring, matched)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> The spring, without a body; incomplete where the group has mistakes.
     type(support_input_t), intent(out) :: spring
     !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
@@ -124,8 +114,7 @@ contains
 
   !> Keys of `&mass`.
   pure subroutine add_mass_keys(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('mass')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support; a &load acceleration or '// &
@@ -142,16 +131,11 @@ contains
 
   !> Read all `&mass` and append their forces to the loads.
   subroutine read_masses(groups, bodies, scene, problems, load)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Loads, added to (n_loads).
-    type(load_input_t), allocatable, intent(inout) :: load(:)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(load_input_t), allocatable, intent(inout) :: load(:)  !! Loads, added to (n_loads).
     type(load_input_t) :: of_mass
     integer, allocatable :: picked(:), matched(:)
     real(dp) :: mass
@@ -187,20 +171,13 @@ contains
 
   !> Append the forces of a mass on one body.
   subroutine add_forces(group, n, mass, of_mass, analysis, problems, load)
-    !> `&mass`.
-    type(group_t), intent(in) :: group
-    !> Number of `&load`.
-    integer, intent(in) :: n
-    !> The mass [mass].
-    real(dp), intent(in) :: mass
-    !> The total load, but for its force.
-    type(load_input_t), intent(inout) :: of_mass
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Loads, added to (n_loads).
-    type(load_input_t), allocatable, intent(inout) :: load(:)
+    type(group_t), intent(in) :: group  !! `&mass`.
+    integer, intent(in) :: n  !! Number of `&load`.
+    real(dp), intent(in) :: mass  !! The mass [mass].
+    type(load_input_t), intent(inout) :: of_mass  !! The total load, but for its force.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(load_input_t), allocatable, intent(inout) :: load(:)  !! Loads, added to (n_loads).
     real(dp) :: arm(3)
     integer :: k
     do k = 1, n

@@ -18,20 +18,14 @@ contains
 
   !> Read `&body`.
   subroutine read_body(group, materials, scene, directory, mesh_expected, problems, body)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the materials.
-    type(names_t), intent(in) :: materials
-    !> The scene: its mesh is that of bodies without their own.
-    type(scene_input_t), intent(in) :: scene
-    !> Directory of the namelist file.
-    character(*), intent(in) :: directory
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: materials  !! Names of the materials.
+    type(scene_input_t), intent(in) :: scene  !! The scene: its mesh is that of bodies without their own.
+    character(*), intent(in) :: directory  !! Directory of the namelist file.
     !> Whether a body without a mesh is a mistake; not where the mesh of the scene has one itself.
     logical, intent(in) :: mesh_expected
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The body; incomplete where the group has mistakes.
-    type(body_input_t), intent(out) :: body
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(body_input_t), intent(out) :: body  !! The body; incomplete where the group has mistakes.
     body%line = group%line
     body%name = text_of(group, 'name')
     if (index(body%name, ':') > 0) &
@@ -52,16 +46,11 @@ contains
 
   !> Read the volumes of a body and their materials.
   subroutine read_volumes(group, materials, dimension, problems, body)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the materials.
-    type(names_t), intent(in) :: materials
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The body; its volumes and materials are set.
-    type(body_input_t), intent(inout) :: body
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: materials  !! Names of the materials.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(body_input_t), intent(inout) :: body  !! The body; its volumes and materials are set.
     type(text_t), allocatable :: names(:)
     integer, allocatable :: index_of(:)
     integer :: i, k
@@ -116,8 +105,7 @@ contains
   !> Name of the volumes of a body together: its only one, or those of one material joined by `, `, the materials by
   !> `; `.
   pure function union_name(body) result(name)
-    !> The body, with its volumes and their materials.
-    type(body_input_t), intent(in) :: body
+    type(body_input_t), intent(in) :: body  !! The body, with its volumes and their materials.
     character(:), allocatable :: name
     integer :: m
     name = ''
@@ -129,14 +117,10 @@ contains
 
   !> Read the position and rotation of a body.
   subroutine read_placement(group, scene, problems, body)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The body; its placement is set.
-    type(body_input_t), intent(inout) :: body
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(body_input_t), intent(inout) :: body  !! The body; its placement is set.
     if (is_given(group, 'at') .and. is_usable(group, 'at')) then
       if (scene%dimension == 3 .and. count_of(group, 'at') < 3) &
         call report(problems, group, 'at', 'at needs 3 values in three dimensions, got '// &

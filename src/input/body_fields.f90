@@ -17,18 +17,12 @@ contains
 
   !> Read all `&temperature`.
   subroutine read_temperatures(groups, cases, bodies, body, material, problems, temperature)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> The bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> The materials (n_materials).
-    type(material_input_t), intent(in) :: material(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(body_input_t), intent(in) :: body(:)  !! The bodies (n_bodies).
+    type(material_input_t), intent(in) :: material(:)  !! The materials (n_materials).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> One for each body that a group names (n_temperatures).
     type(field_input_t), allocatable, intent(out) :: temperature(:)
     integer :: i, k
@@ -50,16 +44,11 @@ contains
 
   !> Read all `&initial_stress`.
   subroutine read_initial_stresses(groups, cases, bodies, scene, problems, initial_stress)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> One for each body that a group names (n_initial_stresses).
     type(field_input_t), allocatable, intent(out) :: initial_stress(:)
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
@@ -84,18 +73,12 @@ contains
 
   !> Read all groups of one name; a body that two of them name is reported.
   subroutine read_fields(groups, cases, name, bodies, problems, field)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Name of the groups.
-    character(*), intent(in) :: name
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> One for each body that a group names (n_fields).
-    type(field_input_t), allocatable, intent(out) :: field(:)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    character(*), intent(in) :: name  !! Name of the groups.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(field_input_t), allocatable, intent(out) :: field(:)  !! One for each body that a group names (n_fields).
     type(field_input_t), allocatable :: of_group(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     integer :: i, j, k
@@ -129,24 +112,18 @@ contains
 
   !> Whether two groups belong to the same load case.
   pure logical function share_a_case(one, other, n_cases) result(share)
-    !> A group.
-    type(field_input_t), intent(in) :: one
-    !> Another group.
-    type(field_input_t), intent(in) :: other
-    !> Number of load cases.
-    integer, intent(in) :: n_cases
+    type(field_input_t), intent(in) :: one  !! A group.
+    type(field_input_t), intent(in) :: other  !! Another group.
+    integer, intent(in) :: n_cases  !! Number of load cases.
     integer :: k
     share = any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, n_cases)])
   end function share_a_case
 
   !> Read value or formula of one group.
   subroutine read_field(group, problems, field)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The field, without a body; incomplete where the group has mistakes.
-    type(field_input_t), intent(out) :: field
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(field_input_t), intent(out) :: field  !! The field, without a body; incomplete where the group has mistakes.
     real(dp), allocatable :: numbers(:)
     field%line = group%line
     field%array = text_of(group, 'field')

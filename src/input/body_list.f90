@@ -17,18 +17,12 @@ contains
 
   !> Read the materials and bodies.
   subroutine read_bodies(groups, materials, mesh_expected, problems, bodies, case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the materials.
-    type(names_t), intent(in) :: materials
-    !> Whether the scene has no mesh, so that each body needs one.
-    logical, intent(in) :: mesh_expected
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Names of the bodies: of the groups in, of all bodies out.
-    type(names_t), intent(inout) :: bodies
-    !> The case with its scene; gets materials and bodies.
-    type(case_t), intent(inout) :: case
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: materials  !! Names of the materials.
+    logical, intent(in) :: mesh_expected  !! Whether the scene has no mesh, so that each body needs one.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(names_t), intent(inout) :: bodies  !! Names of the bodies: of the groups in, of all bodies out.
+    type(case_t), intent(inout) :: case  !! The case with its scene; gets materials and bodies.
     type(body_input_t) :: body
     type(body_input_t), allocatable :: copies(:)
     integer, allocatable :: picked(:)
@@ -54,12 +48,9 @@ contains
 
   !> Keys of `&scene` for CAD files mean nothing where no body has one.
   subroutine check_mesh_keys(groups, body, problems)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(10), parameter :: keys(2) = ['mesh_size ', 'mesh_order']
     integer, allocatable :: picked(:)
     integer :: b, k

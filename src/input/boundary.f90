@@ -17,14 +17,10 @@ contains
 
   !> Read `&support`.
   subroutine read_support(group, bodies, dimension, problems, support, matched)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> The support, without a body; incomplete where the group has mistakes.
     type(support_input_t), intent(out) :: support
     !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
@@ -53,12 +49,9 @@ contains
 
   !> Report values in directions without prescribed displacement.
   subroutine refuse_values_not_fixed(group, support, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The support, with directions and values.
-    type(support_input_t), intent(in) :: support
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(support_input_t), intent(in) :: support  !! The support, with directions and values.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: name
     integer :: i
     do i = 1, 3
@@ -76,16 +69,11 @@ contains
 
   !> Read `&load`.
   subroutine read_load(group, bodies, scene, problems, load, matched)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The load, without a body; incomplete where the group has mistakes.
-    type(load_input_t), intent(out) :: load
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(load_input_t), intent(out) :: load  !! The load, without a body; incomplete where the group has mistakes.
     !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
     integer, allocatable, intent(out) :: matched(:)
     type(text_t), allocatable :: kinds(:)
@@ -152,14 +140,10 @@ contains
 
   !> Read angular velocity and centre.
   subroutine read_rotation(group, scene, problems, load)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Gets both.
-    type(load_input_t), intent(inout) :: load
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(load_input_t), intent(inout) :: load  !! Gets both.
     character, parameter :: name(3) = ['x', 'y', 'z']
     real(dp), allocatable :: numbers(:)
     integer :: axis
@@ -186,14 +170,10 @@ contains
 
   !> Report bodies without a density that a load needs; those with point masses may have none at all.
   subroutine check_densities(load, body, material, problems)
-    !> Loads of bodies (n_loads).
-    type(load_input_t), intent(in) :: load(:)
-    !> The bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> The materials (n_materials).
-    type(material_input_t), intent(in) :: material(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(load_input_t), intent(in) :: load(:)  !! Loads of bodies (n_loads).
+    type(body_input_t), intent(in) :: body(:)  !! The bodies (n_bodies).
+    type(material_input_t), intent(in) :: material(:)  !! The materials (n_materials).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: i, k
     do i = 1, size(load)
       if (.not. any(load(i)%kind == [load_angular_velocity, load_acceleration]) .or. load(i)%body == 0) cycle
@@ -214,8 +194,7 @@ contains
 
     !> Whether a material has a density.
     pure logical function has_density(m)
-      !> The material; 0 for none.
-      integer, intent(in) :: m
+      integer, intent(in) :: m  !! The material; 0 for none.
       has_density = .false.
       if (m > 0) has_density = material(m)%density > 0 .or. len(material(m)%density_formula) > 0
     end function has_density
@@ -223,14 +202,10 @@ contains
 
   !> Read force, moment and point of a total load.
   subroutine read_total(group, dimension, problems, load)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Gets them.
-    type(load_input_t), intent(inout) :: load
+    type(group_t), intent(in) :: group  !! Checked group.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(load_input_t), intent(inout) :: load  !! Gets them.
     real(dp), allocatable :: moment(:)
     call read_vector(group, 'force', .false., dimension, problems, load%value)
     call read_vector(group, 'point', .false., dimension, problems, load%point)
@@ -250,18 +225,12 @@ contains
 
   !> Read a vector with three components from two or three numbers.
   subroutine read_vector(group, key, local, dimension, problems, vector)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Whether the vector is in the axes of a surface: xi, eta, n.
-    logical, intent(in) :: local
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The vector (3) [unit of the key]; 0 where it is not given.
-    real(dp), intent(out) :: vector(3)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    logical, intent(in) :: local  !! Whether the vector is in the axes of a surface: xi, eta, n.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    real(dp), intent(out) :: vector(3)  !! The vector (3) [unit of the key]; 0 where it is not given.
     real(dp), allocatable :: numbers(:)
     integer :: across
     vector = 0
@@ -279,18 +248,12 @@ contains
 
   !> Read a vector of formulas from two or three texts.
   subroutine read_formulas(group, key, local, dimension, problems, formulas)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Whether the formulas are in the axes of a surface: xi, eta, n.
-    logical, intent(in) :: local
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Formulas of the components (3), or none.
-    type(text_t), allocatable, intent(out) :: formulas(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    logical, intent(in) :: local  !! Whether the formulas are in the axes of a surface: xi, eta, n.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(text_t), allocatable, intent(out) :: formulas(:)  !! Formulas of the components (3), or none.
     type(text_t), allocatable :: texts(:)
     integer :: i, across
     call texts_of(group, key, texts)
@@ -314,16 +277,11 @@ contains
 
   !> Whether a vector is given with as many values as the space has dimensions; too few are reported.
   logical function right_count(group, key, n, dimension, problems) result(right)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Number of its values; 0 where it is not given or not usable.
-    integer, intent(in) :: n
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    integer, intent(in) :: n  !! Number of its values; 0 where it is not given or not usable.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     right = n > 0
     if (n /= 2 .or. dimension /= 3) return
     call report(problems, group, key, key//' needs 3 values in three dimensions, got '//to_text(count_of(group, key)))
@@ -332,14 +290,10 @@ contains
 
   !> Report a component across the plane in two dimensions.
   subroutine report_across(group, key, local, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Whether the vector is in the axes of a surface: xi, eta, n.
-    logical, intent(in) :: local
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    logical, intent(in) :: local  !! Whether the vector is in the axes of a surface: xi, eta, n.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     call report(problems, group, key, key//': the '//trim(merge('eta', 'z  ', local))// &
                 ' component must be 0 in two dimensions')
   end subroutine report_across

@@ -19,40 +19,25 @@ module dotyk_input_case
   implicit none
   private
 
-  !> `&scene`.
-  type, public :: scene_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Title; may be empty.
-    character(:), allocatable :: title
-    !> Mesh of the bodies that name none of their own; empty where it is not given.
-    character(:), allocatable :: mesh
-    !> Size of the elements of CAD files; 0 where it is not given [length].
-    real(dp) :: mesh_size = 0
-    !> Their order.
-    integer :: mesh_order = 2
-    !> Results file.
-    character(:), allocatable :: output
-    !> One of `analysis_*`.
-    integer :: analysis = default_analysis
-    !> Dimension of space, 2 or 3; 0 where the analysis has a mistake.
-    integer :: dimension = 3
+  type, public :: scene_input_t  !! `&scene`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: title  !! Title; may be empty.
+    character(:), allocatable :: mesh  !! Mesh of the bodies that name none of their own; empty where it is not given.
+    real(dp) :: mesh_size = 0  !! Size of the elements of CAD files; 0 where it is not given [length].
+    integer :: mesh_order = 2  !! Their order.
+    character(:), allocatable :: output  !! Results file.
+    integer :: analysis = default_analysis  !! One of `analysis_*`.
+    integer :: dimension = 3  !! Dimension of space, 2 or 3; 0 where the analysis has a mistake.
   end type scene_input_t
 
-  !> `&material`.
-  type, public :: material_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Name that bodies refer to.
-    character(:), allocatable :: name
-    !> One of `material_*`: decides which of the components below are used.
-    integer :: kind = material_isotropic
+  type, public :: material_input_t  !! `&material`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: name  !! Name that bodies refer to.
+    integer :: kind = material_isotropic  !! One of `material_*`: decides which of the components below are used.
     !> Young's modulus; isotropic: the first; orthotropic: along the axes 1, 2, 3 (3) [pressure].
     real(dp) :: young(3) = 0
-    !> Poisson's ratio; isotropic: the first; orthotropic: 12, 13, 23 (3) [].
-    real(dp) :: poisson(3) = 0
-    !> Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
-    real(dp) :: shear(3) = 0
+    real(dp) :: poisson(3) = 0  !! Poisson's ratio; isotropic: the first; orthotropic: 12, 13, 23 (3) [].
+    real(dp) :: shear(3) = 0  !! Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
     !> Axis 1 of an orthotropic or anisotropic material, as written, not of unit length (3) [].
     real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
     !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1 (3) [].
@@ -65,274 +50,179 @@ module dotyk_input_case
     !> Formulas of young and poisson; of young, poisson and shear; or of stiffness: empty where the number holds; not
     !> allocated where none has a formula (2, 9 or 21).
     type(text_t), allocatable :: stiffness_formula(:)
-    !> Formulas of the expansion (0, 1 or 3).
-    type(text_t), allocatable :: expansion_formula(:)
-    !> Formula of the density; empty where there is none.
-    character(:), allocatable :: density_formula
-    !> Density; 0 where it is not given [mass/volume].
-    real(dp) :: density = 0
-    !> Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
-    real(dp) :: expansion(3) = 0
-    !> Whether they are given.
-    logical :: expands = .false.
+    type(text_t), allocatable :: expansion_formula(:)  !! Formulas of the expansion (0, 1 or 3).
+    character(:), allocatable :: density_formula  !! Formula of the density; empty where there is none.
+    real(dp) :: density = 0  !! Density; 0 where it is not given [mass/volume].
+    real(dp) :: expansion(3) = 0  !! Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
+    logical :: expands = .false.  !! Whether they are given.
   end type material_input_t
 
-  !> `&support`, or `&spring`: an elastic one.
-  type, public :: support_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Index of the body.
-    integer :: body = 0
+  type, public :: support_input_t  !! `&support`, or `&spring`: an elastic one.
+    integer :: line = 0  !! Line of the group.
+    integer :: body = 0  !! Index of the body.
     !> Whether wildcards name the body: of these bodies, those without the surface have no such support.
     logical :: any_body = .false.
     !> Physical group of the surface; with wildcards, the union of those that the body has.
     character(:), allocatable :: surface
-    !> Directions of prescribed displacements.
-    type(directions_t) :: fix
-    !> Prescribed displacement in the axes of `fix` (3) [length]; zero in other directions.
-    real(dp) :: value(3) = 0
-    !> Formulas of the given displacement (3), or none.
-    type(text_t), allocatable :: value_formula(:)
+    type(directions_t) :: fix  !! Directions of prescribed displacements.
+    real(dp) :: value(3) = 0  !! Prescribed displacement in the axes of `fix` (3) [length]; zero in other directions.
+    type(text_t), allocatable :: value_formula(:)  !! Formulas of the given displacement (3), or none.
     !> Whether it is a spring; exactly one of its foundation modulus [pressure/length] and its total stiffness
     !> [force/length] is not 0 then.
     logical :: is_spring = .false.
     real(dp) :: modulus = 0, stiffness = 0
-    !> Load cases that it belongs to; not allocated where these are all (n_cases).
-    logical, allocatable :: in_case(:)
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type support_input_t
 
-  !> `&load`.
-  type, public :: load_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Index of the body.
-    integer :: body = 0
+  type, public :: load_input_t  !! `&load`.
+    integer :: line = 0  !! Line of the group.
+    integer :: body = 0  !! Index of the body.
     !> Whether wildcards name the body: of these bodies, those without the surface have no such load.
     logical :: any_body = .false.
     !> Physical group of the surface, as in `support_input_t`; empty for a force density and an angular
     !> velocity.
     character(:), allocatable :: surface
-    !> One of `load_*`.
-    integer :: kind = load_traction
+    integer :: kind = load_traction  !! One of `load_*`.
     !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, force/mass, or
     !> force of `load_total`].
     real(dp) :: value(3) = 0
-    !> Moment of `load_total` (3) [force length].
-    real(dp) :: moment(3) = 0
+    real(dp) :: moment(3) = 0  !! Moment of `load_total` (3) [force length].
     !> Whether the point that force and moment refer to is given; else the centroid of the surface.
     logical :: has_point = .false.
-    !> This point (3) [length].
-    real(dp) :: point(3) = 0
-    !> A point on the axis of an angular velocity (3) [length].
-    real(dp) :: centre(3) = 0
-    !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
-    type(text_t), allocatable :: formula(:)
+    real(dp) :: point(3) = 0  !! This point (3) [length].
+    real(dp) :: centre(3) = 0  !! A point on the axis of an angular velocity (3) [length].
+    type(text_t), allocatable :: formula(:)  !! Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     !> Whether it is the force of a `&mass` under an acceleration or a rotation of its body.
     logical :: of_mass = .false.
-    !> Load cases that it belongs to; not allocated where these are all (n_cases).
-    logical, allocatable :: in_case(:)
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type load_input_t
 
-  !> `&rigid_body`.
-  type, public :: rigid_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Index of the body.
-    integer :: body = 0
+  type, public :: rigid_input_t  !! `&rigid_body`.
+    integer :: line = 0  !! Line of the group.
+    integer :: body = 0  !! Index of the body.
     !> Whether the displacements x, y, z of the point and the rotations about it are held (6).
     logical :: held(6) = .false.
-    !> Their values (6) [length, radian].
-    real(dp) :: motion(6) = 0
-    !> The point (3) [length].
-    real(dp) :: point(3) = 0
-    !> Load cases with these values; not allocated where these are all (n_cases).
-    logical, allocatable :: in_case(:)
+    real(dp) :: motion(6) = 0  !! Their values (6) [length, radian].
+    real(dp) :: point(3) = 0  !! The point (3) [length].
+    logical, allocatable :: in_case(:)  !! Load cases with these values; not allocated where these are all (n_cases).
   end type rigid_input_t
 
-  !> `&temperature` or `&initial_stress`.
-  type, public :: field_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Index of the body.
-    integer :: body = 0
-    !> Whether wildcards name it, maybe among others.
-    logical :: any_body = .false.
+  type, public :: field_input_t  !! `&temperature` or `&initial_stress`.
+    integer :: line = 0  !! Line of the group.
+    integer :: body = 0  !! Index of the body.
+    logical :: any_body = .false.  !! Whether wildcards name it, maybe among others.
     !> Constant value: a temperature in the first component [temperature], or stresses in the order xx yy zz xy yz xz
     !> [pressure] (6).
     real(dp) :: value(6) = 0
-    !> Formulas: 1 or 6, or none (n_formulas).
-    type(text_t), allocatable :: formula(:)
+    type(text_t), allocatable :: formula(:)  !! Formulas: 1 or 6, or none (n_formulas).
     !> Array of the points of the mesh that has the temperature, and that of the unstressed body; empty where there is
     !> none [temperature].
     character(:), allocatable :: array
     real(dp) :: reference = 0
-    !> Load cases that it belongs to; not allocated where these are all (n_cases).
-    logical, allocatable :: in_case(:)
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type field_input_t
 
-  !> Pairs of bodies that no contact pair is found for.
-  type, public :: exclusion_t
-    !> Name of a body, maybe with wildcards.
-    character(:), allocatable :: a
-    !> Name of the other body, maybe with wildcards.
-    character(:), allocatable :: b
+  type, public :: exclusion_t  !! Pairs of bodies that no contact pair is found for.
+    character(:), allocatable :: a  !! Name of a body, maybe with wildcards.
+    character(:), allocatable :: b  !! Name of the other body, maybe with wildcards.
   end type exclusion_t
 
-  !> `&contact`.
-  type, public :: contact_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Name of the contact pair; empty where `auto` has none.
-    character(:), allocatable :: name
+  type, public :: contact_input_t  !! `&contact`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: name  !! Name of the contact pair; empty where `auto` has none.
     !> Whether the group stands for all pairs of `bodies_a` and `bodies_b` that the search for near faces finds.
     logical :: searched = .false.
-    !> Whether these are pairs of any bodies and faces; else the surfaces are named.
-    logical :: auto = .false.
-    !> Whether the search has found the pair.
-    logical :: found = .false.
+    logical :: auto = .false.  !! Whether these are pairs of any bodies and faces; else the surfaces are named.
+    logical :: found = .false.  !! Whether the search has found the pair.
     !> Where the group is searched: bodies that the slave side names (n); all bodies for `auto`.
     integer, allocatable :: bodies_a(:)
-    !> Bodies that the master side names, likewise (n).
-    integer, allocatable :: bodies_b(:)
+    integer, allocatable :: bodies_b(:)  !! Bodies that the master side names, likewise (n).
     !> Where the group is searched: excluded pairs of bodies, as names with wildcards, in any order.
     type(exclusion_t), allocatable :: exclude(:)
-    !> Index of the body of the slave side.
-    integer :: body_a = 0
-    !> Index of the body of the master side; another one.
-    integer :: body_b = 0
+    integer :: body_a = 0  !! Index of the body of the slave side.
+    integer :: body_b = 0  !! Index of the body of the master side; another one.
     !> Physical group of the slave surface; with wildcards, the union of those that the body has; empty for `auto`.
     character(:), allocatable :: surface_a
-    !> Physical group of the master surface, likewise.
-    character(:), allocatable :: surface_b
-    !> One of `gap_*`.
-    integer :: gap_kind = default_gap
-    !> Initial gap where it is constant [length].
-    real(dp) :: gap = 0
-    !> Initial gap where it is a formula; else empty.
-    character(:), allocatable :: gap_formula
-    !> One of `theta_*`; that of `&solver` where the pair has none of its own.
-    integer :: theta_kind = default_theta
+    character(:), allocatable :: surface_b  !! Physical group of the master surface, likewise.
+    integer :: gap_kind = default_gap  !! One of `gap_*`.
+    real(dp) :: gap = 0  !! Initial gap where it is constant [length].
+    character(:), allocatable :: gap_formula  !! Initial gap where it is a formula; else empty.
+    integer :: theta_kind = default_theta  !! One of `theta_*`; that of `&solver` where the pair has none of its own.
     !> Penalty parameter [length/pressure], or its factor [] where it is relative; 1 where it is a formula.
     real(dp) :: theta = 0
-    !> Penalty parameter where it is a formula; else empty.
-    character(:), allocatable :: theta_formula
+    character(:), allocatable :: theta_formula  !! Penalty parameter where it is a formula; else empty.
     !> Initial gap up to which its constraints have Robin conditions in the Robin scheme: `huge` for all, `-huge` for
     !> none [length].
     real(dp) :: robin_gap = huge(1.0_dp)
     !> Whether theta is given, for this pair or in `&solver`; the error budget may reduce a default.
     logical :: theta_given = .false.
-    !> Whether theta is the compliance of a real elastic layer, not a penalty.
-    logical :: is_layer = .false.
-    !> Whether a search radius is given.
-    logical :: has_search_radius = .false.
-    !> Greatest distance between a point and its projection [length].
-    real(dp) :: search_radius = 0
-    !> One of `discretization_*`.
-    integer :: discretization = default_discretization
-    !> One of `geometry_*`.
-    integer :: geometry = default_geometry
-    !> One of `quadrature_*`.
-    integer :: quadrature = default_quadrature
+    logical :: is_layer = .false.  !! Whether theta is the compliance of a real elastic layer, not a penalty.
+    logical :: has_search_radius = .false.  !! Whether a search radius is given.
+    real(dp) :: search_radius = 0  !! Greatest distance between a point and its projection [length].
+    integer :: discretization = default_discretization  !! One of `discretization_*`.
+    integer :: geometry = default_geometry  !! One of `geometry_*`.
+    integer :: quadrature = default_quadrature  !! One of `quadrature_*`.
   end type contact_input_t
 
-  !> `&solver`.
-  type, public :: solver_input_t
-    !> Line of the group; 0 where it is not in the file.
-    integer :: line = 0
-    !> One of `scheme_*`.
-    integer :: scheme = default_scheme
-    !> One of `theta_*`.
-    integer :: theta_kind = default_theta
-    !> Penalty parameter [length/pressure], or its factor [] where it is relative.
-    real(dp) :: theta = 0
-    !> As in `contact_input_t`, for pairs without their own [length].
-    real(dp) :: robin_gap = huge(1.0_dp)
-    !> Whether theta is given.
-    logical :: theta_given = .false.
-    !> One of `gamma_*`.
-    integer :: gamma_rule = default_gamma_rule
-    !> One of `linear_solver_*`.
-    integer :: linear_solver = default_linear_solver
-    !> One of `response_*`.
-    integer :: response = default_response
-    !> Relaxation parameter []; 0 where the rule is not `gamma_fixed`.
-    real(dp) :: gamma = 0
-    !> One of `stop_*`.
-    integer :: stop_rule = default_stop_rule
+  type, public :: solver_input_t  !! `&solver`.
+    integer :: line = 0  !! Line of the group; 0 where it is not in the file.
+    integer :: scheme = default_scheme  !! One of `scheme_*`.
+    integer :: theta_kind = default_theta  !! One of `theta_*`.
+    real(dp) :: theta = 0  !! Penalty parameter [length/pressure], or its factor [] where it is relative.
+    real(dp) :: robin_gap = huge(1.0_dp)  !! As in `contact_input_t`, for pairs without their own [length].
+    logical :: theta_given = .false.  !! Whether theta is given.
+    integer :: gamma_rule = default_gamma_rule  !! One of `gamma_*`.
+    integer :: linear_solver = default_linear_solver  !! One of `linear_solver_*`.
+    integer :: response = default_response  !! One of `response_*`.
+    real(dp) :: gamma = 0  !! Relaxation parameter []; 0 where the rule is not `gamma_fixed`.
+    integer :: stop_rule = default_stop_rule  !! One of `stop_*`.
     !> Iteration error as a fraction of the other errors where the rule is `stop_budget` [].
     real(dp) :: budget_fraction = default_budget_fraction
-    !> Relative error in the energy norm at which the iteration stops [].
-    real(dp) :: tolerance = default_tolerance
+    real(dp) :: tolerance = default_tolerance  !! Relative error in the energy norm at which the iteration stops [].
     !> Forces along motions that contact does not determine, as a fraction of the forces on the body [].
     real(dp) :: max_unbalanced = default_max_unbalanced
-    !> Greatest number of iterations.
-    integer :: max_iterations = default_max_iterations
-    !> One of `locking_*`.
-    integer :: locking = default_locking
-    !> Whether results have the same digits on any number of threads.
-    logical :: reproducible = .false.
+    integer :: max_iterations = default_max_iterations  !! Greatest number of iterations.
+    integer :: locking = default_locking  !! One of `locking_*`.
+    logical :: reproducible = .false.  !! Whether results have the same digits on any number of threads.
   end type solver_input_t
 
-  !> `&output`.
-  type, public :: output_input_t
-    !> Line of the group; 0 where it is not in the file.
-    integer :: line = 0
-    !> Whether the displacement is written.
-    logical :: displacement = .false.
-    !> Whether the stress is written.
-    logical :: stress = .false.
-    !> Whether contact pressure, traction, gap and status are written.
-    logical :: contact = .false.
-    !> Whether reactions of supports are written.
-    logical :: reaction = .false.
-    !> Whether stresses at the nodes are written.
-    logical :: nodal_stress = .false.
-    !> Whether the discretization error of the elements is written.
-    logical :: error = .false.
-    !> Whether the penalty error is estimated.
-    logical :: error_penalty = .false.
-    !> Whether the discretization error is estimated.
-    logical :: error_discretization = .false.
-    !> Iteration time between intermediate results [s]; 0: results are written at the end.
-    real(dp) :: interval = 0
+  type, public :: output_input_t  !! `&output`.
+    integer :: line = 0  !! Line of the group; 0 where it is not in the file.
+    logical :: displacement = .false.  !! Whether the displacement is written.
+    logical :: stress = .false.  !! Whether the stress is written.
+    logical :: contact = .false.  !! Whether contact pressure, traction, gap and status are written.
+    logical :: reaction = .false.  !! Whether reactions of supports are written.
+    logical :: nodal_stress = .false.  !! Whether stresses at the nodes are written.
+    logical :: error = .false.  !! Whether the discretization error of the elements is written.
+    logical :: error_penalty = .false.  !! Whether the penalty error is estimated.
+    logical :: error_discretization = .false.  !! Whether the discretization error is estimated.
+    real(dp) :: interval = 0  !! Iteration time between intermediate results [s]; 0: results are written at the end.
   end type output_input_t
 
-  !> The whole file.
-  type, public :: case_t
+  type, public :: case_t  !! The whole file.
     !> Path of the namelist file, as named by the user; its directory with a slash at the end, or empty.
     character(:), allocatable :: file, directory
-    !> The whole text of the file.
-    character(:), allocatable :: text
-    !> Lines for the log on what the file says (n_remarks).
-    type(text_t), allocatable :: remark(:)
+    character(:), allocatable :: text  !! The whole text of the file.
+    type(text_t), allocatable :: remark(:)  !! Lines for the log on what the file says (n_remarks).
     !> Whether geometries may start no program and write no file but their mesh (command line).
     logical :: no_shell = .false.
-    !> `&scene`.
-    type(scene_input_t) :: scene
+    type(scene_input_t) :: scene  !! `&scene`.
     !> Materials in the order of the file, at least one (n_materials).
     type(material_input_t), allocatable :: material(:)
-    !> Bodies in the order of the file, at least one (n_bodies).
-    type(body_input_t), allocatable :: body(:)
-    !> Supports in the order of the file, then springs (n_supports).
-    type(support_input_t), allocatable :: support(:)
-    !> Loads in the order of the file, then those of point masses (n_loads).
-    type(load_input_t), allocatable :: load(:)
-    !> Rigid bodies (n_rigid).
-    type(rigid_input_t), allocatable :: rigid(:)
+    type(body_input_t), allocatable :: body(:)  !! Bodies in the order of the file, at least one (n_bodies).
+    type(support_input_t), allocatable :: support(:)  !! Supports in the order of the file, then springs (n_supports).
+    type(load_input_t), allocatable :: load(:)  !! Loads in the order of the file, then those of point masses (n_loads).
+    type(rigid_input_t), allocatable :: rigid(:)  !! Rigid bodies (n_rigid).
     !> Temperatures, and initial stresses, in the order of the file, no two of one body and load case (number of these).
     type(field_input_t), allocatable :: temperature(:), initial_stress(:)
-    !> Contact pairs in the order of the file (n_pairs).
-    type(contact_input_t), allocatable :: contact(:)
-    !> Ties in the order of the file, bolts after them (n_ties).
-    type(tie_input_t), allocatable :: tie(:)
+    type(contact_input_t), allocatable :: contact(:)  !! Contact pairs in the order of the file (n_pairs).
+    type(tie_input_t), allocatable :: tie(:)  !! Ties in the order of the file, bolts after them (n_ties).
     !> Load cases in the order of the file; of size 0 or not allocated where it has none (n_cases).
     type(load_case_input_t), allocatable :: load_case(:)
     !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
     type(contact_case_input_t), allocatable :: contact_case(:)
-    !> `&solver`; defaults where the file has none.
-    type(solver_input_t) :: solver
-    !> `&output`; defaults where the file has none.
-    type(output_input_t) :: output
+    type(solver_input_t) :: solver  !! `&solver`; defaults where the file has none.
+    type(output_input_t) :: output  !! `&output`; defaults where the file has none.
   contains
     procedure :: n_cases => case_n_cases
     procedure :: has_cases => case_has_cases
@@ -360,8 +250,7 @@ contains
   !> " in case 'braked'", for messages; empty where load cases have no names.
   function case_in_case_text(self, k) result(text)
     class(case_t), intent(in) :: self
-    !> The load case.
-    integer, intent(in) :: k
+    integer, intent(in) :: k  !! The load case.
     character(:), allocatable :: text
     text = ''
     if (self%has_cases()) text = ' in case '//quoted(self%load_case(k)%name)

@@ -5,15 +5,13 @@ module dotyk_input_case_keywords
   private
   public :: add_case, add_case_key, add_contact_case
 
-  !> Greatest number of names in a key `case`.
-  integer, parameter :: most_names = 200
+  integer, parameter :: most_names = 200  !! Greatest number of names in a key `case`.
 
 contains
 
   !> Keys of `&case`.
   pure subroutine add_case(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('case')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the load case; groups with the key case refer to it')
@@ -24,17 +22,14 @@ contains
 
   !> The key `case` of other groups.
   pure subroutine add_case_key(list, meaning)
-    !> The table so far; the group has begun.
-    type(keyword_list_t), intent(inout) :: list
-    !> What holds in the cases only.
-    character(*), intent(in) :: meaning
+    type(keyword_list_t), intent(inout) :: list  !! The table so far; the group has begun.
+    character(*), intent(in) :: meaning  !! What holds in the cases only.
     call list%add('case', kind_text, most=most_names, meaning=meaning)
   end subroutine add_case_key
 
   !> Keys of `&contact_case`.
   pure subroutine add_contact_case(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('contact_case')
     call list%add('case', kind_text, most=most_names, required=.true., &
                   meaning='load cases with this gap or theta; * and ? are wildcards')

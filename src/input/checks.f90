@@ -20,14 +20,10 @@ contains
 
   !> Report unknown groups.
   subroutine check_group_names(groups, known, problems, meant)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows (n_known).
-    type(group_keyword_t), intent(in) :: known(:)
-    !> Problems of the file; unknown groups are added.
-    type(problems_t), intent(inout) :: problems
-    !> Whether an unknown group may be a misspelling of a known one (n_known).
-    logical, intent(out) :: meant(:)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(group_keyword_t), intent(in) :: known(:)  !! Groups that the program knows (n_known).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; unknown groups are added.
+    logical, intent(out) :: meant(:)  !! Whether an unknown group may be a misspelling of a known one (n_known).
     type(text_t) :: names(size(known))
     character(:), allocatable :: nearest, hint
     integer :: i, k
@@ -50,14 +46,10 @@ contains
 
   !> Report missing groups and groups that occur too often.
   subroutine check_occurrences(groups, known, meant, problems)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows (n_known).
-    type(group_keyword_t), intent(in) :: known(:)
-    !> Whether a known group may be in the file, misspelled (n_known).
-    logical, intent(in) :: meant(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(group_keyword_t), intent(in) :: known(:)  !! Groups that the program knows (n_known).
+    logical, intent(in) :: meant(:)  !! Whether a known group may be in the file, misspelled (n_known).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: i, k, n, first
     do k = 1, size(known)
       n = 0
@@ -77,12 +69,9 @@ contains
 
   !> Check keys and values of a group, convert its values, and add the defaults of the table.
   subroutine check_group(group, table, problems)
-    !> Group as read; its values are converted, its defaults added.
-    type(group_t), intent(inout) :: group
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(inout) :: group  !! Group as read; its values are converted, its defaults added.
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(text_t), allocatable :: words(:)
     integer :: i, j, k, n
     do i = 1, group%n_entries
@@ -126,14 +115,10 @@ contains
 
   !> Report an unknown key, with the nearest key or the group that has it.
   subroutine report_unknown_key(group, entry, table, problems)
-    !> Group of the key.
-    type(group_t), intent(in) :: group
-    !> The unknown key.
-    type(entry_t), intent(in) :: entry
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Group of the key.
+    type(entry_t), intent(in) :: entry  !! The unknown key.
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(text_t), allocatable :: keys(:)
     character(:), allocatable :: hint
     integer :: k
@@ -152,14 +137,11 @@ contains
 
   !> Check the values of one key and convert them.
   subroutine check_entry(group_name, entry, row, problems)
-    !> Name of the group, for messages.
-    character(*), intent(in) :: group_name
+    character(*), intent(in) :: group_name  !! Name of the group, for messages.
     !> Key with its values as written; converted on return, not usable where a value is wrong.
     type(entry_t), intent(inout) :: entry
-    !> Row of the key in the table of keywords.
-    type(keyword_t), intent(in) :: row
-    !> Mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(keyword_t), intent(in) :: row  !! Row of the key in the table of keywords.
+    type(problems_t), intent(inout) :: problems  !! Mistakes are added.
     character(:), allocatable :: message, place
     integer :: i
     if (entry%n_values < row%least .or. entry%n_values > row%most) then
@@ -193,15 +175,13 @@ contains
 
   !> Whether the values of a key are names of options.
   pure logical function takes_options(row)
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! Row of the key.
     takes_options = row%kind == kind_name .or. row%kind == kind_names
   end function takes_options
 
   !> Number of values that a key needs: "1 or 3 values".
   pure function needed_count(row) result(text)
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! Row of the key.
     character(:), allocatable :: text
     text = to_text(row%least)
     if (row%most > row%least) text = text//trim(merge(' to', ' or', row%most > 3))//' '//to_text(row%most)
@@ -211,12 +191,9 @@ contains
 
   !> Convert a real; the message says what is wrong, and is empty where nothing is.
   function real_message(value, row, number) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
-    !> The number; 0 where there is none [unit of the key].
-    real(dp), intent(out) :: number
+    type(value_t), intent(in) :: value  !! The value as written.
+    type(keyword_t), intent(in) :: row  !! Row of the key.
+    real(dp), intent(out) :: number  !! The number; 0 where there is none [unit of the key].
     character(:), allocatable :: message
     integer :: status
     call read_real(value%text, number, status)
@@ -229,10 +206,8 @@ contains
   !> Of two integers with a comma between them, what is wrong where the second one is the decimals of the first: it
   !> begins with a zero as no number does; empty where nothing is.
   function comma_message(before, text) result(message)
-    !> A value as written.
-    character(*), intent(in) :: before
-    !> The value after it.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: before  !! A value as written.
+    character(*), intent(in) :: text  !! The value after it.
     character(:), allocatable :: message
     message = ''
     if (.not. are_decimals(before, text) .or. len(text) < 2 .or. text(1:1) /= '0') return
@@ -241,10 +216,8 @@ contains
 
   !> A hint where two integers stand for one value, as in 2,5.
   function comma_hint(entry, row) result(hint)
-    !> Key with values as written.
-    type(entry_t), intent(in) :: entry
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
+    type(entry_t), intent(in) :: entry  !! Key with values as written.
+    type(keyword_t), intent(in) :: row  !! Row of the key.
     character(:), allocatable :: hint
     hint = ''
     if (row%kind /= kind_real .or. row%least > 1 .or. entry%n_values /= 2) return
@@ -255,8 +228,7 @@ contains
 
   !> Whether two values may be a number with a decimal comma: digits, and digits with an exponent at most.
   pure logical function are_decimals(first, second)
-    !> The values as written.
-    character(*), intent(in) :: first, second
+    character(*), intent(in) :: first, second  !! The values as written.
     character(*), parameter :: digits = '0123456789'
     are_decimals = .false.
     if (len(first) == 0 .or. len(second) == 0) return
@@ -266,12 +238,9 @@ contains
 
   !> Convert an integer; the message says what is wrong, and is empty where nothing is.
   function integer_message(value, row, number) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
-    !> The number; 0 where there is none.
-    integer, intent(out) :: number
+    type(value_t), intent(in) :: value  !! The value as written.
+    type(keyword_t), intent(in) :: row  !! Row of the key.
+    integer, intent(out) :: number  !! The number; 0 where there is none.
     character(:), allocatable :: message
     integer :: status
     call read_integer(value%text, number, status)
@@ -281,10 +250,8 @@ contains
 
   !> Convert a logical; the message says what is wrong, and is empty where nothing is.
   function logical_message(value, truth) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> The logical; false where there is none.
-    logical, intent(out) :: truth
+    type(value_t), intent(in) :: value  !! The value as written.
+    logical, intent(out) :: truth  !! The logical; false where there is none.
     character(:), allocatable :: message
     integer :: status
     call read_logical(value%text, truth, status)
@@ -293,12 +260,9 @@ contains
 
   !> The message for a value that cannot be converted; empty where it can.
   function status_message(value, status, needed) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> One of `number_*`.
-    integer, intent(in) :: status
-    !> What is needed, as in "an integer".
-    character(*), intent(in) :: needed
+    type(value_t), intent(in) :: value  !! The value as written.
+    integer, intent(in) :: status  !! One of `number_*`.
+    character(*), intent(in) :: needed  !! What is needed, as in "an integer".
     character(:), allocatable :: message
     message = ''
     if (value%quoted .or. status == number_malformed) then
@@ -310,12 +274,9 @@ contains
 
   !> The message for a number of the wrong sign; empty where it is right.
   function sign_message(value, row, number) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
-    !> Its number [unit of the key].
-    real(dp), intent(in) :: number
+    type(value_t), intent(in) :: value  !! The value as written.
+    type(keyword_t), intent(in) :: row  !! Row of the key.
+    real(dp), intent(in) :: number  !! Its number [unit of the key].
     character(:), allocatable :: message
     message = ''
     if (row%positive .and. .not. number > 0) message = ' must be above 0, got '//shown(value%text)
@@ -324,10 +285,8 @@ contains
 
   !> What is wrong with a text or formula; empty where nothing is.
   function text_message(value, row) result(message)
-    !> The value as written.
-    type(value_t), intent(in) :: value
-    !> Row of the key.
-    type(keyword_t), intent(in) :: row
+    type(value_t), intent(in) :: value  !! The value as written.
+    type(keyword_t), intent(in) :: row  !! Row of the key.
     character(:), allocatable :: message
     type(formula_t) :: formula
     type(error_t), allocatable :: error
@@ -345,12 +304,9 @@ contains
 
   !> Convert names to options; the message says what is wrong, and is empty where nothing is.
   function options_message(value, row, options) result(message)
-    !> The value as written: one name, or names separated by blanks.
-    type(value_t), intent(in) :: value
-    !> Row of the key, with the names that are allowed.
-    type(keyword_t), intent(in) :: row
-    !> The options are added (n_names).
-    integer, allocatable, intent(inout) :: options(:)
+    type(value_t), intent(in) :: value  !! The value as written: one name, or names separated by blanks.
+    type(keyword_t), intent(in) :: row  !! Row of the key, with the names that are allowed.
+    integer, allocatable, intent(inout) :: options(:)  !! The options are added (n_names).
     character(:), allocatable :: message
     type(text_t), allocatable :: words(:)
     character(:), allocatable :: reason

@@ -12,8 +12,7 @@ contains
 
   !> Keys of `&contact`.
   pure subroutine add_contact(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('contact')
     call list%add('name', kind_text, &
                   meaning='name of the contact pair; required without auto; pairs that are found are called '// &
@@ -80,8 +79,7 @@ contains
 
   !> Keys of `&tie`.
   pure subroutine add_tie(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('tie')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the tie; where wildcards name several bodies, their number takes the place of its *')
@@ -105,8 +103,7 @@ contains
 
   !> Keys of `&bolt`.
   pure subroutine add_bolt(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('bolt')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the bolt')

@@ -19,14 +19,11 @@ contains
 
   !> Read `&contact`.
   subroutine read_contact(group, bodies, solver, problems, contact)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
     !> Settings of the solver: its penalty parameter is that of pairs without their own.
     type(solver_input_t), intent(in) :: solver
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> The contact pair, or what its search is to find; incomplete where the group has mistakes.
     type(contact_input_t), intent(out) :: contact
     real(dp) :: theta
@@ -95,12 +92,9 @@ contains
 
   !> The compliance of a real layer is a property of the scene: given, positive, and independent of the mesh.
   subroutine check_layer(group, problems, contact)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The contact pair, with its theta.
-    type(contact_input_t), intent(in) :: contact
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(contact_input_t), intent(in) :: contact  !! The contact pair, with its theta.
     if (.not. contact%theta_given) then
       call report(problems, group, 'layer', 'layer=.true. needs theta, the compliance of the layer '// &
                   '[length/pressure], in &contact or &solver: none is given')
@@ -114,12 +108,9 @@ contains
 
   !> Read the interface condition of the Robin scheme.
   subroutine read_condition(group, solver, problems, robin_gap)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Settings of the solver.
-    type(solver_input_t), intent(in) :: solver
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(solver_input_t), intent(in) :: solver  !! Settings of the solver.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Initial gap up to which constraints have Robin conditions; `-huge` for none [length].
     real(dp), intent(out) :: robin_gap
     character(9) :: key
@@ -142,20 +133,14 @@ contains
 
   !> Read one side of a pair: 'body:surface'.
   subroutine read_side(group, key, bodies, problems, matched, surface, several)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Bodies that the side names; none where it is unknown (n_matched).
     integer, allocatable, intent(out) :: matched(:)
-    !> Physical group of the surface.
-    character(:), allocatable, intent(out) :: surface
-    !> Whether wildcards name the body.
-    logical, intent(out) :: several
+    character(:), allocatable, intent(out) :: surface  !! Physical group of the surface.
+    logical, intent(out) :: several  !! Whether wildcards name the body.
     character(:), allocatable :: text
     integer :: colon
     allocate (matched(0))
@@ -175,12 +160,9 @@ contains
 
   !> Report missing keys: name and surfaces, without `auto`; and surfaces with it.
   subroutine read_required(group, auto, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Whether the group has `auto`.
-    logical, intent(in) :: auto
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    logical, intent(in) :: auto  !! Whether the group has `auto`.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(9), parameter :: keys(3) = [character(9) :: 'name', 'surface_a', 'surface_b']
     logical :: unclear
     integer :: k
@@ -197,16 +179,11 @@ contains
 
   !> Read the excluded pairs of bodies: 'a - b', or 'a' for all pairs of a body, names with wildcards.
   subroutine read_exclusions(group, bodies, searched, problems, exclude)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Whether the group is searched.
-    logical, intent(in) :: searched
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The pairs (n_exclusions).
-    type(exclusion_t), allocatable, intent(out) :: exclude(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    logical, intent(in) :: searched  !! Whether the group is searched.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(exclusion_t), allocatable, intent(out) :: exclude(:)  !! The pairs (n_exclusions).
     type(text_t), allocatable :: texts(:)
     integer, allocatable :: matched(:), other(:)
     integer :: i, k

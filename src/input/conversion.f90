@@ -15,12 +15,9 @@ contains
 
   !> A real number: digits with at most one point, maybe an exponent after e or d.
   pure subroutine read_real(text, value, status)
-    !> Text of the value, without blanks.
-    character(*), intent(in) :: text
-    !> The number; 0 where there is none [any].
-    real(dp), intent(out) :: value
-    !> One of `number_*`.
-    integer, intent(out) :: status
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    real(dp), intent(out) :: value  !! The number; 0 where there is none [any].
+    integer, intent(out) :: status  !! One of `number_*`.
     character(:), allocatable :: mantissa, exponent
     integer :: mark, power, magnitude, first, point
     value = 0
@@ -56,12 +53,9 @@ contains
 
   !> An integer: digits, maybe with a sign.
   pure subroutine read_integer(text, value, status)
-    !> Text of the value, without blanks.
-    character(*), intent(in) :: text
-    !> The number; 0 where there is none.
-    integer, intent(out) :: value
-    !> One of `number_*`.
-    integer, intent(out) :: status
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    integer, intent(out) :: value  !! The number; 0 where there is none.
+    integer, intent(out) :: status  !! One of `number_*`.
     character(:), allocatable :: number
     value = 0
     status = number_malformed
@@ -80,12 +74,9 @@ contains
 
   !> A logical: .true., t, true and their opposites, in any case.
   pure subroutine read_logical(text, value, status)
-    !> Text of the value, without blanks.
-    character(*), intent(in) :: text
-    !> The logical; false where there is none.
-    logical, intent(out) :: value
-    !> `number_good` or `number_malformed`.
-    integer, intent(out) :: status
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    logical, intent(out) :: value  !! The logical; false where there is none.
+    integer, intent(out) :: status  !! `number_good` or `number_malformed`.
     value = .false.
     status = number_good
     select case (lower(text))
@@ -100,8 +91,7 @@ contains
 
   !> Remove the sign in front of a number.
   pure subroutine drop_sign(number)
-    !> Digits of a number, maybe with a sign; without it on return.
-    character(:), allocatable, intent(inout) :: number
+    character(:), allocatable, intent(inout) :: number  !! Digits of a number, maybe with a sign; without it on return.
     if (len(number) == 0) return
     if (scan(number(1:1), '+-') > 0) number = number(2:)
   end subroutine drop_sign

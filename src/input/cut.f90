@@ -9,29 +9,22 @@ module dotyk_input_cut
   implicit none
   private
 
-  !> Which half a body is of which whole.
-  type, public :: cut_input_t
-    !> Line of the `&bolt`; 0 for a body that is not cut.
-    integer :: line = 0
-    !> Half: 1 behind the plane, 2 ahead of it, where its normal points to.
-    integer :: half = 0
-    !> Name of the body that is cut.
-    character(:), allocatable :: whole
+  type, public :: cut_input_t  !! Which half a body is of which whole.
+    integer :: line = 0  !! Line of the `&bolt`; 0 for a body that is not cut.
+    integer :: half = 0  !! Half: 1 behind the plane, 2 ahead of it, where its normal points to.
+    character(:), allocatable :: whole  !! Name of the body that is cut.
     !> A point of the plane (3) [length], and its normal, of length 1 (3) []; of bodies in place.
     real(dp) :: point(3) = 0, normal(3) = 0
-    !> Surface inside the body; empty where a plane is given.
-    character(:), allocatable :: surface
+    character(:), allocatable :: surface  !! Surface inside the body; empty where a plane is given.
   contains
     procedure :: is_cut => cut_is_cut
     procedure :: same_as => cut_same_as
     procedure :: place_back => cut_place_back
   end type cut_input_t
 
-  !> Name of the surface of a half at the cut.
-  character(*), parameter, public :: cut_surface = '(cut)'
+  character(*), parameter, public :: cut_surface = '(cut)'  !! Name of the surface of a half at the cut.
 
-  !> Distance of planes that are the same, relative to the coordinates [].
-  real(dp), parameter :: rounding = 1.0e-12_dp
+  real(dp), parameter :: rounding = 1.0e-12_dp  !! Distance of planes that are the same, relative to the coordinates [].
 
 contains
 
@@ -44,10 +37,8 @@ contains
   !> The plane in coordinates of the mesh, before the body is rotated and shifted to its place.
   pure function cut_place_back(self, at, axis, angle) result(back)
     class(cut_input_t), intent(in) :: self
-    !> Position of the origin of the mesh (3) [length].
-    real(dp), intent(in) :: at(3)
-    !> Axis of rotation (3) [], and angle [degrees].
-    real(dp), intent(in) :: axis(3), angle
+    real(dp), intent(in) :: at(3)  !! Position of the origin of the mesh (3) [length].
+    real(dp), intent(in) :: axis(3), angle  !! Axis of rotation (3) [], and angle [degrees].
     type(cut_input_t) :: back
     real(dp) :: rotation(3, 3)
     back = self
@@ -61,8 +52,7 @@ contains
   !> Whether two bodies of one volume are the same half of it; planes in coordinates of the mesh.
   pure logical function cut_same_as(self, other) result(same)
     class(cut_input_t), intent(in) :: self
-    !> Of the other body.
-    type(cut_input_t), intent(in) :: other
+    type(cut_input_t), intent(in) :: other  !! Of the other body.
     same = self%half == other%half
     if (.not. (same .and. self%is_cut())) return
     same = self%surface == other%surface .and. &

@@ -16,16 +16,12 @@ contains
 
   !> Cut the bodies that `&bolt` names by its key `body`.
   subroutine cut_bodies(groups, scene, problems, body, names)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Bodies; those that are cut are two, one after the other, on return (n_bodies).
     type(body_input_t), allocatable, intent(inout) :: body(:)
-    !> Their names (n_bodies).
-    type(names_t), intent(inout) :: names
+    type(names_t), intent(inout) :: names  !! Their names (n_bodies).
     type(cut_input_t), allocatable :: cut(:)
     type(cut_input_t) :: given
     integer, allocatable :: picked(:), matched(:)
@@ -66,14 +62,10 @@ contains
 
   !> Read where a bolt is cut.
   subroutine read_cut(group, scene, problems, cut)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The cut.
-    type(cut_input_t), intent(out) :: cut
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(cut_input_t), intent(out) :: cut  !! The cut.
     character(7), parameter :: of_cut(3) = [character(7) :: 'point', 'normal', 'surface']
     integer :: k
     cut%line = group%line
@@ -114,12 +106,9 @@ contains
 
   !> Put two halves in the place of each body that is cut.
   subroutine divide(cut, body, names)
-    !> Cut of each body (n_bodies).
-    type(cut_input_t), intent(in) :: cut(:)
-    !> Bodies; more on return (n_bodies).
-    type(body_input_t), allocatable, intent(inout) :: body(:)
-    !> Their names (n_bodies).
-    type(names_t), intent(inout) :: names
+    type(cut_input_t), intent(in) :: cut(:)  !! Cut of each body (n_bodies).
+    type(body_input_t), allocatable, intent(inout) :: body(:)  !! Bodies; more on return (n_bodies).
+    type(names_t), intent(inout) :: names  !! Their names (n_bodies).
     type(body_input_t), allocatable :: all_bodies(:)
     type(names_t) :: all_names
     integer :: b, half, n

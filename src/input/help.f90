@@ -8,10 +8,8 @@ module dotyk_input_help
   private
   public :: help_text, occurrence, values_text
 
-  !> Longest line.
-  integer, parameter :: width = 110
-  !> Columns of keys, values and meanings.
-  integer, parameter :: indent = 2, values_column = 27, meaning_column = 50
+  integer, parameter :: width = 110  !! Longest line.
+  integer, parameter :: indent = 2, values_column = 27, meaning_column = 50  !! Columns of keys, values and meanings.
   character, parameter :: lf = new_line('a')
 
 contains
@@ -60,8 +58,7 @@ contains
 
   !> How often a group may occur in a file, in words.
   pure function occurrence(occurs) result(text)
-    !> One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
-    integer, intent(in) :: occurs
+    integer, intent(in) :: occurs  !! One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
     character(:), allocatable :: text
     select case (occurs)
     case (exactly_one)
@@ -77,8 +74,7 @@ contains
 
   !> The lines of one key.
   function key_text(row) result(text)
-    !> The key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: text
     character(:), allocatable :: meaning
     type(text_t), allocatable :: names(:)
@@ -99,8 +95,7 @@ contains
 
   !> Number and type of the values of a key: "2 or 3 reals", "text".
   pure function values_text(row) result(text)
-    !> The key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: text
     select case (row%kind)
     case (kind_real)
@@ -129,22 +124,17 @@ contains
 
   !> A text filled up with blanks, at least one.
   pure function padded(text, length) result(longer)
-    !> Text to fill up.
-    character(*), intent(in) :: text
-    !> Length with blanks.
-    integer, intent(in) :: length
+    character(*), intent(in) :: text  !! Text to fill up.
+    integer, intent(in) :: length  !! Length with blanks.
     character(:), allocatable :: longer
     longer = text//repeat(' ', max(1, length - len(text)))
   end function padded
 
   !> A text broken between words into lines of `width` letters.
   pure function wrapped(text, first, next) result(lines)
-    !> Words to break into lines.
-    character(*), intent(in) :: text
-    !> Letters in front of the text in the first line.
-    integer, intent(in) :: first
-    !> Blanks in front of the next lines.
-    integer, intent(in) :: next
+    character(*), intent(in) :: text  !! Words to break into lines.
+    integer, intent(in) :: first  !! Letters in front of the text in the first line.
+    integer, intent(in) :: next  !! Blanks in front of the next lines.
     character(:), allocatable :: lines
     type(text_t), allocatable :: words(:)
     integer :: i, used

@@ -13,15 +13,13 @@ module dotyk_input_keyword_table
   private
   public :: list_groups, list_keywords
 
-  !> Greatest number of volumes of a body.
-  integer, parameter :: most_volumes = 1000
+  integer, parameter :: most_volumes = 1000  !! Greatest number of volumes of a body.
 
 contains
 
   !> All groups, in the order of the reference.
   pure subroutine list_groups(groups)
-    !> The groups (n_groups).
-    type(group_keyword_t), allocatable, intent(out) :: groups(:)
+    type(group_keyword_t), allocatable, intent(out) :: groups(:)  !! The groups (n_groups).
     character, parameter :: lf = new_line('a')
     allocate (groups(17))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
@@ -95,14 +93,11 @@ contains
 
   !> One group.
   pure function group(name, occurs, meaning, example) result(row)
-    !> Its name in lower case.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Its name in lower case.
     !> How often it may stand in a file, one of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
     integer, intent(in) :: occurs
-    !> What it describes.
-    character(*), intent(in) :: meaning
-    !> A typical group.
-    character(*), intent(in) :: example
+    character(*), intent(in) :: meaning  !! What it describes.
+    character(*), intent(in) :: example  !! A typical group.
     type(group_keyword_t) :: row
     row%name = name
     row%occurs = occurs
@@ -112,8 +107,7 @@ contains
 
   !> All keys, those of a group together, in the order of the groups.
   pure subroutine list_keywords(table)
-    !> The keys (n_keys).
-    type(keyword_t), allocatable, intent(out) :: table(:)
+    type(keyword_t), allocatable, intent(out) :: table(:)  !! The keys (n_keys).
     type(keyword_list_t) :: list
     call list%init()
     call add_scene(list)
@@ -138,8 +132,7 @@ contains
 
   !> Keys of `&scene`.
   pure subroutine add_scene(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('scene')
     call list%add('title', kind_text, may_be_empty=.true., &
                   meaning='title')
@@ -164,8 +157,7 @@ contains
 
   !> Keys of `&material`.
   pure subroutine add_material(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('material')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the material')
@@ -205,8 +197,7 @@ contains
 
   !> Keys of `&body`.
   pure subroutine add_body(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('body')
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the body')
@@ -254,8 +245,7 @@ contains
 
   !> Keys of `&support`.
   pure subroutine add_support(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('support')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body; * and ? are wildcards: all bodies with such names that '// &
@@ -278,8 +268,7 @@ contains
 
   !> Keys of `&load`.
   pure subroutine add_load(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('load')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support')
@@ -325,8 +314,7 @@ contains
 
   !> Keys of `&temperature`.
   pure subroutine add_temperature(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('temperature')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support; its material has an expansion')
@@ -346,8 +334,7 @@ contains
 
   !> Keys of `&initial_stress`.
   pure subroutine add_initial_stress(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('initial_stress')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards as in &support')

@@ -16,56 +16,34 @@ module dotyk_input_keywords
   integer, parameter, public :: kind_names = 6    !< names of a list, separated by blanks, in one pair of quotes
   integer, parameter, public :: kind_formula = 7  !< formulas in x, y, z, each in quotes
 
-  !> A group.
-  type, public :: group_keyword_t
-    !> Its name in lower case.
-    character(:), allocatable :: name
-    !> One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
-    integer :: occurs = any_number
-    !> What it describes.
-    character(:), allocatable :: meaning
-    !> A typical group, for the reference.
-    character(:), allocatable :: example
+  type, public :: group_keyword_t  !! A group.
+    character(:), allocatable :: name  !! Its name in lower case.
+    integer :: occurs = any_number  !! One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
+    character(:), allocatable :: meaning  !! What it describes.
+    character(:), allocatable :: example  !! A typical group, for the reference.
   end type group_keyword_t
 
-  !> A key of a group.
-  type, public :: keyword_t
-    !> Name of the group, in lower case.
-    character(:), allocatable :: group
-    !> Name of the key, in lower case.
-    character(:), allocatable :: key
-    !> One of `kind_*`.
-    integer :: kind = kind_text
-    !> Least number of values.
-    integer :: least = 1
-    !> Greatest number of values; other numbers between the two are allowed, but mean nothing.
-    integer :: most = 1
-    !> Whether its numbers must be above 0.
-    logical :: positive = .false.
-    !> Whether its numbers must not be below 0.
-    logical :: not_negative = .false.
-    !> Whether it must be given.
-    logical :: required = .false.
-    !> Whether its text may be empty.
-    logical :: may_be_empty = .false.
+  type, public :: keyword_t  !! A key of a group.
+    character(:), allocatable :: group  !! Name of the group, in lower case.
+    character(:), allocatable :: key  !! Name of the key, in lower case.
+    integer :: kind = kind_text  !! One of `kind_*`.
+    integer :: least = 1  !! Least number of values.
+    integer :: most = 1  !! Greatest number of values; other numbers between the two are allowed, but mean nothing.
+    logical :: positive = .false.  !! Whether its numbers must be above 0.
+    logical :: not_negative = .false.  !! Whether its numbers must not be below 0.
+    logical :: required = .false.  !! Whether it must be given.
+    logical :: may_be_empty = .false.  !! Whether its text may be empty.
     !> Whether its numbers are measured in units, or multiples of such numbers: then their size is limited.
     logical :: measured = .false.
-    !> Unit of the numbers; empty where they have none.
-    character(:), allocatable :: unit
-    !> Names that are allowed, separated by blanks.
-    character(:), allocatable :: names
-    !> Default values, separated by blanks; empty where there is none.
-    character(:), allocatable :: default
-    !> What it means.
-    character(:), allocatable :: meaning
+    character(:), allocatable :: unit  !! Unit of the numbers; empty where they have none.
+    character(:), allocatable :: names  !! Names that are allowed, separated by blanks.
+    character(:), allocatable :: default  !! Default values, separated by blanks; empty where there is none.
+    character(:), allocatable :: meaning  !! What it means.
   end type keyword_t
 
-  !> A table of keys that is being made.
-  type, public :: keyword_list_t
-    !> The keys so far (n_keys).
-    type(keyword_t), allocatable :: row(:)
-    !> Group of the keys to come.
-    character(:), allocatable, private :: group
+  type, public :: keyword_list_t  !! A table of keys that is being made.
+    type(keyword_t), allocatable :: row(:)  !! The keys so far (n_keys).
+    character(:), allocatable, private :: group  !! Group of the keys to come.
   contains
     procedure :: init => keyword_list_init
     procedure :: begin_group => keyword_list_begin_group
@@ -85,8 +63,7 @@ contains
   !> Begin the keys of a group.
   pure subroutine keyword_list_begin_group(self, group)
     class(keyword_list_t), intent(inout) :: self
-    !> Name of the group, in lower case.
-    character(*), intent(in) :: group
+    character(*), intent(in) :: group  !! Name of the group, in lower case.
     self%group = group
   end subroutine keyword_list_begin_group
 
@@ -94,30 +71,18 @@ contains
   pure subroutine keyword_list_add(self, key, kind, meaning, least, most, unit, names, default, positive, &
                                    not_negative, required, may_be_empty)
     class(keyword_list_t), intent(inout) :: self
-    !> Name of the key, in lower case.
-    character(*), intent(in) :: key
-    !> One of `kind_*`.
-    integer, intent(in) :: kind
-    !> What it means.
-    character(*), intent(in) :: meaning
-    !> Least number of values.
-    integer, intent(in), optional :: least
-    !> Greatest number of values.
-    integer, intent(in), optional :: most
-    !> Unit of the numbers.
-    character(*), intent(in), optional :: unit
-    !> Names that are allowed, separated by blanks.
-    character(*), intent(in), optional :: names
-    !> Default values, separated by blanks.
-    character(*), intent(in), optional :: default
-    !> Whether its numbers must be above 0.
-    logical, intent(in), optional :: positive
-    !> Whether its numbers must not be below 0.
-    logical, intent(in), optional :: not_negative
-    !> Whether it must be given.
-    logical, intent(in), optional :: required
-    !> Whether its text may be empty.
-    logical, intent(in), optional :: may_be_empty
+    character(*), intent(in) :: key  !! Name of the key, in lower case.
+    integer, intent(in) :: kind  !! One of `kind_*`.
+    character(*), intent(in) :: meaning  !! What it means.
+    integer, intent(in), optional :: least  !! Least number of values.
+    integer, intent(in), optional :: most  !! Greatest number of values.
+    character(*), intent(in), optional :: unit  !! Unit of the numbers.
+    character(*), intent(in), optional :: names  !! Names that are allowed, separated by blanks.
+    character(*), intent(in), optional :: default  !! Default values, separated by blanks.
+    logical, intent(in), optional :: positive  !! Whether its numbers must be above 0.
+    logical, intent(in), optional :: not_negative  !! Whether its numbers must not be below 0.
+    logical, intent(in), optional :: required  !! Whether it must be given.
+    logical, intent(in), optional :: may_be_empty  !! Whether its text may be empty.
     type(keyword_t), allocatable :: longer(:)
     integer :: i, n
     n = size(self%row)
@@ -149,12 +114,9 @@ contains
 
   !> Place of a key in the table; 0 where the group has no such key.
   pure integer function place_of_keyword(table, group, key) result(place)
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Name of the group, in lower case.
-    character(*), intent(in) :: group
-    !> Name of the key, in lower case.
-    character(*), intent(in) :: key
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    character(*), intent(in) :: group  !! Name of the group, in lower case.
+    character(*), intent(in) :: key  !! Name of the key, in lower case.
     integer :: i
     place = 0
     do i = 1, size(table)
@@ -164,10 +126,8 @@ contains
 
   !> Names of the keys of a group.
   pure subroutine keys_of_group(table, group, keys)
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Name of the group, in lower case.
-    character(*), intent(in) :: group
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    character(*), intent(in) :: group  !! Name of the group, in lower case.
     !> Names of its keys, in the order of the table (n_keys_of_group).
     type(text_t), allocatable, intent(out) :: keys(:)
     integer :: i, n

@@ -14,29 +14,19 @@ module dotyk_input_lexer
   integer, parameter, public :: token_word = 5     !< a key, a number, a logical
   integer, parameter, public :: token_quoted = 6   !< a text in quotes; the text is what is between them
 
-  !> One token.
-  type, public :: token_t
-    !> One of `token_*`.
-    integer :: kind = token_end
-    !> Line of the file.
-    integer :: line = 0
-    !> Repeat count of a text in quotes, as in 3*'0'.
-    integer :: repeat = 1
-    !> Whether the closing quote is missing in the line.
-    logical :: cut = .false.
-    !> Its text: name of a group, word, or contents of the quotes.
-    character(:), allocatable :: text
+  type, public :: token_t  !! One token.
+    integer :: kind = token_end  !! One of `token_*`.
+    integer :: line = 0  !! Line of the file.
+    integer :: repeat = 1  !! Repeat count of a text in quotes, as in 3*'0'.
+    logical :: cut = .false.  !! Whether the closing quote is missing in the line.
+    character(:), allocatable :: text  !! Its text: name of a group, word, or contents of the quotes.
   end type token_t
 
-  !> Position in a text that is read token by token.
-  type, public :: lexer_t
+  type, public :: lexer_t  !! Position in a text that is read token by token.
     private
-    !> Next byte.
-    integer :: next = 1
-    !> Its line.
-    integer :: line = 1
-    !> Whether the position is inside a group.
-    logical :: inside = .false.
+    integer :: next = 1  !! Next byte.
+    integer :: line = 1  !! Its line.
+    logical :: inside = .false.  !! Whether the position is inside a group.
   contains
     procedure :: read_token
   end type lexer_t
@@ -46,8 +36,7 @@ module dotyk_input_lexer
   character(*), parameter :: ends_word = ' '//tab//line_feed//carriage_return//',=/!&''"'
   !> What may follow a text in quotes.
   character(*), parameter :: ends_quoted = ' '//tab//line_feed//carriage_return//',=/!&'
-  !> Greatest repeat count.
-  integer, parameter, public :: most_repeats = 1000
+  integer, parameter, public :: most_repeats = 1000  !! Greatest repeat count.
 
   public :: split_repeat
 
@@ -56,12 +45,9 @@ contains
   !> The next token of a text.
   subroutine read_token(self, text, problems, token)
     class(lexer_t), intent(inout) :: self
-    !> The whole text, the same at each call.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The token; `token_end` behind the end of the text.
-    type(token_t), intent(out) :: token
+    character(*), intent(in) :: text  !! The whole text, the same at each call.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(token_t), intent(out) :: token  !! The token; `token_end` behind the end of the text.
     token%text = ''
     do
       call skip_blanks(self, text)
@@ -98,10 +84,8 @@ contains
 
   !> Skip blanks, line ends and comments.
   subroutine skip_blanks(self, text)
-    !> Position in the text; moved.
-    type(lexer_t), intent(inout) :: self
-    !> The whole text.
-    character(*), intent(in) :: text
+    type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
+    character(*), intent(in) :: text  !! The whole text.
     if (self%next == 1 .and. len(text) >= 3) then
       ! The byte order mark of UTF-8.
       if (text(1:3) == char(239)//char(187)//char(191)) self%next = 4
@@ -126,12 +110,9 @@ contains
 
   !> Report text between groups, up to the next group, comment or line end.
   subroutine skip_outside(self, text, problems)
-    !> Position in the text; moved.
-    type(lexer_t), intent(inout) :: self
-    !> The whole text.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
+    character(*), intent(in) :: text  !! The whole text.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: first
     first = self%next
     do while (self%next <= len(text))
@@ -143,10 +124,8 @@ contains
 
   !> The word at the position, maybe empty; the position moves behind it.
   function word_at(self, text) result(word)
-    !> Position in the text; moved.
-    type(lexer_t), intent(inout) :: self
-    !> The whole text.
-    character(*), intent(in) :: text
+    type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
+    character(*), intent(in) :: text  !! The whole text.
     character(:), allocatable :: word
     integer :: first
     first = self%next
@@ -159,14 +138,10 @@ contains
 
   !> Read a word, or a text in quotes with a repeat count in front.
   subroutine read_word(self, text, problems, token)
-    !> Position in the text; moved.
-    type(lexer_t), intent(inout) :: self
-    !> The whole text.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The token; kind and text are set.
-    type(token_t), intent(inout) :: token
+    type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
+    character(*), intent(in) :: text  !! The whole text.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(token_t), intent(inout) :: token  !! The token; kind and text are set.
     character(:), allocatable :: rest
     integer :: count
     token%kind = token_word
@@ -185,14 +160,10 @@ contains
 
   !> Read a text in quotes; a doubled quote stands for one.
   subroutine read_quoted(self, text, problems, token)
-    !> Position in the text; moved.
-    type(lexer_t), intent(inout) :: self
-    !> The whole text.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The token; kind and text are set.
-    type(token_t), intent(inout) :: token
+    type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
+    character(*), intent(in) :: text  !! The whole text.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(token_t), intent(inout) :: token  !! The token; kind and text are set.
     character :: quote
     integer :: first, place, n
     logical :: closed
@@ -233,24 +204,18 @@ contains
 
   !> Whether a letter is at a place of a text.
   pure logical function is_at(text, place, letter)
-    !> The text.
-    character(*), intent(in) :: text
-    !> The place, maybe behind the end.
-    integer, intent(in) :: place
-    !> The letter.
-    character, intent(in) :: letter
+    character(*), intent(in) :: text  !! The text.
+    integer, intent(in) :: place  !! The place, maybe behind the end.
+    character, intent(in) :: letter  !! The letter.
     is_at = .false.
     if (place <= len(text)) is_at = text(place:place) == letter
   end function is_at
 
   !> Split "3*0" into 3 and "0".
   pure subroutine split_repeat(word, count, rest)
-    !> Word, maybe with a repeat count.
-    character(*), intent(in) :: word
-    !> The count; -1 where there is none, 0 where it is not from 1 to `most_repeats`.
-    integer, intent(out) :: count
-    !> Part behind the star; the whole word where there is no count.
-    character(:), allocatable, intent(out) :: rest
+    character(*), intent(in) :: word  !! Word, maybe with a repeat count.
+    integer, intent(out) :: count  !! The count; -1 where there is none, 0 where it is not from 1 to `most_repeats`.
+    character(:), allocatable, intent(out) :: rest  !! Part behind the star; the whole word where there is no count.
     integer :: star
     count = -1
     rest = word
@@ -266,8 +231,7 @@ contains
 
   !> The message for a bad repeat count.
   pure function repeat_message(word) result(message)
-    !> Word with the count.
-    character(*), intent(in) :: word
+    character(*), intent(in) :: word  !! Word with the count.
     character(:), allocatable :: message
     message = 'a repeat count must be from 1 to '//to_text(most_repeats)//', got '//shown(word)
   end function repeat_message

@@ -6,26 +6,17 @@ module dotyk_input_load_case
   private
   public :: applies_in
 
-  !> `&case`.
-  type, public :: load_case_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Name of the load case.
-    character(:), allocatable :: name
-    !> Whether the solution starts from that of the case before.
-    logical :: continues = .false.
+  type, public :: load_case_input_t  !! `&case`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: name  !! Name of the load case.
+    logical :: continues = .false.  !! Whether the solution starts from that of the case before.
   end type load_case_input_t
 
-  !> `&contact_case`.
-  type, public :: contact_case_input_t
-    !> Line of the group.
-    integer :: line = 0
-    !> Load cases that it belongs to (n_cases).
-    logical, allocatable :: in_case(:)
-    !> Name of contact pairs, maybe with wildcards.
-    character(:), allocatable :: contact
-    !> Whether a gap is given; the three below are as in `contact_input_t`.
-    logical :: has_gap = .false.
+  type, public :: contact_case_input_t  !! `&contact_case`.
+    integer :: line = 0  !! Line of the group.
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to (n_cases).
+    character(:), allocatable :: contact  !! Name of contact pairs, maybe with wildcards.
+    logical :: has_gap = .false.  !! Whether a gap is given; the three below are as in `contact_input_t`.
     integer :: gap_kind = default_gap
     real(dp) :: gap = 0
     character(:), allocatable :: gap_formula
@@ -40,10 +31,8 @@ contains
 
   !> Whether a group belongs to a load case.
   pure logical function applies_in(in_case, k) result(applies)
-    !> Its component `in_case`.
-    logical, allocatable, intent(in) :: in_case(:)
-    !> The load case.
-    integer, intent(in) :: k
+    logical, allocatable, intent(in) :: in_case(:)  !! Its component `in_case`.
+    integer, intent(in) :: k  !! The load case.
     applies = .true.
     if (allocated(in_case)) applies = in_case(k)
   end function applies_in

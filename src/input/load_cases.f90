@@ -18,10 +18,8 @@ contains
 
   !> Read all `&case`.
   subroutine read_load_cases(groups, problems, load_case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> The cases; none where the file has no such group (n_cases).
     type(load_case_input_t), allocatable, intent(out) :: load_case(:)
     integer, allocatable :: picked(:)
@@ -44,12 +42,9 @@ contains
 
   !> The cases that the key `case` names.
   subroutine cases_of(group, names, problems, in_case)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the cases.
-    type(names_t), intent(in) :: names
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: names  !! Names of the cases.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Whether the group belongs to each case; not allocated where it belongs to all (n_cases).
     logical, allocatable, intent(out) :: in_case(:)
     type(text_t), allocatable :: texts(:)
@@ -82,16 +77,11 @@ contains
 
   !> Read all `&contact_case`.
   subroutine read_contact_cases(groups, names, contact, solver, problems, contact_case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the cases.
-    type(names_t), intent(in) :: names
-    !> Contact pairs as the file has them (n_contacts).
-    type(contact_input_t), intent(in) :: contact(:)
-    !> Settings of the solver.
-    type(solver_input_t), intent(in) :: solver
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: names  !! Names of the cases.
+    type(contact_input_t), intent(in) :: contact(:)  !! Contact pairs as the file has them (n_contacts).
+    type(solver_input_t), intent(in) :: solver  !! Settings of the solver.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Gaps and penalty parameters by cases (n_contact_cases).
     type(contact_case_input_t), allocatable, intent(out) :: contact_case(:)
     integer, allocatable :: picked(:)
@@ -106,16 +96,11 @@ contains
 
   !> Read one `&contact_case`.
   subroutine read_contact_case(group, contact, solver, problems, own)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Contact pairs as the file has them (n_contacts).
-    type(contact_input_t), intent(in) :: contact(:)
-    !> Settings of the solver.
-    type(solver_input_t), intent(in) :: solver
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Gets gap and penalty parameter.
-    type(contact_case_input_t), intent(inout) :: own
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(contact_input_t), intent(in) :: contact(:)  !! Contact pairs as the file has them (n_contacts).
+    type(solver_input_t), intent(in) :: solver  !! Settings of the solver.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(contact_case_input_t), intent(inout) :: own  !! Gets gap and penalty parameter.
     integer :: k
     own%line = group%line
     own%contact = text_of(group, 'contact')

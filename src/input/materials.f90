@@ -15,12 +15,9 @@ contains
 
   !> Read `&material`.
   subroutine read_material(group, problems, material)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The material; incomplete where the group has mistakes.
-    type(material_input_t), intent(out) :: material
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(material_input_t), intent(out) :: material  !! The material; incomplete where the group has mistakes.
     material%line = group%line
     material%name = text_of(group, 'name')
     material%young_formula = text_of(group, 'young_formula')
@@ -74,17 +71,14 @@ contains
 
   !> Whether a key or its formula is given.
   pure logical function has(group, key)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! The key.
     has = is_given(group, key) .or. is_given(group, key//'_formula')
   end function has
 
   !> Whether a material without a stiffness has axes: three values of a constant.
   pure logical function has_axes(group)
-    !> Checked group.
-    type(group_t), intent(in) :: group
+    type(group_t), intent(in) :: group  !! Checked group.
     has_axes = max(count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear'), &
                    count_of(group, 'young_formula'), count_of(group, 'poisson_formula'), &
                    count_of(group, 'shear_formula')) > 1
@@ -92,14 +86,10 @@ contains
 
   !> Keep the formulas of constants.
   pure subroutine read_formulas(group, keys, n_values, material)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Keys of the constants, in their order, separated by blanks.
-    character(*), intent(in) :: keys
-    !> Number of constants of each (n_keys).
-    integer, intent(in) :: n_values(:)
-    !> The material; its formulas are set.
-    type(material_input_t), intent(inout) :: material
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: keys  !! Keys of the constants, in their order, separated by blanks.
+    integer, intent(in) :: n_values(:)  !! Number of constants of each (n_keys).
+    type(material_input_t), intent(inout) :: material  !! The material; its formulas are set.
     type(text_t), allocatable :: formula(:), key(:), some(:)
     integer :: i, k, first
     logical :: any_given
@@ -126,12 +116,9 @@ contains
 
   !> Read the thermal expansion: one coefficient, or three of a material with axes.
   subroutine read_expansion(group, problems, material)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The material; its expansion is set.
-    type(material_input_t), intent(inout) :: material
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(material_input_t), intent(inout) :: material  !! The material; its expansion is set.
     character(:), allocatable :: key
     material%expands = has(group, 'expansion')
     call refuse_both(group, 'expansion', problems)
@@ -153,12 +140,9 @@ contains
 
   !> Read shear moduli and axes of an orthotropic material.
   subroutine read_orthotropic(group, problems, material)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The material; its shear moduli and axes are set.
-    type(material_input_t), intent(inout) :: material
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(material_input_t), intent(inout) :: material  !! The material; its shear moduli and axes are set.
     integer :: n(3)
     n = [values_of('young'), values_of('poisson'), values_of('shear')]
     if (is_right('young') .and. is_right('poisson') .and. is_right('shear')) then
@@ -175,16 +159,14 @@ contains
 
     !> Number of values of a constant, or of its formulas.
     pure integer function values_of(key)
-      !> The key.
-      character(*), intent(in) :: key
+      character(*), intent(in) :: key  !! The key.
       values_of = count_of(group, key)
       if (.not. is_given(group, key)) values_of = count_of(group, key//'_formula')
     end function values_of
 
     !> Whether a constant, or its formulas, can be used; or shear is missing, which is told by the number of values.
     pure logical function is_right(key)
-      !> The key.
-      character(*), intent(in) :: key
+      character(*), intent(in) :: key  !! The key.
       is_right = is_usable(group, key) .or. is_usable(group, key//'_formula') .or. &
                  (key == 'shear' .and. .not. has(group, key))
     end function is_right
@@ -192,12 +174,9 @@ contains
 
   !> Read the axes of a material.
   subroutine read_axes(group, problems, material)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The material; its axes are set.
-    type(material_input_t), intent(inout) :: material
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(material_input_t), intent(inout) :: material  !! The material; its axes are set.
     real(dp) :: a(3), b(3), normal(3)
     call read_numbers(group, 'axis_1', material%axis_1)
     call read_numbers(group, 'axis_2', material%axis_2)
@@ -218,12 +197,9 @@ contains
 
   !> Report a constant that has both numbers and formulas.
   subroutine refuse_both(group, key, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The key of the numbers.
-    character(*), intent(in) :: key
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! The key of the numbers.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (is_given(group, key) .and. is_given(group, key//'_formula')) &
       call report(problems, group, key, key//' and '//key//'_formula are both given: only one can be meant')
   end subroutine refuse_both

@@ -28,10 +28,8 @@ contains
 
   !> Read a namelist file.
   subroutine read_case(file, case, error)
-    !> Path.
-    character(*), intent(in) :: file
-    !> The case; incomplete where there is an error.
-    type(case_t), intent(out) :: case
+    character(*), intent(in) :: file  !! Path.
+    type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
     !> Allocated where the file has mistakes: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
@@ -43,12 +41,9 @@ contains
 
   !> Read the text of a namelist file.
   subroutine parse_case(file, text, case, error)
-    !> Path of the file, for messages and relative paths.
-    character(*), intent(in) :: file
-    !> Text of the file.
-    character(*), intent(in) :: text
-    !> The case; incomplete where there is an error.
-    type(case_t), intent(out) :: case
+    character(*), intent(in) :: file  !! Path of the file, for messages and relative paths.
+    character(*), intent(in) :: text  !! Text of the file.
+    type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
     !> Allocated where the file has mistakes: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problems_t) :: problems
@@ -82,18 +77,12 @@ contains
 
   !> Make plain data of checked groups.
   subroutine convert(groups, known, misspelled, table, problems, case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows (n_known).
-    type(group_keyword_t), intent(in) :: known(:)
-    !> Whether a known group may be in the file, misspelled (n_known).
-    logical, intent(in) :: misspelled(:)
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The case, with file and directory; all else is set.
-    type(case_t), intent(inout) :: case
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(group_keyword_t), intent(in) :: known(:)  !! Groups that the program knows (n_known).
+    logical, intent(in) :: misspelled(:)  !! Whether a known group may be in the file, misspelled (n_known).
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(case_t), intent(inout) :: case  !! The case, with file and directory; all else is set.
     type(names_t) :: materials, bodies, contacts, ties, cases
     type(group_t) :: solver, output
     integer, allocatable :: picked(:)
@@ -147,8 +136,7 @@ contains
 
     !> Place of a group in the table; 0 where it is unknown.
     pure integer function place(name)
-      !> Name of the group.
-      character(*), intent(in) :: name
+      character(*), intent(in) :: name  !! Name of the group.
       do place = 1, size(known)
         if (known(place)%name == name) return
       end do
@@ -158,16 +146,11 @@ contains
 
   !> The first group of a name; where the file has none, one with the defaults of the table, in line 0.
   subroutine single_group(groups, name, table, problems, group)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Name of the group.
-    character(*), intent(in) :: name
-    !> Table of all keys (n_keys).
-    type(keyword_t), intent(in) :: table(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The group.
-    type(group_t), intent(out) :: group
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    character(*), intent(in) :: name  !! Name of the group.
+    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(group_t), intent(out) :: group  !! The group.
     integer, allocatable :: picked(:)
     call pick_groups(groups, name, picked)
     if (size(picked) > 0) then

@@ -12,12 +12,9 @@ contains
 
   !> The whole text of a file.
   subroutine read_text(file, text, error)
-    !> Path.
-    character(*), intent(in) :: file
-    !> Its bytes.
-    character(:), allocatable, intent(out) :: text
-    !> Allocated where the file cannot be read.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: file  !! Path.
+    character(:), allocatable, intent(out) :: text  !! Its bytes.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be read.
     character(:), allocatable :: reason
     integer :: unit, status, size
     text = ''
@@ -39,10 +36,8 @@ contains
 
   !> Refuse a file that is plainly no namelist.
   subroutine refuse_other_content(file, text, error)
-    !> Path, for the message.
-    character(*), intent(in) :: file
-    !> Its bytes.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: file  !! Path, for the message.
+    character(*), intent(in) :: text  !! Its bytes.
     !> Allocated on return where the file is something else; unchanged otherwise.
     type(error_t), allocatable, intent(inout) :: error
     character(:), allocatable :: nature, advice, kind, first
@@ -74,10 +69,8 @@ contains
 
   !> A path relative to a directory, unless it is absolute.
   pure function resolve_path(directory, path) result(resolved)
-    !> Directory with a slash at the end, or empty.
-    character(*), intent(in) :: directory
-    !> Path, absolute or relative.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: directory  !! Directory with a slash at the end, or empty.
+    character(*), intent(in) :: path  !! Path, absolute or relative.
     character(:), allocatable :: resolved
     resolved = directory//path
     if (len(path) == 0) resolved = ''
@@ -86,32 +79,28 @@ contains
 
   !> Place of the last point of a file name, where its extension begins; behind the end where it has none.
   pure integer function extension_start(file) result(start)
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     start = index(file, '.', back=.true.)
     if (start <= index(file, '/', back=.true.) + 1) start = len(file) + 1
   end function extension_start
 
   !> Extension of a file in lower case, with its point; empty where it has none.
   pure function extension_of(file) result(extension)
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     character(:), allocatable :: extension
     extension = lower(file(extension_start(file):))
   end function extension_of
 
   !> A path without its extension.
   pure function without_extension(file) result(stem)
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     character(:), allocatable :: stem
     stem = file(:extension_start(file) - 1)
   end function without_extension
 
   !> Why a file cannot be read, as in "does not exist" or "cannot be opened"; empty where it can.
   function why_not_readable(file) result(reason)
-    !> Path of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Path of the file.
     character(:), allocatable :: reason
     integer :: unit, status
     reason = why_no_file(file)
@@ -126,8 +115,7 @@ contains
 
   !> Whether a path is a directory.
   logical function is_directory(path)
-    !> Path to look at.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path to look at.
     inquire (file=path//'/.', exist=is_directory)
   end function is_directory
 end module dotyk_input_paths

@@ -6,14 +6,10 @@ module dotyk_input_problems
   implicit none
   private
 
-  !> All the problems of one file.
-  type, public :: problems_t
-    !> Name of the file, as in the messages.
-    character(:), allocatable :: file
-    !> Number of problems.
-    integer :: count = 0
-    !> Lines of the file; the first `count` are in use (n_allocated).
-    integer, allocatable :: line(:)
+  type, public :: problems_t  !! All the problems of one file.
+    character(:), allocatable :: file  !! Name of the file, as in the messages.
+    integer :: count = 0  !! Number of problems.
+    integer, allocatable :: line(:)  !! Lines of the file; the first `count` are in use (n_allocated).
     !> Messages without file and line; the first `count` are in use (n_allocated).
     type(text_t), allocatable :: message(:)
   contains
@@ -30,8 +26,7 @@ contains
   !> Start an empty list.
   subroutine problems_init(self, file)
     class(problems_t), intent(inout) :: self
-    !> Name of the file.
-    character(*), intent(in) :: file
+    character(*), intent(in) :: file  !! Name of the file.
     self%file = file
     self%count = 0
     if (allocated(self%line)) deallocate (self%line, self%message)
@@ -41,10 +36,8 @@ contains
   !> Add a problem.
   subroutine problems_add(self, line, message)
     class(problems_t), intent(inout) :: self
-    !> Line of the file, or `no_line`.
-    integer, intent(in) :: line
-    !> What is wrong.
-    character(*), intent(in) :: message
+    integer, intent(in) :: line  !! Line of the file, or `no_line`.
+    character(*), intent(in) :: message  !! What is wrong.
     integer, allocatable :: lines(:)
     type(text_t), allocatable :: messages(:)
     integer :: i
@@ -65,8 +58,7 @@ contains
   !> Make one error of the list.
   subroutine problems_raise(self, error)
     class(problems_t), intent(in) :: self
-    !> Allocated where the list is not empty.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the list is not empty.
     type(problem_list_t) :: list
     integer, allocatable :: order(:)
     integer :: i, k

@@ -8,50 +8,31 @@ module dotyk_input_reader
   implicit none
   private
 
-  !> One value as written.
-  type, public :: value_t
-    !> Its text, without quotes.
-    character(:), allocatable :: text
-    !> Line of the file.
-    integer :: line = 0
-    !> Whether it is in quotes.
-    logical :: quoted = .false.
+  type, public :: value_t  !! One value as written.
+    character(:), allocatable :: text  !! Its text, without quotes.
+    integer :: line = 0  !! Line of the file.
+    logical :: quoted = .false.  !! Whether it is in quotes.
   end type value_t
 
-  !> One key with its values.
-  type, public :: entry_t
-    !> Its name in lower case.
-    character(:), allocatable :: key
-    !> Line of the key.
-    integer :: line = 0
-    !> Number of values.
-    integer :: n_values = 0
-    !> Values as written; the first `n_values` are in use (n_allocated).
-    type(value_t), allocatable :: value(:)
-    !> Whether it has no mistake so far. Checks skip what depends on unusable keys.
-    logical :: usable = .true.
-    !> Whether it is a default of the table of keywords, not given in the file.
-    logical :: from_default = .false.
-    !> Checked values of a real key (n_values) [unit of the key].
-    real(dp), allocatable :: reals(:)
+  type, public :: entry_t  !! One key with its values.
+    character(:), allocatable :: key  !! Its name in lower case.
+    integer :: line = 0  !! Line of the key.
+    integer :: n_values = 0  !! Number of values.
+    type(value_t), allocatable :: value(:)  !! Values as written; the first `n_values` are in use (n_allocated).
+    logical :: usable = .true.  !! Whether it has no mistake so far. Checks skip what depends on unusable keys.
+    logical :: from_default = .false.  !! Whether it is a default of the table of keywords, not given in the file.
+    real(dp), allocatable :: reals(:)  !! Checked values of a real key (n_values) [unit of the key].
     !> Checked values of an integer key (n_values), or the options that its names stand for (n_names).
     integer, allocatable :: integers(:)
-    !> Checked values of a logical key (n_values).
-    logical, allocatable :: logicals(:)
+    logical, allocatable :: logicals(:)  !! Checked values of a logical key (n_values).
   end type entry_t
 
-  !> One group.
-  type, public :: group_t
-    !> Its name in lower case.
-    character(:), allocatable :: name
-    !> Line of its beginning.
-    integer :: line = 0
-    !> Number of keys.
-    integer :: n_entries = 0
-    !> Keys; the first `n_entries` are in use (n_allocated).
-    type(entry_t), allocatable :: entry(:)
-    !> Whether further keys were dropped.
-    logical, private :: full = .false.
+  type, public :: group_t  !! One group.
+    character(:), allocatable :: name  !! Its name in lower case.
+    integer :: line = 0  !! Line of its beginning.
+    integer :: n_entries = 0  !! Number of keys.
+    type(entry_t), allocatable :: entry(:)  !! Keys; the first `n_entries` are in use (n_allocated).
+    logical, private :: full = .false.  !! Whether further keys were dropped.
   end type group_t
 
   public :: read_groups, add_entry, add_value
@@ -63,12 +44,9 @@ contains
 
   !> Read all groups of a text.
   subroutine read_groups(text, problems, groups)
-    !> The text of the file.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes of syntax are added.
-    type(problems_t), intent(inout) :: problems
-    !> Groups in the order of the file (n_groups).
-    type(group_t), allocatable, intent(out) :: groups(:)
+    character(*), intent(in) :: text  !! The text of the file.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes of syntax are added.
+    type(group_t), allocatable, intent(out) :: groups(:)  !! Groups in the order of the file (n_groups).
     type(group_t), allocatable :: longer(:)
     type(lexer_t) :: lexer
     type(token_t) :: token
@@ -107,10 +85,8 @@ contains
 
   !> Move a group without copying its keys.
   subroutine move_group(from, to)
-    !> Group to move; empty on return.
-    type(group_t), intent(inout) :: from
-    !> The moved group.
-    type(group_t), intent(inout) :: to
+    type(group_t), intent(inout) :: from  !! Group to move; empty on return.
+    type(group_t), intent(inout) :: to  !! The moved group.
     to%line = from%line
     to%n_entries = from%n_entries
     call move_alloc(from%name, to%name)
@@ -119,16 +95,11 @@ contains
 
   !> Read one group.
   subroutine read_group(lexer, text, problems, token, group)
-    !> Position in the text.
-    type(lexer_t), intent(inout) :: lexer
-    !> The text of the file.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Its first token; on return the first token behind the group.
-    type(token_t), intent(inout) :: token
-    !> The group; keys and values as written are added.
-    type(group_t), intent(inout) :: group
+    type(lexer_t), intent(inout) :: lexer  !! Position in the text.
+    character(*), intent(in) :: text  !! The text of the file.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(token_t), intent(inout) :: token  !! Its first token; on return the first token behind the group.
+    type(group_t), intent(inout) :: group  !! The group; keys and values as written are added.
     type(token_t) :: word
     logical :: cut, after_comma
     group%name = lower(token%text)
@@ -185,12 +156,9 @@ contains
 
   !> Begin a key.
   subroutine begin_key(group, word, problems)
-    !> Group of the key.
-    type(group_t), intent(inout) :: group
-    !> Token with the name of the key.
-    type(token_t), intent(in) :: word
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(inout) :: group  !! Group of the key.
+    type(token_t), intent(in) :: word  !! Token with the name of the key.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: mark
     if (group%n_entries == most_keys .and. .not. group%full) then
       call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '// &
@@ -211,12 +179,9 @@ contains
 
   !> Add a word as value, maybe with a repeat count.
   subroutine add_word(group, word, problems)
-    !> Group; the value is added to its last key.
-    type(group_t), intent(inout) :: group
-    !> Token with the value.
-    type(token_t), intent(in) :: word
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(inout) :: group  !! Group; the value is added to its last key.
+    type(token_t), intent(in) :: word  !! Token with the value.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: rest
     integer :: count
     call split_repeat(word%text, count, rest)
@@ -233,16 +198,11 @@ contains
 
   !> Add a value to the last key, once or more often.
   subroutine add_values(group, token, count, text, problems)
-    !> Group; the value is added to its last key.
-    type(group_t), intent(inout) :: group
-    !> Token with the value, for its line.
-    type(token_t), intent(in) :: token
-    !> Repeat count.
-    integer, intent(in) :: count
-    !> Value as written.
-    character(*), intent(in) :: text
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(inout) :: group  !! Group; the value is added to its last key.
+    type(token_t), intent(in) :: token  !! Token with the value, for its line.
+    integer, intent(in) :: count  !! Repeat count.
+    character(*), intent(in) :: text  !! Value as written.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: i
     if (group%full) return
     if (group%n_entries == 0) then
@@ -258,12 +218,9 @@ contains
 
   !> Report a missing value.
   subroutine report_missing_value(group, line, problems)
-    !> Group; its last key becomes unusable.
-    type(group_t), intent(inout) :: group
-    !> Line of the missing value.
-    integer, intent(in) :: line
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(inout) :: group  !! Group; its last key becomes unusable.
+    integer, intent(in) :: line  !! Line of the missing value.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (group%n_entries == 0) then
       call problems%add(line, '&'//group%name//': a value without a key before it: '',''')
     else if (group%entry(group%n_entries)%usable) then
@@ -274,19 +231,15 @@ contains
 
   !> Mark the last key as unusable, because of a mistake that is reported already.
   subroutine spoil_last(group)
-    !> Group; its last key becomes unusable.
-    type(group_t), intent(inout) :: group
+    type(group_t), intent(inout) :: group  !! Group; its last key becomes unusable.
     if (group%n_entries > 0) group%entry(group%n_entries)%usable = .false.
   end subroutine spoil_last
 
   !> Add a key without values to a group.
   subroutine add_entry(group, key, line)
-    !> Group; the key is added.
-    type(group_t), intent(inout) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Line of the key.
-    integer, intent(in) :: line
+    type(group_t), intent(inout) :: group  !! Group; the key is added.
+    character(*), intent(in) :: key  !! Name of the key.
+    integer, intent(in) :: line  !! Line of the key.
     type(entry_t), allocatable :: longer(:)
     integer :: i
     if (group%n_entries == size(group%entry)) then
@@ -306,14 +259,10 @@ contains
 
   !> Add a value to a key, up to the greatest number.
   subroutine add_value(entry, text, line, quoted)
-    !> Key; the value is added.
-    type(entry_t), intent(inout) :: entry
-    !> Value as written.
-    character(*), intent(in) :: text
-    !> Line of the value.
-    integer, intent(in) :: line
-    !> Whether it is in quotes.
-    logical, intent(in) :: quoted
+    type(entry_t), intent(inout) :: entry  !! Key; the value is added.
+    character(*), intent(in) :: text  !! Value as written.
+    integer, intent(in) :: line  !! Line of the value.
+    logical, intent(in) :: quoted  !! Whether it is in quotes.
     type(value_t), allocatable :: longer(:)
     integer :: i
     if (entry%n_values == most_values) return

@@ -36,8 +36,7 @@ contains
 
   !> What stands before the groups: purpose, syntax, and the list of groups.
   function introduction(groups) result(text)
-    !> All groups (n_groups).
-    type(group_keyword_t), intent(in) :: groups(:)
+    type(group_keyword_t), intent(in) :: groups(:)  !! All groups (n_groups).
     character(:), allocatable :: text
     integer :: i
     text = '# Input: groups and keys'//lf//lf// &
@@ -67,8 +66,7 @@ contains
 
   !> One row of a group's table.
   function row_of_key(row) result(text)
-    !> The key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: text
     character(:), allocatable :: limits
     type(text_t), allocatable :: names(:)
@@ -87,8 +85,7 @@ contains
 
   !> Unit of a key; 1 for numbers without one, empty for what is no number.
   pure function unit_of(row) result(unit)
-    !> The key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: unit
     unit = row%unit
     if (len(unit) == 0 .and. any(row%kind == [kind_real, kind_integer, kind_formula])) unit = '1'
@@ -96,8 +93,7 @@ contains
 
   !> Default of a key in words.
   pure function default_of(row) result(text)
-    !> The key.
-    type(keyword_t), intent(in) :: row
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: text
     text = ''
     if (row%required) then
@@ -111,8 +107,7 @@ contains
 
   !> A text whose parts in single quotes are set as code: 'fixed' becomes `'fixed'`. Apostrophes inside words stay.
   pure function code_quoted(text) result(marked)
-    !> Plain text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Plain text.
     character(:), allocatable :: marked
     logical :: inside
     integer :: i
@@ -135,18 +130,15 @@ contains
 
   !> Whether a letter stands before a place of a text.
   pure logical function follows_letter(text, i) result(follows)
-    !> The text.
-    character(*), intent(in) :: text
-    !> The place, from 1.
-    integer, intent(in) :: i
+    character(*), intent(in) :: text  !! The text.
+    integer, intent(in) :: i  !! The place, from 1.
     follows = .false.
     if (i > 1) follows = scan(text(i - 1:i - 1), 'abcdefghijklmnopqrstuvwxyz') > 0
   end function follows_letter
 
   !> A text with a capital first letter.
   pure function capitalized(text) result(sentence)
-    !> Text that begins with a lower case letter.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text that begins with a lower case letter.
     character(:), allocatable :: sentence
     sentence = achar(iachar(text(1:1)) - 32)//text(2:)
   end function capitalized

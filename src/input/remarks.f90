@@ -16,8 +16,7 @@ contains
 
   !> Add the lines that need the whole file.
   subroutine add_remarks(case)
-    !> The case, complete; lines are added.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case, complete; lines are added.
     if (.not. allocated(case%remark)) allocate (case%remark(0))
     call compare_loads(case)
     call look_at_bolts(case)
@@ -26,10 +25,8 @@ contains
 
   !> Add a line.
   subroutine add(case, text)
-    !> The case.
-    type(case_t), intent(inout) :: case
-    !> The line.
-    character(*), intent(in) :: text
+    type(case_t), intent(inout) :: case  !! The case.
+    character(*), intent(in) :: text  !! The line.
     type(text_t), allocatable :: more(:)
     integer :: i, n
     n = 0
@@ -44,8 +41,7 @@ contains
 
   !> Warn of loads that act twice.
   subroutine compare_loads(case)
-    !> The case.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case.
     integer, allocatable :: first(:)
     integer :: i, j, k, n
     associate (load => case%load)
@@ -72,16 +68,14 @@ contains
 
     !> Whether a load is the first one of a &load.
     pure logical function is_first(i)
-      !> The load.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! The load.
       is_first = .not. case%load(i)%of_mass
       if (i > 1 .and. is_first) is_first = case%load(i)%line /= case%load(i - 1)%line
     end function is_first
 
     !> The last load of a &load: one for each of its bodies.
     pure integer function last_of(i) result(last)
-      !> Its first load.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! Its first load.
       last = i
       do while (last < size(case%load))
         if (case%load(last + 1)%line /= case%load(i)%line .or. case%load(last + 1)%of_mass) exit
@@ -91,8 +85,7 @@ contains
 
     !> Whether two lists of bodies have one in common.
     pure logical function share_a_body(one, other) result(share)
-      !> Bodies, ascending (n).
-      integer, intent(in) :: one(:), other(:)
+      integer, intent(in) :: one(:), other(:)  !! Bodies, ascending (n).
       integer :: a, b
       a = 1
       b = 1
@@ -110,8 +103,7 @@ contains
 
   !> Whether two loads are the same, but for body and load cases.
   pure logical function is_same(one, other) result(same)
-    !> The loads.
-    type(load_input_t), intent(in) :: one, other
+    type(load_input_t), intent(in) :: one, other  !! The loads.
     integer :: i
     same = one%kind == other%kind .and. one%surface == other%surface .and. size(one%formula) == size(other%formula)
     if (.not. same) return
@@ -122,8 +114,7 @@ contains
 
   !> Warn of bolts that push.
   subroutine look_at_bolts(case)
-    !> The case.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case.
     integer :: k
     do k = 1, size(case%tie)
       if (.not. case%tie(k)%shortening < 0) cycle
@@ -135,8 +126,7 @@ contains
 
   !> Tell load cases that no group names, where others are named.
   subroutine look_at_cases(case)
-    !> The case.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case.
     logical, allocatable :: has_own(:)
     integer :: i, k
     if (.not. case%has_cases()) return
@@ -181,14 +171,10 @@ contains
 
   !> Tell the rigid bodies that a group of several bodies leaves out.
   subroutine add_spared(case, group, line, body, is_spared)
-    !> The case; lines are added.
-    type(case_t), intent(inout) :: case
-    !> Name of the groups.
-    character(*), intent(in) :: group
-    !> Their lines and bodies; those of one group follow each other (n).
-    integer, intent(in) :: line(:), body(:)
-    !> Whether the body is left out (n).
-    logical, intent(in) :: is_spared(:)
+    type(case_t), intent(inout) :: case  !! The case; lines are added.
+    character(*), intent(in) :: group  !! Name of the groups.
+    integer, intent(in) :: line(:), body(:)  !! Their lines and bodies; those of one group follow each other (n).
+    logical, intent(in) :: is_spared(:)  !! Whether the body is left out (n).
     integer, allocatable :: of(:)
     character(:), allocatable :: names
     integer :: i, k

@@ -23,16 +23,12 @@ contains
 
   !> The copies of a body; the body itself where it is not repeated.
   subroutine repeat_body(group, scene, problems, body, copies)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> The body as placed by `at`, `axis` and, where it is not repeated, `angle`.
     type(body_input_t), intent(in) :: body
-    !> The copies, the first index fastest (n_copies).
-    type(body_input_t), allocatable, intent(out) :: copies(:)
+    type(body_input_t), allocatable, intent(out) :: copies(:)  !! The copies, the first index fastest (n_copies).
     integer, allocatable :: n(:)
     real(dp) :: angle(max_levels), shift(3, max_levels), centre(3), turned, moved(3)
     real(dp), allocatable :: numbers(:)
@@ -98,8 +94,7 @@ contains
 
   !> A hint where several volumes are named: they may be meant as one copy each.
   pure function volumes_hint(body) result(hint)
-    !> The body.
-    type(body_input_t), intent(in) :: body
+    type(body_input_t), intent(in) :: body  !! The body.
     character(:), allocatable :: hint
     hint = ''
     if (size(body%volumes) > 1) &
@@ -109,10 +104,8 @@ contains
 
   !> Report keys that mean nothing without `repeat`.
   subroutine refuse_without_repeat(group, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(11), parameter :: keys(3) = [character(11) :: 'shift', 'centre', 'first_angle']
     integer :: k
     if (is_given(group, 'repeat')) return
@@ -128,16 +121,11 @@ contains
 
   !> Read the shifts, a vector of two or three components for each number of copies.
   subroutine read_shifts(group, scene, levels, problems, shift)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Number of levels of the array.
-    integer, intent(in) :: levels
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Shifts; 0 where they are not given (3, max_levels) [length].
-    real(dp), intent(out) :: shift(3, max_levels)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    integer, intent(in) :: levels  !! Number of levels of the array.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    real(dp), intent(out) :: shift(3, max_levels)  !! Shifts; 0 where they are not given (3, max_levels) [length].
     real(dp), allocatable :: numbers(:)
     integer :: components
     shift = 0
@@ -160,14 +148,10 @@ contains
 
   !> Read the point of the axis about which copies are rotated.
   subroutine read_centre(group, scene, problems, centre)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its dimension.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The point; 0 where it is not given (3) [length].
-    real(dp), intent(out) :: centre(3)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    real(dp), intent(out) :: centre(3)  !! The point; 0 where it is not given (3) [length].
     real(dp), allocatable :: numbers(:)
     centre = 0
     call reals_of(group, 'centre', numbers)
@@ -180,16 +164,11 @@ contains
 
   !> The name of a repeated body needs a place for the number of the copy.
   subroutine check_name(group, key, name, levels, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The key: name or volume.
-    character(*), intent(in) :: key
-    !> Its text.
-    character(*), intent(in) :: name
-    !> Number of levels of the array.
-    integer, intent(in) :: levels
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! The key: name or volume.
+    character(*), intent(in) :: name  !! Its text.
+    integer, intent(in) :: levels  !! Number of levels of the array.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: several
     integer :: i, stars
     if (.not. is_usable(group, key)) return
@@ -206,10 +185,8 @@ contains
 
   !> Name or volume of a copy: its numbers in place of the stars, all of them in place of a single one.
   function name_of_copy(name, number) result(text)
-    !> Name of the body, with stars.
-    character(*), intent(in) :: name
-    !> Numbers of the copy (n_levels).
-    integer, intent(in) :: number(:)
+    character(*), intent(in) :: name  !! Name of the body, with stars.
+    integer, intent(in) :: number(:)  !! Numbers of the copy (n_levels).
     character(:), allocatable :: text
     integer :: i, k
     text = ''
@@ -234,12 +211,9 @@ contains
 
   !> Names of all bodies, copies included; two bodies of one name are reported.
   subroutine name_copies(body, problems, names)
-    !> All bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Names of the groups; of all bodies on return.
-    type(names_t), intent(inout) :: names
+    type(body_input_t), intent(in) :: body(:)  !! All bodies (n_bodies).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(names_t), intent(inout) :: names  !! Names of the groups; of all bodies on return.
     integer :: i, j
     deallocate (names%name, names%line)
     allocate (names%name(size(body)), names%line(size(body)))
@@ -260,12 +234,9 @@ contains
 
   !> Append bodies to a list.
   subroutine append_bodies(list, n, more)
-    !> The list; the first n are in use (n_allocated).
-    type(body_input_t), allocatable, intent(inout) :: list(:)
-    !> Number of bodies in the list.
-    integer, intent(inout) :: n
-    !> Bodies to append (n_more).
-    type(body_input_t), intent(in) :: more(:)
+    type(body_input_t), allocatable, intent(inout) :: list(:)  !! The list; the first n are in use (n_allocated).
+    integer, intent(inout) :: n  !! Number of bodies in the list.
+    type(body_input_t), intent(in) :: more(:)  !! Bodies to append (n_more).
     type(body_input_t), allocatable :: longer(:)
     if (n + size(more) > size(list)) then
       allocate (longer(2*(n + size(more))))

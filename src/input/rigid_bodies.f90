@@ -21,15 +21,13 @@ module dotyk_input_rigid_bodies
   !> Linear rotations by more than this move points by more than their distance from the axis [radian].
   real(dp), parameter :: largest_rotation = 1
 
-  !> Names of the motions in `fix`.
-  character(2), parameter :: names(6) = ['x ', 'y ', 'z ', 'rx', 'ry', 'rz']
+  character(2), parameter :: names(6) = ['x ', 'y ', 'z ', 'rx', 'ry', 'rz']  !! Names of the motions in `fix`.
 
 contains
 
   !> Keys of `&rigid_body`.
   pure subroutine add_rigid_keys(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('rigid_body')
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body, with wildcards: each of several bodies is rigid of its own')
@@ -50,16 +48,11 @@ contains
 
   !> Read all `&rigid_body`, and refuse what rigid bodies do not have.
   subroutine read_rigid_bodies(groups, bodies, cases, problems, case)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The case with all other groups; gets the rigid bodies.
-    type(case_t), intent(inout) :: case
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(case_t), intent(inout) :: case  !! The case with all other groups; gets the rigid bodies.
     type(rigid_input_t), allocatable :: rigid(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     logical, allocatable :: spared(:)
@@ -132,10 +125,8 @@ contains
 
     !> Compare a group with those before it: groups of one body have values for different load cases.
     subroutine compare(own, others)
-      !> The group.
-      type(rigid_input_t), intent(in) :: own
-      !> The groups before it.
-      type(rigid_input_t), intent(in) :: others(:)
+      type(rigid_input_t), intent(in) :: own  !! The group.
+      type(rigid_input_t), intent(in) :: others(:)  !! The groups before it.
       integer :: j, k
       do j = 1, size(others)
         if (others(j)%body /= own%body) cycle
@@ -168,12 +159,9 @@ contains
 
     !> Report a group of a rigid body.
     subroutine refuse(line, body, group, reason)
-      !> Its line.
-      integer, intent(in) :: line
-      !> Its body; 0 for none.
-      integer, intent(in) :: body
-      !> Its name, and what is wrong.
-      character(*), intent(in) :: group, reason
+      integer, intent(in) :: line  !! Its line.
+      integer, intent(in) :: body  !! Its body; 0 for none.
+      character(*), intent(in) :: group, reason  !! Its name, and what is wrong.
       if (body == 0) return
       if (any(case%rigid%body == body)) &
         call problems%add(line, group//': body '//shown(bodies%name(body)%s)//' is rigid: '//reason)
@@ -182,16 +170,11 @@ contains
 
   !> Read one `&rigid_body`.
   subroutine read_rigid(group, dimension, analysis, problems, rigid)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The motions; incomplete where the group has mistakes.
-    type(rigid_input_t), intent(out) :: rigid
+    type(group_t), intent(in) :: group  !! Checked group.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(rigid_input_t), intent(out) :: rigid  !! The motions; incomplete where the group has mistakes.
     real(dp), allocatable :: rotation(:)
     character(:), allocatable :: key
     logical :: exists(6)
@@ -225,16 +208,11 @@ contains
 
   !> Read the names of motions.
   subroutine parse_motions(group, text, exists, problems, held)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names; blanks and commas may separate them.
-    character(*), intent(in) :: text
-    !> Whether each motion exists in the analysis (6).
-    logical, intent(in) :: exists(6)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Whether each motion is named (6).
-    logical, intent(out) :: held(6)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: text  !! Names; blanks and commas may separate them.
+    logical, intent(in) :: exists(6)  !! Whether each motion exists in the analysis (6).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    logical, intent(out) :: held(6)  !! Whether each motion is named (6).
     character(:), allocatable :: word
     integer :: i, k
     held = .false.

@@ -25,14 +25,10 @@ contains
 
   !> Read `&scene`.
   subroutine read_scene(group, file, problems, scene)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Path of the namelist file.
-    character(*), intent(in) :: file
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The scene; incomplete where the group has mistakes.
-    type(scene_input_t), intent(out) :: scene
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: file  !! Path of the namelist file.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(scene_input_t), intent(out) :: scene  !! The scene; incomplete where the group has mistakes.
     scene%line = group%line
     scene%title = text_of(group, 'title')
     scene%analysis = integer_of(group, 'analysis')
@@ -59,16 +55,11 @@ contains
 
   !> Read the mesh of a group: a readable file with a known extension.
   subroutine read_mesh_path(group, directory, dimension, problems, path)
-    !> `&scene` or `&body`.
-    type(group_t), intent(in) :: group
-    !> Directory of the namelist file.
-    character(*), intent(in) :: directory
-    !> Dimension of space; 0 where it is unknown.
-    integer, intent(in) :: dimension
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Path of the mesh; empty where it is not given.
-    character(:), allocatable, intent(out) :: path
+    type(group_t), intent(in) :: group  !! `&scene` or `&body`.
+    character(*), intent(in) :: directory  !! Directory of the namelist file.
+    integer, intent(in) :: dimension  !! Dimension of space; 0 where it is unknown.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    character(:), allocatable, intent(out) :: path  !! Path of the mesh; empty where it is not given.
     character(:), allocatable :: reason
     path = resolve_path(directory, text_of(group, 'mesh'))
     if (len(path) == 0) return
@@ -85,12 +76,9 @@ contains
 
   !> Read `&solver`.
   subroutine read_solver(group, problems, solver)
-    !> Checked group; only defaults where the file has none.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Settings of the solver; incomplete where the group has mistakes.
-    type(solver_input_t), intent(out) :: solver
+    type(group_t), intent(in) :: group  !! Checked group; only defaults where the file has none.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(solver_input_t), intent(out) :: solver  !! Settings of the solver; incomplete where the group has mistakes.
     solver%line = group%line
     solver%scheme = integer_of(group, 'scheme')
     call read_theta(group, problems, solver%theta_given, solver%theta_kind, solver%theta)
@@ -129,14 +117,10 @@ contains
 
   !> Read the penalty parameter of a group.
   subroutine read_theta(group, problems, given, kind, theta)
-    !> `&solver` or `&contact`.
-    type(group_t), intent(in) :: group
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Whether the group has one.
-    logical, intent(out) :: given
-    !> One of `theta_*`.
-    integer, intent(out) :: kind
+    type(group_t), intent(in) :: group  !! `&solver` or `&contact`.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    logical, intent(out) :: given  !! Whether the group has one.
+    integer, intent(out) :: kind  !! One of `theta_*`.
     !> Penalty parameter [length/pressure], or the factor of the relative one; 1 where it is a formula [1].
     real(dp), intent(out) :: theta
     integer :: k
@@ -159,10 +143,8 @@ contains
 
   !> Read `&output`.
   subroutine read_output(group, output)
-    !> Checked group; only defaults where the file has none.
-    type(group_t), intent(in) :: group
-    !> Contents of the results file.
-    type(output_input_t), intent(out) :: output
+    type(group_t), intent(in) :: group  !! Checked group; only defaults where the file has none.
+    type(output_input_t), intent(out) :: output  !! Contents of the results file.
     output%line = group%line
     output%displacement = has_option(group, 'fields', field_displacement)
     output%stress = has_option(group, 'fields', field_stress)

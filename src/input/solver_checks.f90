@@ -19,14 +19,10 @@ contains
 
   !> Report every given key that has no effect.
   subroutine check_solver_keys(group, solver, wants_penalty_error, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> What was read from it, with scheme and stopping rule resolved.
-    type(solver_input_t), intent(in) :: solver
-    !> Whether the penalty error is estimated, by the dual scheme.
-    logical, intent(in) :: wants_penalty_error
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(solver_input_t), intent(in) :: solver  !! What was read from it, with scheme and stopping rule resolved.
+    logical, intent(in) :: wants_penalty_error  !! Whether the penalty error is estimated, by the dual scheme.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: name
     integer :: scheme
     if (is_usable(group, 'scheme')) then
@@ -53,8 +49,7 @@ contains
 
     !> gamma and gamma_rule.
     subroutine check_relaxation(key)
-      !> 'gamma' or 'gamma_rule'.
-      character(*), intent(in) :: key
+      character(*), intent(in) :: key  !! 'gamma' or 'gamma_rule'.
       if (.not. is_given(group, key) .or. any(scheme == schemes_of_paper)) return
       call report(problems, group, key, key//' is for scheme='//names_of_paper//'; '//name// &
                   ' does not use it: remove it or choose another scheme')

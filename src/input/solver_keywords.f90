@@ -14,8 +14,7 @@ contains
 
   !> Keys of `&solver`.
   pure subroutine add_solver(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('solver')
     call list%add('scheme', kind_name, names=scheme_names, default=option_name(scheme_names, default_scheme), &
                   meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' is given; dual: '// &
@@ -81,8 +80,7 @@ contains
 
   !> Keys of `&output`.
   pure subroutine add_output(list)
-    !> The table so far.
-    type(keyword_list_t), intent(inout) :: list
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('output')
     call list%add('fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
                   meaning='fields to compute and write: displacement; stress; contact: pressure, traction, gap, '// &

@@ -19,20 +19,13 @@ contains
 
   !> Read all `&tie`, then all `&bolt`.
   subroutine read_ties(groups, body, bodies, cases, scene, solver, problems, tie)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> Their names.
-    type(names_t), intent(in) :: bodies
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Settings of the solver.
-    type(solver_input_t), intent(in) :: solver
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(names_t), intent(in) :: bodies  !! Their names.
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(solver_input_t), intent(in) :: solver  !! Settings of the solver.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Ties and bolts; incomplete where groups have mistakes (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t), allocatable :: ties(:), bolts(:)
@@ -58,10 +51,8 @@ contains
 
   !> Whether two ties name the same two surfaces.
   pure logical function joins_the_same(one, other)
-    !> A tie.
-    type(tie_input_t), intent(in) :: one
-    !> Another one.
-    type(tie_input_t), intent(in) :: other
+    type(tie_input_t), intent(in) :: one  !! A tie.
+    type(tie_input_t), intent(in) :: other  !! Another one.
     joins_the_same = .false.
     if (min(one%body_a, one%body_b) == 0) return
     if (one%body_a == other%body_a .and. one%body_b == other%body_b) &
@@ -72,20 +63,13 @@ contains
 
   !> Read all groups of one name.
   subroutine read_kind(groups, name, body, bodies, cases, scene, problems, tie)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> 'tie' or 'bolt'.
-    character(*), intent(in) :: name
-    !> Bodies (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> Their names.
-    type(names_t), intent(in) :: bodies
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    character(*), intent(in) :: name  !! 'tie' or 'bolt'.
+    type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(names_t), intent(in) :: bodies  !! Their names.
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> In the order of the file; those that wildcards stand for one after the other (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t) :: given
@@ -130,10 +114,8 @@ contains
 
     !> Whether a body is meant in a place of the list, of those of one side.
     pure logical function belongs(whole, i, k)
-      !> Places of the bodies of the side (n).
-      integer, intent(in) :: whole(:)
-      !> The body, and the place.
-      integer, intent(in) :: i, k
+      integer, intent(in) :: whole(:)  !! Places of the bodies of the side (n).
+      integer, intent(in) :: i, k  !! The body, and the place.
       belongs = n_wholes(whole) <= 1
       if (.not. belongs) belongs = whole(i) == k
     end function belongs
@@ -141,16 +123,11 @@ contains
 
   !> Report a tie of a body with itself.
   subroutine check_bodies(group, name, bodies, tie, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> 'tie' or 'bolt'.
-    character(*), intent(in) :: name
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> The tie.
-    type(tie_input_t), intent(in) :: tie
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: name  !! 'tie' or 'bolt'.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(tie_input_t), intent(in) :: tie  !! The tie.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (tie%body_a /= tie%body_b .or. tie%body_a == 0) return
     if (is_given(group, 'angle') .and. tie%surface_a /= tie%surface_b) return
     if (is_given(group, 'angle')) then
@@ -167,10 +144,8 @@ contains
 
   !> Number of each body among the wholes, those of one side; both halves of a body that is cut have that of this.
   pure function whole_bodies(bodies, matched) result(whole)
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Bodies of the side, ascending (n).
-    integer, intent(in) :: matched(:)
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    integer, intent(in) :: matched(:)  !! Bodies of the side, ascending (n).
     integer :: whole(size(matched))
     logical :: same
     integer :: k, n
@@ -189,22 +164,17 @@ contains
 
   !> Number of wholes of a side.
   pure integer function n_wholes(whole) result(n)
-    !> As of `whole_bodies` (n).
-    integer, intent(in) :: whole(:)
+    integer, intent(in) :: whole(:)  !! As of `whole_bodies` (n).
     n = 0
     if (size(whole) > 0) n = whole(size(whole))
   end function n_wholes
 
   !> Make ties of the halves of the bodies that a bolt cuts.
   subroutine read_halves(group, body, tie, half_1, half_2)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Bodies, cut (n_bodies).
-    type(body_input_t), intent(in) :: body(:)
-    !> The tie, without its bodies.
-    type(tie_input_t), intent(out) :: tie
-    !> First and second halves (n).
-    integer, allocatable, intent(out) :: half_1(:), half_2(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(body_input_t), intent(in) :: body(:)  !! Bodies, cut (n_bodies).
+    type(tie_input_t), intent(out) :: tie  !! The tie, without its bodies.
+    integer, allocatable, intent(out) :: half_1(:), half_2(:)  !! First and second halves (n).
     integer :: b
     tie%line = group%line
     tie%name = text_of(group, 'name')
@@ -218,10 +188,8 @@ contains
 
   !> Name of one of several ties.
   pure function numbered(name, k)
-    !> Name of all; the number takes the place of its first *.
-    character(*), intent(in) :: name
-    !> The number.
-    integer, intent(in) :: k
+    character(*), intent(in) :: name  !! Name of all; the number takes the place of its first *.
+    integer, intent(in) :: k  !! The number.
     character(:), allocatable :: numbered
     integer :: star
     star = index(name, '*')
@@ -234,16 +202,11 @@ contains
 
   !> Read name, surfaces and search distance.
   subroutine read_sides(group, bodies, problems, tie, matched_a, matched_b)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The tie, without its bodies.
-    type(tie_input_t), intent(out) :: tie
-    !> Bodies of the slave side (n or 1).
-    integer, allocatable, intent(out) :: matched_a(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(tie_input_t), intent(out) :: tie  !! The tie, without its bodies.
+    integer, allocatable, intent(out) :: matched_a(:)  !! Bodies of the slave side (n or 1).
     !> Bodies of the master side, each with the one of the slave side in its place (n or 1).
     integer, allocatable, intent(out) :: matched_b(:)
     character(9), parameter :: sides(2) = ['surface_a', 'surface_b']
@@ -268,14 +231,10 @@ contains
 
   !> Read the rotation of the master side.
   subroutine read_turn(group, scene, problems, tie)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The scene, for its analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The tie; gets the rotation.
-    type(tie_input_t), intent(inout) :: tie
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(tie_input_t), intent(inout) :: tie  !! The tie; gets the rotation.
     real(dp), allocatable :: numbers(:)
     tie%angle = real_of(group, 'angle')
     if (is_usable(group, 'axis')) then
@@ -301,14 +260,10 @@ contains
 
   !> Read how far a bolt is tightened.
   subroutine read_tension(group, cases, problems, bolt)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Names of the load cases.
-    type(names_t), intent(in) :: cases
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> The bolt.
-    type(tie_input_t), intent(inout) :: bolt
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(tie_input_t), intent(inout) :: bolt  !! The bolt.
     integer :: k
     bolt%is_bolt = .true.
     bolt%has_force = is_given(group, 'force')

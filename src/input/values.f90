@@ -7,18 +7,13 @@ module dotyk_input_values
   implicit none
   private
 
-  !> Names of all groups of one kind, such as the bodies.
-  type, public :: names_t
-    !> Kind of the groups, for messages: 'body'.
-    character(:), allocatable :: what
-    !> The names (n); empty where one cannot be used.
-    type(text_t), allocatable :: name(:)
-    !> Lines of the groups (n).
-    integer, allocatable :: line(:)
+  type, public :: names_t  !! Names of all groups of one kind, such as the bodies.
+    character(:), allocatable :: what  !! Kind of the groups, for messages: 'body'.
+    type(text_t), allocatable :: name(:)  !! The names (n); empty where one cannot be used.
+    integer, allocatable :: line(:)  !! Lines of the groups (n).
     !> Name of the body of which each is a half, empty where it is none; not allocated where no body is cut (n).
     type(text_t), allocatable :: whole(:)
-    !> Whether names may be missing because of mistakes that are reported already.
-    logical :: incomplete = .false.
+    logical :: incomplete = .false.  !! Whether names may be missing because of mistakes that are reported already.
   end type names_t
 
   public :: is_given, is_usable, line_of, count_of
@@ -30,10 +25,8 @@ contains
 
   !> Place of a key in a group; 0 where it is neither given nor a default; the first one where it is given twice.
   pure integer function place_of(group, key) result(place)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     do place = 1, group%n_entries
       if (group%entry(place)%key == key) return
     end do
@@ -42,10 +35,8 @@ contains
 
   !> Whether a key is in the file.
   pure logical function is_given(group, key) result(given)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     integer :: i
     i = place_of(group, key)
     given = i > 0
@@ -54,10 +45,8 @@ contains
 
   !> Whether a key has values without mistakes, given or by default.
   pure logical function is_usable(group, key) result(usable)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     integer :: i
     i = place_of(group, key)
     usable = i > 0
@@ -66,10 +55,8 @@ contains
 
   !> Line of a key, or of its group where it is not given.
   pure integer function line_of(group, key) result(line)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     integer :: i
     i = place_of(group, key)
     line = group%line
@@ -78,10 +65,8 @@ contains
 
   !> Number of values of a key.
   pure integer function count_of(group, key) result(n)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     integer :: i
     i = place_of(group, key)
     n = 0
@@ -90,10 +75,8 @@ contains
 
   !> Text of a key without blanks around it; empty where it has none that can be used.
   pure function text_of(group, key) result(text)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     character(:), allocatable :: text
     text = ''
     if (is_usable(group, key)) text = trim(adjustl(group%entry(place_of(group, key))%value(1)%text))
@@ -101,12 +84,9 @@ contains
 
   !> All texts of a key; none where it has none that can be used.
   pure subroutine texts_of(group, key, texts)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> The texts (n_values).
-    type(text_t), allocatable, intent(out) :: texts(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    type(text_t), allocatable, intent(out) :: texts(:)  !! The texts (n_values).
     integer :: i, k, n
     n = 0
     if (is_usable(group, key)) n = count_of(group, key)
@@ -119,22 +99,17 @@ contains
 
   !> Real of a key [its unit]; 0 where it has none that can be used.
   pure real(dp) function real_of(group, key) result(value)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     value = 0
     if (is_usable(group, key)) value = group%entry(place_of(group, key))%reals(1)
   end function real_of
 
   !> All reals of a key; none where it has none that can be used.
   pure subroutine reals_of(group, key, values)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> The reals (n_values) [unit of the key].
-    real(dp), allocatable, intent(out) :: values(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    real(dp), allocatable, intent(out) :: values(:)  !! The reals (n_values) [unit of the key].
     if (is_usable(group, key)) then
       values = group%entry(place_of(group, key))%reals
     else
@@ -144,22 +119,17 @@ contains
 
   !> Integer of a key, or the option of its name; 0 where it has none that can be used.
   pure integer function integer_of(group, key) result(value)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     value = 0
     if (is_usable(group, key)) value = group%entry(place_of(group, key))%integers(1)
   end function integer_of
 
   !> All integers of a key; none where it has none that can be used.
   pure subroutine integers_of(group, key, values)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> The integers (n_values).
-    integer, allocatable, intent(out) :: values(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    integer, allocatable, intent(out) :: values(:)  !! The integers (n_values).
     if (is_usable(group, key)) then
       values = group%entry(place_of(group, key))%integers
     else
@@ -169,63 +139,46 @@ contains
 
   !> Whether an option is among the names of a key.
   pure logical function has_option(group, key, option) result(has)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Option, from 1.
-    integer, intent(in) :: option
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    integer, intent(in) :: option  !! Option, from 1.
     has = .false.
     if (is_usable(group, key)) has = any(group%entry(place_of(group, key))%integers == option)
   end function has_option
 
   !> Logical of a key; false where it has none that can be used.
   pure logical function logical_of(group, key) result(value)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
     value = .false.
     if (is_usable(group, key)) value = group%entry(place_of(group, key))%logicals(1)
   end function logical_of
 
   !> Report a problem of a key, at its line.
   subroutine report(problems, group, key, message)
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The key; the line is that of the group where it is not given.
-    character(*), intent(in) :: key
-    !> What is wrong, after '&group: '.
-    character(*), intent(in) :: message
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! The key; the line is that of the group where it is not given.
+    character(*), intent(in) :: message  !! What is wrong, after '&group: '.
     call problems%add(line_of(group, key), '&'//group%name//': '//message)
   end subroutine report
 
   !> Indices of the groups of a name.
   pure subroutine pick_groups(groups, name, picked)
-    !> Groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Name of the groups.
-    character(*), intent(in) :: name
-    !> Their indices, ascending (n_picked).
-    integer, allocatable, intent(out) :: picked(:)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    character(*), intent(in) :: name  !! Name of the groups.
+    integer, allocatable, intent(out) :: picked(:)  !! Their indices, ascending (n_picked).
     integer :: i
     picked = pack([(i, i=1, size(groups))], [(groups(i)%name == name, i=1, size(groups))])
   end subroutine pick_groups
 
   !> Gather the names of groups of one kind and report duplicates.
   subroutine gather_names(groups, what, misspelled, problems, names)
-    !> All groups of the file (n_groups).
-    type(group_t), intent(in) :: groups(:)
-    !> Name of the groups.
-    character(*), intent(in) :: what
-    !> Whether the file may have such a group under a misspelled name.
-    logical, intent(in) :: misspelled
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Their names.
-    type(names_t), intent(out) :: names
+    type(group_t), intent(in) :: groups(:)  !! All groups of the file (n_groups).
+    character(*), intent(in) :: what  !! Name of the groups.
+    logical, intent(in) :: misspelled  !! Whether the file may have such a group under a misspelled name.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(names_t), intent(out) :: names  !! Their names.
     integer, allocatable :: picked(:)
     integer :: i, j
     call pick_groups(groups, what, picked)
@@ -250,10 +203,8 @@ contains
 
   !> Index of a name; 0 where it is unknown.
   pure integer function find_name(names, name) result(place)
-    !> Names to search.
-    type(names_t), intent(in) :: names
-    !> Name to look up.
-    character(*), intent(in) :: name
+    type(names_t), intent(in) :: names  !! Names to search.
+    character(*), intent(in) :: name  !! Name to look up.
     do place = 1, size(names%name)
       if (names%name(place)%s == name .and. len(names%name(place)%s) == len(name)) return
     end do
@@ -262,18 +213,12 @@ contains
 
   !> Find the group that a key refers to; an unknown name is reported.
   subroutine refer(group, key, name, names, problems, place)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Key of the reference.
-    character(*), intent(in) :: key
-    !> Name that it refers to; nothing is reported where it is empty.
-    character(*), intent(in) :: name
-    !> Names that the key may refer to.
-    type(names_t), intent(in) :: names
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Index of the name; 0 where it is unknown.
-    integer, intent(out) :: place
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Key of the reference.
+    character(*), intent(in) :: name  !! Name that it refers to; nothing is reported where it is empty.
+    type(names_t), intent(in) :: names  !! Names that the key may refer to.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    integer, intent(out) :: place  !! Index of the name; 0 where it is unknown.
     character(:), allocatable :: hint
     place = 0
     if (len(name) == 0) return
@@ -286,8 +231,7 @@ contains
 
   !> The first names of a list, for messages.
   function first_names(name) result(text)
-    !> The names, at least one (n_names).
-    type(text_t), intent(in) :: name(:)
+    type(text_t), intent(in) :: name(:)  !! The names, at least one (n_names).
     character(:), allocatable :: text
     integer, parameter :: most = 10
     integer :: i
@@ -300,25 +244,18 @@ contains
 
   !> Report a key that another one excludes.
   subroutine refuse(group, key, other, problems)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> The excluded key.
-    character(*), intent(in) :: key
-    !> The key that excludes it.
-    character(*), intent(in) :: other
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! The excluded key.
+    character(*), intent(in) :: other  !! The key that excludes it.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (is_given(group, key)) call report(problems, group, key, key//' does not go together with '//other)
   end subroutine refuse
 
   !> Copy the numbers of a key; components that the key does not have keep their values.
   subroutine read_numbers(group, key, values)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Name of the key.
-    character(*), intent(in) :: key
-    !> Values of the key (at least as many as the key has) [unit of the key].
-    real(dp), intent(inout) :: values(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Name of the key.
+    real(dp), intent(inout) :: values(:)  !! Values of the key (at least as many as the key has) [unit of the key].
     real(dp), allocatable :: numbers(:)
     integer :: n
     call reals_of(group, key, numbers)

@@ -13,10 +13,8 @@ contains
 
   !> Whether a name stands for all bodies that it matches: it has wildcards, and is no body's own name.
   pure logical function names_several(name, bodies)
-    !> Name of a body, maybe with wildcards.
-    character(*), intent(in) :: name
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
+    character(*), intent(in) :: name  !! Name of a body, maybe with wildcards.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
     integer :: i
     names_several = .false.
     if (find_name(bodies, name) > 0) return
@@ -30,12 +28,9 @@ contains
 
   !> Bodies that a name stands for, ascending.
   pure subroutine bodies_named(name, bodies, matched)
-    !> Name of a body, maybe with wildcards.
-    character(*), intent(in) :: name
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Their indices (n_matched).
-    integer, allocatable, intent(out) :: matched(:)
+    character(*), intent(in) :: name  !! Name of a body, maybe with wildcards.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    integer, allocatable, intent(out) :: matched(:)  !! Their indices (n_matched).
     integer :: i
     if (names_several(name, bodies)) then
       matched = pack([(i, i=1, size(bodies%name))], [(is_meant(i), i=1, size(bodies%name))])
@@ -48,8 +43,7 @@ contains
 
     !> Whether a body is meant, by its name or as a half.
     pure logical function is_meant(i)
-      !> The body.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! The body.
       is_meant = matches(name, bodies%name(i)%s)
       if (is_meant .or. .not. allocated(bodies%whole)) return
       if (len(bodies%whole(i)%s) > 0) is_meant = matches(name, bodies%whole(i)%s) .or. name == bodies%whole(i)%s
@@ -58,18 +52,12 @@ contains
 
   !> Find the bodies that a key refers to; a name that is unknown or matches nothing is reported.
   subroutine refer_to_bodies(group, key, name, bodies, problems, matched)
-    !> Checked group.
-    type(group_t), intent(in) :: group
-    !> Key of the reference.
-    character(*), intent(in) :: key
-    !> Name that it refers to; nothing is reported where it is empty.
-    character(*), intent(in) :: name
-    !> Names of the bodies.
-    type(names_t), intent(in) :: bodies
-    !> Problems of the file; mistakes are added.
-    type(problems_t), intent(inout) :: problems
-    !> Indices of the bodies, ascending (n_matched).
-    integer, allocatable, intent(out) :: matched(:)
+    type(group_t), intent(in) :: group  !! Checked group.
+    character(*), intent(in) :: key  !! Key of the reference.
+    character(*), intent(in) :: name  !! Name that it refers to; nothing is reported where it is empty.
+    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    integer, allocatable, intent(out) :: matched(:)  !! Indices of the bodies, ascending (n_matched).
     integer :: place
     call bodies_named(name, bodies, matched)
     if (size(matched) > 0) return
@@ -84,14 +72,11 @@ contains
 
   !> Append what one group stands for: itself, once for each body that it names.
   pure subroutine append_places(group, matched, group_of, body_of)
-    !> Number of the group.
-    integer, intent(in) :: group
+    integer, intent(in) :: group  !! Number of the group.
     !> Bodies that it names; it stands for itself, without a body, where there are none (n_matched).
     integer, intent(in) :: matched(:)
-    !> Group of each item so far (n_items).
-    integer, allocatable, intent(inout) :: group_of(:)
-    !> Body of each item, 0 for none (n_items).
-    integer, allocatable, intent(inout) :: body_of(:)
+    integer, allocatable, intent(inout) :: group_of(:)  !! Group of each item so far (n_items).
+    integer, allocatable, intent(inout) :: body_of(:)  !! Body of each item, 0 for none (n_items).
     integer :: i
     if (size(matched) == 0) then
       group_of = [group_of, group]

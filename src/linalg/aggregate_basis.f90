@@ -18,14 +18,10 @@ contains
 
   !> Nodes of each aggregate, ascending.
   pure subroutine list_members(aggregate, n, first, member)
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(in) :: aggregate(:)
-    !> Number of aggregates.
-    integer, intent(in) :: n
-    !> First member of each aggregate (n + 1).
-    integer, allocatable, intent(out) :: first(:)
-    !> Nodes (first(n + 1) - 1).
-    integer, allocatable, intent(out) :: member(:)
+    integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(in) :: n  !! Number of aggregates.
+    integer, allocatable, intent(out) :: first(:)  !! First member of each aggregate (n + 1).
+    integer, allocatable, intent(out) :: member(:)  !! Nodes (first(n + 1) - 1).
     integer, allocatable :: next(:)
     integer :: i, k
     allocate (first(n + 1), source=0)
@@ -47,22 +43,17 @@ contains
 
   !> The bases of all aggregates.
   subroutine make_bases(m, length, first, member, vector, basis, coarse, missing)
-    !> Number of near-null-space vectors.
-    integer, intent(in) :: m
-    !> Unknowns of a node.
-    integer, intent(in) :: length
-    !> First member of each aggregate (n + 1).
-    integer, intent(in) :: first(:)
-    !> Members of the aggregates.
-    integer, intent(in) :: member(:)
+    integer, intent(in) :: m  !! Number of near-null-space vectors.
+    integer, intent(in) :: length  !! Unknowns of a node.
+    integer, intent(in) :: first(:)  !! First member of each aggregate (n + 1).
+    integer, intent(in) :: member(:)  !! Members of the aggregates.
     !> Near-null-space vectors: unknown of the node, node, vector (length, n_nodes, m) [any].
     real(dp), intent(in), contiguous :: vector(:, :, :)
     !> Q: column, unknown of the node, node; zero outside of aggregates (m, length, n_nodes) [].
     real(dp), intent(out), contiguous :: basis(:, :, :)
     !> R, the vectors on the coarse level: coarse unknown of the aggregate, aggregate, vector (m, n, m) [as `vector`].
     real(dp), intent(out), contiguous :: coarse(:, :, :)
-    !> Whether a coarse unknown does not exist (m, n).
-    logical, intent(out), contiguous :: missing(:, :)
+    logical, intent(out), contiguous :: missing(:, :)  !! Whether a coarse unknown does not exist (m, n).
     integer :: i
     !$omp parallel do default(none) shared(basis) schedule(static)
     do i = 1, size(basis, 3)
@@ -78,20 +69,14 @@ contains
 
   !> The basis of one aggregate, by modified Gram-Schmidt, twice.
   pure subroutine make_basis(m, length, member, vector, basis, r, missing)
-    !> Number of near-null-space vectors.
-    integer, intent(in) :: m
-    !> Unknowns of a node.
-    integer, intent(in) :: length
-    !> Members of the aggregate (n).
-    integer, intent(in) :: member(:)
-    !> Near-null-space vectors (length, n_nodes, m) [any].
-    real(dp), intent(in) :: vector(:, :, :)
+    integer, intent(in) :: m  !! Number of near-null-space vectors.
+    integer, intent(in) :: length  !! Unknowns of a node.
+    integer, intent(in) :: member(:)  !! Members of the aggregate (n).
+    real(dp), intent(in) :: vector(:, :, :)  !! Near-null-space vectors (length, n_nodes, m) [any].
     !> Q of all aggregates; that of the members is set (m, length, n_nodes) [].
     real(dp), intent(inout) :: basis(:, :, :)
-    !> R (m, m) [as `vector`].
-    real(dp), intent(out) :: r(:, :)
-    !> Whether a column is zero (m).
-    logical, intent(out) :: missing(:)
+    real(dp), intent(out) :: r(:, :)  !! R (m, m) [as `vector`].
+    logical, intent(out) :: missing(:)  !! Whether a column is zero (m).
     real(dp) :: q(length*size(member), m), whole, left, part
     integer :: i, k, l, pass
     r = 0
@@ -124,20 +109,13 @@ contains
 
   !> Q^T z: a vector in the span of the bases, as it is on the coarse level.
   subroutine carry_to_coarse(m, length, first, member, basis, z, coarse)
-    !> Number of near-null-space vectors.
-    integer, intent(in) :: m
-    !> Unknowns of a node.
-    integer, intent(in) :: length
-    !> First member of each aggregate (n + 1).
-    integer, intent(in) :: first(:)
-    !> Members of the aggregates.
-    integer, intent(in) :: member(:)
-    !> Q (m, length, n_nodes) [].
-    real(dp), intent(in) :: basis(m, length, *)
-    !> The vector (length, n_nodes) [any].
-    real(dp), intent(in) :: z(length, *)
-    !> On the coarse level (m, n) [as `z`].
-    real(dp), intent(out) :: coarse(m, size(first) - 1)
+    integer, intent(in) :: m  !! Number of near-null-space vectors.
+    integer, intent(in) :: length  !! Unknowns of a node.
+    integer, intent(in) :: first(:)  !! First member of each aggregate (n + 1).
+    integer, intent(in) :: member(:)  !! Members of the aggregates.
+    real(dp), intent(in) :: basis(m, length, *)  !! Q (m, length, n_nodes) [].
+    real(dp), intent(in) :: z(length, *)  !! The vector (length, n_nodes) [any].
+    real(dp), intent(out) :: coarse(m, size(first) - 1)  !! On the coarse level (m, n) [as `z`].
     integer :: i, j, k
     !$omp parallel do default(none) shared(m, length, first, member, basis, z, coarse) private(j, k) schedule(static)
     do i = 1, size(first) - 1

@@ -16,16 +16,13 @@ contains
 
   !> Find the aggregates.
   subroutine find_aggregates(rows, part, threshold, aggregate, n)
-    !> The matrix; a node has `part` block rows, one after the other.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
+    type(block_rows_t), intent(in) :: rows  !! The matrix; a node has `part` block rows, one after the other.
+    integer, intent(in) :: part  !! Block rows of a node.
     !> Least relative coupling of strong neighbours; 0: all that are coupled at all [].
     real(dp), intent(in) :: threshold
     !> Aggregate of each node, from 1; 0 for nodes that are coupled to none (n_nodes).
     integer, allocatable, intent(out) :: aggregate(:)
-    !> Number of aggregates.
-    integer, intent(out) :: n
+    integer, intent(out) :: n  !! Number of aggregates.
     integer, allocatable :: start(:), neighbour(:)
     real(sp), allocatable :: coupling(:)
     allocate (aggregate(rows%n/part), source=0)
@@ -38,14 +35,10 @@ contains
 
   !> The graph of the nodes, with relative couplings |A_ij|^2/(|A_ii| |A_jj|).
   subroutine node_couplings(rows, part, start, neighbour, coupling)
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> First neighbour of each node (n_nodes + 1).
-    integer, allocatable, intent(out) :: start(:)
-    !> Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
-    integer, allocatable, intent(out) :: neighbour(:)
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
+    integer, intent(in) :: part  !! Block rows of a node.
+    integer, allocatable, intent(out) :: start(:)  !! First neighbour of each node (n_nodes + 1).
+    integer, allocatable, intent(out) :: neighbour(:)  !! Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
     !> Relative coupling to each neighbour (start(n_nodes + 1) - 1) [].
     real(sp), allocatable, intent(out) :: coupling(:)
     real(sp), allocatable :: own(:)
@@ -73,18 +66,12 @@ contains
 
   !> Squared norms of the blocks of a node.
   pure subroutine couplings_of_node(rows, part, i, neighbour, square, own)
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> The node.
-    integer, intent(in) :: i
-    !> Its neighbours, ascending (n).
-    integer, intent(out) :: neighbour(:)
-    !> |A_ij|^2 (n) [].
-    real(sp), intent(out) :: square(:)
-    !> |A_ii| [].
-    real(sp), intent(out) :: own
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
+    integer, intent(in) :: part  !! Block rows of a node.
+    integer, intent(in) :: i  !! The node.
+    integer, intent(out) :: neighbour(:)  !! Its neighbours, ascending (n).
+    real(sp), intent(out) :: square(:)  !! |A_ij|^2 (n) [].
+    real(sp), intent(out) :: own  !! |A_ii| [].
     real(dp) :: block(rows%dim, rows%dim)
     integer(int64) :: k
     integer :: r, j, last, n
@@ -111,14 +98,10 @@ contains
 
   !> Divide the couplings by the norms of the diagonal blocks.
   pure subroutine divide(norm, own, neighbour, coupling)
-    !> |A_ii| of all nodes (n_nodes) [].
-    real(sp), intent(in) :: norm(:)
-    !> That of the node [].
-    real(sp), intent(in) :: own
-    !> Its neighbours (n).
-    integer, intent(in) :: neighbour(:)
-    !> |A_ij|^2 in, the same over |A_ii| |A_jj| out (n) [].
-    real(sp), intent(inout) :: coupling(:)
+    real(sp), intent(in) :: norm(:)  !! |A_ii| of all nodes (n_nodes) [].
+    real(sp), intent(in) :: own  !! That of the node [].
+    integer, intent(in) :: neighbour(:)  !! Its neighbours (n).
+    real(sp), intent(inout) :: coupling(:)  !! |A_ij|^2 in, the same over |A_ii| |A_jj| out (n) [].
     integer :: k
     do k = 1, size(neighbour)
       if (coupling(k) > 0) coupling(k) = coupling(k)/(own*norm(neighbour(k)))
@@ -127,18 +110,12 @@ contains
 
   !> Aggregates of a node with all its strong neighbours, where these are free.
   pure subroutine make_whole(start, neighbour, coupling, least, aggregate, n)
-    !> First neighbour of each node (n_nodes + 1).
-    integer, intent(in) :: start(:)
-    !> Neighbours of the nodes.
-    integer, intent(in) :: neighbour(:)
-    !> Relative couplings [].
-    real(sp), intent(in) :: coupling(:)
-    !> Strong couplings are above it [].
-    real(sp), intent(in) :: least
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(inout) :: aggregate(:)
-    !> Number of aggregates.
-    integer, intent(inout) :: n
+    integer, intent(in) :: start(:)  !! First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes.
+    real(sp), intent(in) :: coupling(:)  !! Relative couplings [].
+    real(sp), intent(in) :: least  !! Strong couplings are above it [].
+    integer, intent(inout) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: n  !! Number of aggregates.
     integer :: i, k
     logical :: is_free
     do i = 1, size(aggregate)
@@ -160,14 +137,10 @@ contains
 
   !> Each node left over joins the aggregate of the neighbour that it is coupled to most strongly.
   pure subroutine join_strongest(start, neighbour, coupling, aggregate)
-    !> First neighbour of each node (n_nodes + 1).
-    integer, intent(in) :: start(:)
-    !> Neighbours of the nodes.
-    integer, intent(in) :: neighbour(:)
-    !> Relative couplings [].
-    real(sp), intent(in) :: coupling(:)
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(inout) :: aggregate(:)
+    integer, intent(in) :: start(:)  !! First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes.
+    real(sp), intent(in) :: coupling(:)  !! Relative couplings [].
+    integer, intent(inout) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
     integer, allocatable :: chosen(:)
     integer :: i, k
     real(sp) :: most
@@ -186,16 +159,11 @@ contains
 
   !> Aggregates of nodes that are coupled to each other only, and weakly.
   pure subroutine make_of_rest(start, neighbour, coupling, aggregate, n)
-    !> First neighbour of each node (n_nodes + 1).
-    integer, intent(in) :: start(:)
-    !> Neighbours of the nodes.
-    integer, intent(in) :: neighbour(:)
-    !> Relative couplings [].
-    real(sp), intent(in) :: coupling(:)
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(inout) :: aggregate(:)
-    !> Number of aggregates.
-    integer, intent(inout) :: n
+    integer, intent(in) :: start(:)  !! First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes.
+    real(sp), intent(in) :: coupling(:)  !! Relative couplings [].
+    integer, intent(inout) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: n  !! Number of aggregates.
     integer :: i, k
     do i = 1, size(aggregate)
       if (aggregate(i) > 0 .or. .not. any(coupling(start(i):start(i + 1) - 1) > 0)) cycle

@@ -12,69 +12,45 @@ module dotyk_linalg_blas
     !> C <- alpha op(A) op(B) + beta C.
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
       import :: dp
-      !> op: 'N' none, 'T' transpose.
-      character(1), intent(in) :: transa, transb
-      !> Rows of C, columns of C, columns of op(A); leading dimensions.
-      integer, intent(in) :: m, n, k, lda, ldb, ldc
-      !> Factor of the product [any].
-      real(dp), intent(in) :: alpha
-      !> Factor of the old C []; with 0 C is not read.
-      real(dp), intent(in) :: beta
-      !> A (lda, *) [any].
-      real(dp), intent(in) :: a(lda, *)
-      !> B (ldb, *) [any].
-      real(dp), intent(in) :: b(ldb, *)
-      !> C (ldc, n) [alpha A B].
-      real(dp), intent(inout) :: c(ldc, *)
+      character(1), intent(in) :: transa, transb  !! op: 'N' none, 'T' transpose.
+      integer, intent(in) :: m, n, k, lda, ldb, ldc  !! Rows of C, columns of C, columns of op(A); leading dimensions.
+      real(dp), intent(in) :: alpha  !! Factor of the product [any].
+      real(dp), intent(in) :: beta  !! Factor of the old C []; with 0 C is not read.
+      real(dp), intent(in) :: a(lda, *)  !! A (lda, *) [any].
+      real(dp), intent(in) :: b(ldb, *)  !! B (ldb, *) [any].
+      real(dp), intent(inout) :: c(ldc, *)  !! C (ldc, n) [alpha A B].
     end subroutine dgemm
 
     !> y <- alpha op(A) x + beta y.
     subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
       import :: dp
-      !> op: 'N' none, 'T' transpose.
-      character(1), intent(in) :: trans
-      !> Rows and columns of A, leading dimension, strides.
-      integer, intent(in) :: m, n, lda, incx, incy
-      !> Factor of the product [any].
-      real(dp), intent(in) :: alpha
-      !> Factor of the old y []; with 0 y is not read.
-      real(dp), intent(in) :: beta
-      !> A (lda, n) [any].
-      real(dp), intent(in) :: a(lda, *)
-      !> Vector x (*) [any].
-      real(dp), intent(in) :: x(*)
-      !> Vector y (*) [alpha A x].
-      real(dp), intent(inout) :: y(*)
+      character(1), intent(in) :: trans  !! op: 'N' none, 'T' transpose.
+      integer, intent(in) :: m, n, lda, incx, incy  !! Rows and columns of A, leading dimension, strides.
+      real(dp), intent(in) :: alpha  !! Factor of the product [any].
+      real(dp), intent(in) :: beta  !! Factor of the old y []; with 0 y is not read.
+      real(dp), intent(in) :: a(lda, *)  !! A (lda, n) [any].
+      real(dp), intent(in) :: x(*)  !! Vector x (*) [any].
+      real(dp), intent(inout) :: y(*)  !! Vector y (*) [alpha A x].
     end subroutine dgemv
 
     !> Solve op(A) x = b with a triangular matrix.
     subroutine dtrsv(uplo, trans, diag, n, a, lda, x, incx)
       import :: dp
-      !> Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
-      character(1), intent(in) :: uplo, trans, diag
-      !> Order, leading dimension, stride.
-      integer, intent(in) :: n, lda, incx
-      !> A (lda, n) [any].
-      real(dp), intent(in) :: a(lda, *)
-      !> b [any], then x (*) [b/A].
-      real(dp), intent(inout) :: x(*)
+      character(1), intent(in) :: uplo, trans, diag  !! Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
+      integer, intent(in) :: n, lda, incx  !! Order, leading dimension, stride.
+      real(dp), intent(in) :: a(lda, *)  !! A (lda, n) [any].
+      real(dp), intent(inout) :: x(*)  !! b [any], then x (*) [b/A].
     end subroutine dtrsv
 
     !> C <- alpha A A^T + beta C or alpha A^T A + beta C, one triangle.
     subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
       import :: dp
-      !> Triangle 'L' or 'U'; 'N' for A A^T, 'T' for A^T A.
-      character(1), intent(in) :: uplo, trans
-      !> Order of C, terms of the sums, leading dimensions.
-      integer, intent(in) :: n, k, lda, ldc
-      !> Factor of the product [any].
-      real(dp), intent(in) :: alpha
-      !> Factor of the old C []; with 0 C is not read.
-      real(dp), intent(in) :: beta
-      !> A (lda, *) [any].
-      real(dp), intent(in) :: a(lda, *)
-      !> C (ldc, n) [alpha A^2].
-      real(dp), intent(inout) :: c(ldc, *)
+      character(1), intent(in) :: uplo, trans  !! Triangle 'L' or 'U'; 'N' for A A^T, 'T' for A^T A.
+      integer, intent(in) :: n, k, lda, ldc  !! Order of C, terms of the sums, leading dimensions.
+      real(dp), intent(in) :: alpha  !! Factor of the product [any].
+      real(dp), intent(in) :: beta  !! Factor of the old C []; with 0 C is not read.
+      real(dp), intent(in) :: a(lda, *)  !! A (lda, *) [any].
+      real(dp), intent(inout) :: c(ldc, *)  !! C (ldc, n) [alpha A^2].
     end subroutine dsyrk
 
     !> Solve op(A) X = alpha B or X op(A) = alpha B with a triangular matrix.
@@ -82,41 +58,31 @@ module dotyk_linalg_blas
       import :: dp
       !> Side 'L' or 'R' of A; triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
       character(1), intent(in) :: side, uplo, transa, diag
-      !> Rows and columns of B, leading dimensions.
-      integer, intent(in) :: m, n, lda, ldb
-      !> Factor of B [any].
-      real(dp), intent(in) :: alpha
-      !> A (lda, *) [any].
-      real(dp), intent(in) :: a(lda, *)
-      !> B [any], then X (ldb, n) [alpha B/A].
-      real(dp), intent(inout) :: b(ldb, *)
+      integer, intent(in) :: m, n, lda, ldb  !! Rows and columns of B, leading dimensions.
+      real(dp), intent(in) :: alpha  !! Factor of B [any].
+      real(dp), intent(in) :: a(lda, *)  !! A (lda, *) [any].
+      real(dp), intent(inout) :: b(ldb, *)  !! B [any], then X (ldb, n) [alpha B/A].
     end subroutine dtrsm
 
     !> Solve op(A) x = b with a packed triangular matrix.
     subroutine dtpsv(uplo, trans, diag, n, ap, x, incx)
       import :: dp
-      !> Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
-      character(1), intent(in) :: uplo, trans, diag
-      !> Order and stride.
-      integer, intent(in) :: n, incx
-      !> The triangle, column by column (n*(n+1)/2) [any].
-      real(dp), intent(in) :: ap(*)
-      !> b [any], then x [b/A].
-      real(dp), intent(inout) :: x(*)
+      character(1), intent(in) :: uplo, trans, diag  !! Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
+      integer, intent(in) :: n, incx  !! Order and stride.
+      real(dp), intent(in) :: ap(*)  !! The triangle, column by column (n*(n+1)/2) [any].
+      real(dp), intent(inout) :: x(*)  !! b [any], then x [b/A].
     end subroutine dtpsv
 
     !> Allocate OpenBLAS's buffers for n concurrent calls, see blas_memory.c.
     subroutine c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
       import :: c_int
-      !> Number of concurrent calls.
-      integer(c_int), value :: n
+      integer(c_int), value :: n  !! Number of concurrent calls.
     end subroutine c_reserve_blas
 
     !> Set the number of threads of all later calls.
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int
-      !> Number of threads.
-      integer(c_int), value :: n
+      integer(c_int), value :: n  !! Number of threads.
     end subroutine openblas_set_num_threads
 
     !> Number of threads of a call.
@@ -139,19 +105,15 @@ contains
 
   !> Allocate OpenBLAS's buffers for concurrent calls. Without memory for a buffer later, OpenBLAS retries for ever.
   subroutine reserve_blas(n)
-    !> Number of concurrent calls.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of concurrent calls.
     call c_reserve_blas(int(n, c_int))
   end subroutine reserve_blas
 
   !> C = A^T B.
   subroutine transposed_product(a, b, c)
-    !> A (n, r) [any].
-    real(dp), intent(in), contiguous :: a(:, :)
-    !> B (n, m) [any].
-    real(dp), intent(in), contiguous :: b(:, :)
-    !> C (r, m) [A B].
-    real(dp), intent(out), contiguous :: c(:, :)
+    real(dp), intent(in), contiguous :: a(:, :)  !! A (n, r) [any].
+    real(dp), intent(in), contiguous :: b(:, :)  !! B (n, m) [any].
+    real(dp), intent(out), contiguous :: c(:, :)  !! C (r, m) [A B].
     c = 0
     if (size(a) == 0 .or. size(b) == 0) return
     call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_dp, a, size(a, 1), b, size(b, 1), 0.0_dp, &
@@ -160,8 +122,7 @@ contains
 
   !> Set the number of threads of all BLAS calls of the process. Not inside parallel regions.
   subroutine set_blas_threads(n)
-    !> Number of threads, at least 1.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of threads, at least 1.
     call openblas_set_num_threads(int(max(1, n), c_int))
   end subroutine set_blas_threads
 
@@ -178,8 +139,7 @@ contains
 
   !> A C string as text.
   function text_of_c(string) result(text)
-    !> Ends with a null character.
-    type(c_ptr), intent(in) :: string
+    type(c_ptr), intent(in) :: string  !! Ends with a null character.
     character(:), allocatable :: text
     ! OpenBLAS's texts have about 100 letters.
     integer, parameter :: most = 256

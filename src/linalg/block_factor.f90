@@ -16,10 +16,8 @@ module dotyk_linalg_block_factor
 
   !> The factor. It owns memory of CHOLMOD: never assign one to another, and call `destroy` at the end.
   type, public :: block_factor_t
-    !> Factor of A/scale, with springs.
-    type(cholesky_t) :: factor
-    !> Orthonormal null vectors (n, n_modes) [].
-    real(dp), allocatable :: mode(:, :)
+    type(cholesky_t) :: factor  !! Factor of A/scale, with springs.
+    real(dp), allocatable :: mode(:, :)  !! Orthonormal null vectors (n, n_modes) [].
   contains
     procedure :: init => factor_init
     procedure :: solve => factor_solve
@@ -33,10 +31,8 @@ contains
   !> Factorize.
   subroutine factor_init(self, rows, mode, error)
     class(block_factor_t), intent(inout) :: self
-    !> The matrix A.
-    type(block_rows_t), intent(in) :: rows
-    !> Its orthonormal null vectors (n, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
+    type(block_rows_t), intent(in) :: rows  !! The matrix A.
+    real(dp), intent(in) :: mode(:, :)  !! Its orthonormal null vectors (n, n_modes) [].
     !> Allocated where the matrix is not positive definite beside its null vectors, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     type(sparse_symmetric_t) :: matrix
@@ -66,8 +62,7 @@ contains
   pure subroutine lower_triangle(rows, matrix)
     !> The matrix, its blocks ascending in each row but for the diagonal one, which is the first.
     type(block_rows_t), intent(in) :: rows
-    !> A/scale.
-    type(sparse_symmetric_t), intent(out) :: matrix
+    type(sparse_symmetric_t), intent(out) :: matrix  !! A/scale.
     real(dp) :: block(rows%dim, rows%dim)
     integer(int64) :: n, k
     integer :: i, j, c, r, above
@@ -103,12 +98,9 @@ contains
 
   !> Fill-reducing order of the block rows.
   subroutine order_blocks(rows, order, error)
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
-    !> Block row that is eliminated k-th (n).
-    integer, allocatable, intent(out) :: order(:)
-    !> As in `nested_dissection`.
-    type(error_t), allocatable, intent(out) :: error
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
+    integer, allocatable, intent(out) :: order(:)  !! Block row that is eliminated k-th (n).
+    type(error_t), allocatable, intent(out) :: error  !! As in `nested_dissection`.
     integer, allocatable :: start(:), neighbour(:)
     integer :: i
     allocate (order(rows%n), start(rows%n + 1))
@@ -124,8 +116,7 @@ contains
   !> x := (A/scale)^+ x.
   subroutine factor_solve(self, x)
     class(block_factor_t), intent(in) :: self
-    !> Right-hand side [any], then solution (n) [as the right-hand side].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Right-hand side [any], then solution (n) [as the right-hand side].
     call remove_components(size(x), self%mode, x)
     call self%factor%solve(x)
     call remove_components(size(x), self%mode, x)

@@ -12,123 +12,78 @@ module dotyk_linalg_block_products
   private
   public :: product_rows, residual_rows, subtract_product_rows, smooth_rows, smoothing_step, limit_vectors
 
-  !> Rows that a thread takes at a time.
-  integer, parameter :: rows_at_once = 256
+  integer, parameter :: rows_at_once = 256  !! Rows that a thread takes at a time.
 
   interface
     !> y = (high + low) x for some rows.
     subroutine dotyk_product_rows(dim, first, last, start, column, leading, trailing, low, x, y) bind(c)
       import :: c_double, c_float, c_int16_t, c_int32_t, c_int64_t
-      !> Order of the blocks, 2 or 3.
-      integer(c_int32_t), value :: dim
-      !> First row.
-      integer(c_int32_t), value :: first
-      !> Last row.
-      integer(c_int32_t), value :: last
-      !> First block of each row (n + 1).
-      integer(c_int64_t), intent(in) :: start(*)
-      !> Block column of each block (n_blocks).
-      integer(c_int32_t), intent(in) :: column(*)
-      !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: leading(*)
-      !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: trailing(*)
-      !> Remainders of the entries (dim*dim*(n_blocks + 1)) [any].
-      real(c_float), intent(in) :: low(*)
-      !> Vector x (dim*n) [any].
-      real(c_double), intent(in) :: x(*)
-      !> Product y (dim*n) [matrix times x].
-      real(c_double), intent(inout) :: y(*)
+      integer(c_int32_t), value :: dim  !! Order of the blocks, 2 or 3.
+      integer(c_int32_t), value :: first  !! First row.
+      integer(c_int32_t), value :: last  !! Last row.
+      integer(c_int64_t), intent(in) :: start(*)  !! First block of each row (n + 1).
+      integer(c_int32_t), intent(in) :: column(*)  !! Block column of each block (n_blocks).
+      integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      real(c_float), intent(in) :: low(*)  !! Remainders of the entries (dim*dim*(n_blocks + 1)) [any].
+      real(c_double), intent(in) :: x(*)  !! Vector x (dim*n) [any].
+      real(c_double), intent(inout) :: y(*)  !! Product y (dim*n) [matrix times x].
     end subroutine dotyk_product_rows
 
     !> r = b - high x for some rows.
     subroutine dotyk_residual_rows(dim, first, last, start, column, leading, trailing, whole, b, x, &
                                    r) bind(c)
       import :: c_float, c_int16_t, c_int32_t, c_int64_t
-      !> Order of the blocks, 2 or 3.
-      integer(c_int32_t), value :: dim
-      !> First row.
-      integer(c_int32_t), value :: first
-      !> Last row.
-      integer(c_int32_t), value :: last
-      !> First block of each row (n + 1).
-      integer(c_int64_t), intent(in) :: start(*)
-      !> Block column of each block (n_blocks).
-      integer(c_int32_t), intent(in) :: column(*)
-      !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: leading(*)
-      !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: trailing(*)
-      !> 0: with the upper halves of high alone.
-      integer(c_int32_t), value :: whole
-      !> Right-hand side b (dim*n) [matrix times x].
-      real(c_float), intent(in) :: b(*)
-      !> Vector x (dim*n) [any].
-      real(c_float), intent(in) :: x(*)
-      !> Residual r (dim*n) [as b].
-      real(c_float), intent(inout) :: r(*)
+      integer(c_int32_t), value :: dim  !! Order of the blocks, 2 or 3.
+      integer(c_int32_t), value :: first  !! First row.
+      integer(c_int32_t), value :: last  !! Last row.
+      integer(c_int64_t), intent(in) :: start(*)  !! First block of each row (n + 1).
+      integer(c_int32_t), intent(in) :: column(*)  !! Block column of each block (n_blocks).
+      integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      integer(c_int32_t), value :: whole  !! 0: with the upper halves of high alone.
+      real(c_float), intent(in) :: b(*)  !! Right-hand side b (dim*n) [matrix times x].
+      real(c_float), intent(in) :: x(*)  !! Vector x (dim*n) [any].
+      real(c_float), intent(inout) :: r(*)  !! Residual r (dim*n) [as b].
     end subroutine dotyk_residual_rows
 
     !> r := r - high x, x in double precision, for some rows.
     subroutine dotyk_subtract_product_rows(dim, first, last, start, column, leading, trailing, x, r) bind(c)
       import :: c_double, c_float, c_int16_t, c_int32_t, c_int64_t
-      !> Order of the blocks, 2 or 3.
-      integer(c_int32_t), value :: dim
-      !> First row.
-      integer(c_int32_t), value :: first
-      !> Last row.
-      integer(c_int32_t), value :: last
-      !> First block of each row (n + 1).
-      integer(c_int64_t), intent(in) :: start(*)
-      !> Block column of each block (n_blocks).
-      integer(c_int32_t), intent(in) :: column(*)
-      !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: leading(*)
-      !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: trailing(*)
-      !> Vector x (dim*n) [any].
-      real(c_double), intent(in) :: x(*)
-      !> Residual r (dim*n) [matrix times x].
-      real(c_float), intent(inout) :: r(*)
+      integer(c_int32_t), value :: dim  !! Order of the blocks, 2 or 3.
+      integer(c_int32_t), value :: first  !! First row.
+      integer(c_int32_t), value :: last  !! Last row.
+      integer(c_int64_t), intent(in) :: start(*)  !! First block of each row (n + 1).
+      integer(c_int32_t), intent(in) :: column(*)  !! Block column of each block (n_blocks).
+      integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      real(c_double), intent(in) :: x(*)  !! Vector x (dim*n) [any].
+      real(c_float), intent(inout) :: r(*)  !! Residual r (dim*n) [matrix times x].
     end subroutine dotyk_subtract_product_rows
 
     !> p := c p + d D^{-1} (b - A x), next = x + p for some rows, with the upper halves of high as A.
     subroutine dotyk_smooth_rows(dim, first, last, start, column, leading, inverse, c, d, b, x, p, &
                                  next) bind(c)
       import :: c_float, c_int16_t, c_int32_t, c_int64_t
-      !> Order of the blocks, 2 or 3.
-      integer(c_int32_t), value :: dim
-      !> First row.
-      integer(c_int32_t), value :: first
-      !> Last row.
-      integer(c_int32_t), value :: last
-      !> First block of each row (n + 1).
-      integer(c_int64_t), intent(in) :: start(*)
-      !> Block column of each block (n_blocks).
-      integer(c_int32_t), intent(in) :: column(*)
-      !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-      integer(c_int16_t), intent(in) :: leading(*)
-      !> Inverse diagonal blocks D^{-1} (dim*dim*n) [1/matrix].
-      real(c_float), intent(in) :: inverse(*)
-      !> Factor c [].
-      real(c_float), value :: c
-      !> Factor d [].
-      real(c_float), value :: d
-      !> Right-hand side b (dim*n) [matrix times x].
-      real(c_float), intent(in) :: b(*)
-      !> Vector x (dim*n) [any].
-      real(c_float), intent(in) :: x(*)
-      !> Step p (dim*n) [as x].
-      real(c_float), intent(inout) :: p(*)
-      !> Next iterate (dim*n) [as x].
-      real(c_float), intent(inout) :: next(*)
+      integer(c_int32_t), value :: dim  !! Order of the blocks, 2 or 3.
+      integer(c_int32_t), value :: first  !! First row.
+      integer(c_int32_t), value :: last  !! Last row.
+      integer(c_int64_t), intent(in) :: start(*)  !! First block of each row (n + 1).
+      integer(c_int32_t), intent(in) :: column(*)  !! Block column of each block (n_blocks).
+      integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+      real(c_float), intent(in) :: inverse(*)  !! Inverse diagonal blocks D^{-1} (dim*dim*n) [1/matrix].
+      real(c_float), value :: c  !! Factor c [].
+      real(c_float), value :: d  !! Factor d [].
+      real(c_float), intent(in) :: b(*)  !! Right-hand side b (dim*n) [matrix times x].
+      real(c_float), intent(in) :: x(*)  !! Vector x (dim*n) [any].
+      real(c_float), intent(inout) :: p(*)  !! Step p (dim*n) [as x].
+      real(c_float), intent(inout) :: next(*)  !! Next iterate (dim*n) [as x].
     end subroutine dotyk_smooth_rows
 
     !> Do without wide vectors, for tests.
     subroutine dotyk_limit_vectors(limit) bind(c)
       import :: c_int32_t
-      !> 0: none; 1: AVX2 at most; 2: any.
-      integer(c_int32_t), value :: limit
+      integer(c_int32_t), value :: limit  !! 0: none; 1: AVX2 at most; 2: any.
     end subroutine dotyk_limit_vectors
   end interface
 
@@ -136,31 +91,21 @@ contains
 
   !> Do without wide vectors, for tests: digits are the same.
   subroutine limit_vectors(limit)
-    !> 0: none; 1: AVX2 at most; 2: any.
-    integer, intent(in) :: limit
+    integer, intent(in) :: limit  !! 0: none; 1: AVX2 at most; 2: any.
     call dotyk_limit_vectors(limit)
   end subroutine limit_vectors
 
   !> y = A x in double precision.
   subroutine product_rows(dim, n, start, column, leading, trailing, low, x, y)
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> First block of each row (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> Block column of each block (n_blocks).
-    integer, intent(in) :: column(*)
-    !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: leading(*)
-    !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: trailing(*)
-    !> Remainders of the entries (dim*dim*(n_blocks + 1)) [any].
-    real(sp), intent(in) :: low(*)
-    !> Vector x (dim, n) [any].
-    real(dp), intent(in) :: x(dim, n)
-    !> Product y (dim, n) [matrix times x].
-    real(dp), intent(out) :: y(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer, intent(in) :: n  !! Number of block rows.
+    integer(int64), intent(in) :: start(n + 1)  !! First block of each row (n + 1).
+    integer, intent(in) :: column(*)  !! Block column of each block (n_blocks).
+    integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    real(sp), intent(in) :: low(*)  !! Remainders of the entries (dim*dim*(n_blocks + 1)) [any].
+    real(dp), intent(in) :: x(dim, n)  !! Vector x (dim, n) [any].
+    real(dp), intent(out) :: y(dim, n)  !! Product y (dim, n) [matrix times x].
     integer :: i
     !$omp parallel do default(none) shared(dim, n, start, column, leading, trailing, low, x, y) schedule(static)
     do i = 1, n, rows_at_once
@@ -171,26 +116,16 @@ contains
 
   !> r = b - A x in single precision.
   subroutine residual_rows(dim, n, start, column, leading, trailing, whole, b, x, r)
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> First block of each row (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> Block column of each block (n_blocks).
-    integer, intent(in) :: column(*)
-    !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: leading(*)
-    !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: trailing(*)
-    !> Whether A is the whole of high, not its upper halves alone.
-    logical, intent(in) :: whole
-    !> Right-hand side b (dim, n) [matrix times x].
-    real(sp), intent(in) :: b(dim, n)
-    !> Vector x (dim, n) [any].
-    real(sp), intent(in) :: x(dim, n)
-    !> Residual r (dim, n) [as b].
-    real(sp), intent(out) :: r(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer, intent(in) :: n  !! Number of block rows.
+    integer(int64), intent(in) :: start(n + 1)  !! First block of each row (n + 1).
+    integer, intent(in) :: column(*)  !! Block column of each block (n_blocks).
+    integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    logical, intent(in) :: whole  !! Whether A is the whole of high, not its upper halves alone.
+    real(sp), intent(in) :: b(dim, n)  !! Right-hand side b (dim, n) [matrix times x].
+    real(sp), intent(in) :: x(dim, n)  !! Vector x (dim, n) [any].
+    real(sp), intent(out) :: r(dim, n)  !! Residual r (dim, n) [as b].
     integer :: i
     !$omp parallel do default(none) shared(dim, n, start, column, leading, trailing, whole, b, x, r) schedule(static)
     do i = 1, n, rows_at_once
@@ -202,22 +137,14 @@ contains
 
   !> r := r - A x with a vector x in double precision: A x is small where x is large and smooth.
   subroutine subtract_product_rows(dim, n, start, column, leading, trailing, x, r)
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> First block of each row (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> Block column of each block (n_blocks).
-    integer, intent(in) :: column(*)
-    !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: leading(*)
-    !> Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: trailing(*)
-    !> Vector x (dim, n) [any].
-    real(dp), intent(in) :: x(dim, n)
-    !> Residual r (dim, n) [matrix times x].
-    real(sp), intent(inout) :: r(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer, intent(in) :: n  !! Number of block rows.
+    integer(int64), intent(in) :: start(n + 1)  !! First block of each row (n + 1).
+    integer, intent(in) :: column(*)  !! Block column of each block (n_blocks).
+    integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    integer(c_int16_t), intent(in) :: trailing(*)  !! Lower halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    real(dp), intent(in) :: x(dim, n)  !! Vector x (dim, n) [any].
+    real(sp), intent(inout) :: r(dim, n)  !! Residual r (dim, n) [matrix times x].
     integer :: i
     !$omp parallel do default(none) shared(dim, n, start, column, leading, trailing, x, r) schedule(static)
     do i = 1, n, rows_at_once
@@ -229,30 +156,18 @@ contains
 
   !> A step of a polynomial smoother: p := c p + d D^{-1} (b - A x), next = x + p, with upper halves of entries alone.
   subroutine smooth_rows(dim, n, start, column, leading, inverse, c, d, b, x, p, next)
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> First block of each row (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> Block column of each block (n_blocks).
-    integer, intent(in) :: column(*)
-    !> Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
-    integer(c_int16_t), intent(in) :: leading(*)
-    !> Inverse diagonal blocks D^{-1} (dim, dim, n) [1/matrix].
-    real(sp), intent(in) :: inverse(dim, dim, n)
-    !> Factor c [].
-    real(sp), intent(in) :: c
-    !> Factor d [].
-    real(sp), intent(in) :: d
-    !> Right-hand side b (dim, n) [matrix times x].
-    real(sp), intent(in) :: b(dim, n)
-    !> Vector x (dim, n) [any].
-    real(sp), intent(in) :: x(dim, n)
-    !> Step p (dim, n) [as x].
-    real(sp), intent(inout) :: p(dim, n)
-    !> Next iterate (dim, n) [as x].
-    real(sp), intent(out) :: next(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer, intent(in) :: n  !! Number of block rows.
+    integer(int64), intent(in) :: start(n + 1)  !! First block of each row (n + 1).
+    integer, intent(in) :: column(*)  !! Block column of each block (n_blocks).
+    integer(c_int16_t), intent(in) :: leading(*)  !! Upper halves of the entries (dim*dim*(n_blocks + 1)) [any].
+    real(sp), intent(in) :: inverse(dim, dim, n)  !! Inverse diagonal blocks D^{-1} (dim, dim, n) [1/matrix].
+    real(sp), intent(in) :: c  !! Factor c [].
+    real(sp), intent(in) :: d  !! Factor d [].
+    real(sp), intent(in) :: b(dim, n)  !! Right-hand side b (dim, n) [matrix times x].
+    real(sp), intent(in) :: x(dim, n)  !! Vector x (dim, n) [any].
+    real(sp), intent(inout) :: p(dim, n)  !! Step p (dim, n) [as x].
+    real(sp), intent(out) :: next(dim, n)  !! Next iterate (dim, n) [as x].
     integer :: i
     !$omp parallel do default(none) shared(dim, n, start, column, leading, inverse, c, d, b, x, p, next) &
     !$omp& schedule(static)
@@ -265,22 +180,14 @@ contains
 
   !> A step of a polynomial smoother: p := c p + d D^{-1} r, x := x + p.
   subroutine smoothing_step(dim, n, inverse, c, d, r, p, x)
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> Inverse diagonal blocks D^{-1} (dim, dim, n) [1/matrix].
-    real(sp), intent(in) :: inverse(dim, dim, n)
-    !> Factor c; with 0, p need not be defined [].
-    real(sp), intent(in) :: c
-    !> Factor d [].
-    real(sp), intent(in) :: d
-    !> Residual r (dim, n) [matrix times x].
-    real(sp), intent(in) :: r(dim, n)
-    !> Step p (dim, n) [as x].
-    real(sp), intent(inout) :: p(dim, n)
-    !> Iterate x (dim, n) [any].
-    real(sp), intent(inout) :: x(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer, intent(in) :: n  !! Number of block rows.
+    real(sp), intent(in) :: inverse(dim, dim, n)  !! Inverse diagonal blocks D^{-1} (dim, dim, n) [1/matrix].
+    real(sp), intent(in) :: c  !! Factor c; with 0, p need not be defined [].
+    real(sp), intent(in) :: d  !! Factor d [].
+    real(sp), intent(in) :: r(dim, n)  !! Residual r (dim, n) [matrix times x].
+    real(sp), intent(inout) :: p(dim, n)  !! Step p (dim, n) [as x].
+    real(sp), intent(inout) :: x(dim, n)  !! Iterate x (dim, n) [any].
     real(sp) :: s
     integer :: i, j, m
     logical :: first

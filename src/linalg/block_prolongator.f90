@@ -12,26 +12,16 @@ module dotyk_linalg_block_prolongator
   implicit none
   private
 
-  !> The prolongator. An aggregate has m coarse unknowns.
-  type, public :: block_prolongator_t
-    !> Coarse unknowns of an aggregate.
-    integer :: m = 0
-    !> Order of the blocks of A.
-    integer :: dim = 0
-    !> Number of aggregates.
-    integer :: n_coarse = 0
-    !> First entry of each block row of A (n + 1).
-    integer, allocatable :: start(:)
-    !> Aggregate of each entry, ascending in each row (n_entries).
-    integer, allocatable :: column(:)
-    !> Entries: coarse unknown, component (m, dim, n_entries) [].
-    real(sp), allocatable :: value(:, :, :)
-    !> First entry of each aggregate in `row` and `entry` (n_coarse + 1).
-    integer, allocatable :: first(:)
-    !> Block rows of A with an entry for the aggregate, ascending (n_entries).
-    integer, allocatable :: row(:)
-    !> Their entries (n_entries).
-    integer, allocatable :: entry(:)
+  type, public :: block_prolongator_t  !! The prolongator. An aggregate has m coarse unknowns.
+    integer :: m = 0  !! Coarse unknowns of an aggregate.
+    integer :: dim = 0  !! Order of the blocks of A.
+    integer :: n_coarse = 0  !! Number of aggregates.
+    integer, allocatable :: start(:)  !! First entry of each block row of A (n + 1).
+    integer, allocatable :: column(:)  !! Aggregate of each entry, ascending in each row (n_entries).
+    real(sp), allocatable :: value(:, :, :)  !! Entries: coarse unknown, component (m, dim, n_entries) [].
+    integer, allocatable :: first(:)  !! First entry of each aggregate in `row` and `entry` (n_coarse + 1).
+    integer, allocatable :: row(:)  !! Block rows of A with an entry for the aggregate, ascending (n_entries).
+    integer, allocatable :: entry(:)  !! Their entries (n_entries).
   contains
     procedure :: init => prolongator_init
     procedure :: restrict => prolongator_restrict
@@ -48,20 +38,14 @@ contains
   !> Smooth the tentative prolongator.
   subroutine prolongator_init(self, rows, part, aggregate, n_coarse, basis, inverse, omega)
     class(block_prolongator_t), intent(out) :: self
-    !> The matrix A; a node has `part` block rows, one after the other.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(in) :: aggregate(:)
-    !> Number of aggregates.
-    integer, intent(in) :: n_coarse
+    type(block_rows_t), intent(in) :: rows  !! The matrix A; a node has `part` block rows, one after the other.
+    integer, intent(in) :: part  !! Block rows of a node.
+    integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(in) :: n_coarse  !! Number of aggregates.
     !> Q: coarse unknown, unknown of the node, node (m, part*dim, n_nodes) [].
     real(dp), intent(in), contiguous :: basis(:, :, :)
-    !> Inverse diagonal blocks of A/scale (dim, dim, n) [].
-    real(sp), intent(in), contiguous :: inverse(:, :, :)
-    !> Factor of the step [].
-    real(dp), intent(in) :: omega
+    real(sp), intent(in), contiguous :: inverse(:, :, :)  !! Inverse diagonal blocks of A/scale (dim, dim, n) [].
+    real(dp), intent(in) :: omega  !! Factor of the step [].
     integer, allocatable :: mark(:), list(:)
     integer :: i, k, n
     self%m = size(basis, 1)
@@ -121,8 +105,7 @@ contains
 
   !> Most blocks in a row.
   pure integer function longest_row(rows)
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
     integer :: i
     longest_row = 0
     do i = 1, rows%n
@@ -132,20 +115,13 @@ contains
 
   !> Aggregates of the columns of a row.
   pure subroutine aggregates_of_row(rows, part, aggregate, i, mark, list, n)
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(in) :: aggregate(:)
-    !> The block row.
-    integer, intent(in) :: i
-    !> Last row that an aggregate was found in (n_coarse).
-    integer, intent(inout) :: mark(:)
-    !> The aggregates, ascending (at least n).
-    integer, intent(inout) :: list(:)
-    !> Their number.
-    integer, intent(out) :: n
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
+    integer, intent(in) :: part  !! Block rows of a node.
+    integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(in) :: i  !! The block row.
+    integer, intent(inout) :: mark(:)  !! Last row that an aggregate was found in (n_coarse).
+    integer, intent(inout) :: list(:)  !! The aggregates, ascending (at least n).
+    integer, intent(out) :: n  !! Their number.
     integer(int64) :: k
     integer :: j
     n = 0
@@ -162,8 +138,7 @@ contains
 
   !> Sort a short list.
   pure subroutine sort_ascending(list)
-    !> The numbers (n).
-    integer, intent(inout) :: list(:)
+    integer, intent(inout) :: list(:)  !! The numbers (n).
     integer :: i, k, number
     do i = 2, size(list)
       number = list(i)
@@ -179,28 +154,17 @@ contains
 
   !> One row of (I - omega D^{-1} A) Q.
   pure subroutine smooth_row(m, dim, rows, part, aggregate, basis, inverse, omega, i, list, value)
-    !> Coarse unknowns of an aggregate.
-    integer, intent(in) :: m
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> The matrix.
-    type(block_rows_t), intent(in) :: rows
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, intent(in) :: aggregate(:)
-    !> Q by block rows (m, dim, n) [].
-    real(dp), intent(in) :: basis(m, dim, *)
-    !> Inverse diagonal block (dim, dim) [].
-    real(sp), intent(in) :: inverse(dim, dim)
-    !> Factor of the step [].
-    real(dp), intent(in) :: omega
-    !> The block row.
-    integer, intent(in) :: i
-    !> Aggregates of the row, ascending (n).
-    integer, intent(in) :: list(:)
-    !> The row (m, dim, n) [].
-    real(sp), intent(out) :: value(m, dim, size(list))
+    integer, intent(in) :: m  !! Coarse unknowns of an aggregate.
+    integer, intent(in) :: dim  !! Order of the blocks.
+    type(block_rows_t), intent(in) :: rows  !! The matrix.
+    integer, intent(in) :: part  !! Block rows of a node.
+    integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    real(dp), intent(in) :: basis(m, dim, *)  !! Q by block rows (m, dim, n) [].
+    real(sp), intent(in) :: inverse(dim, dim)  !! Inverse diagonal block (dim, dim) [].
+    real(dp), intent(in) :: omega  !! Factor of the step [].
+    integer, intent(in) :: i  !! The block row.
+    integer, intent(in) :: list(:)  !! Aggregates of the row, ascending (n).
+    real(sp), intent(out) :: value(m, dim, size(list))  !! The row (m, dim, n) [].
     real(dp) :: product(m, dim, size(list)), row(m, dim), a(dim, dim)
     integer(int64) :: k
     integer :: j, l, r, c
@@ -232,10 +196,8 @@ contains
   !> P^T r.
   subroutine prolongator_restrict(self, r, coarse)
     class(block_prolongator_t), intent(in) :: self
-    !> Residual (dim*n) [any].
-    real(sp), intent(in), contiguous :: r(:)
-    !> On the coarse level (m*n_coarse) [as r].
-    real(sp), intent(out), contiguous :: coarse(:)
+    real(sp), intent(in), contiguous :: r(:)  !! Residual (dim*n) [any].
+    real(sp), intent(out), contiguous :: coarse(:)  !! On the coarse level (m*n_coarse) [as r].
     if (self%m == 6) then
       call restrict_rows(6, 3, self%n_coarse, self%first, self%row, self%entry, self%value, r, coarse)
     else
@@ -245,24 +207,15 @@ contains
 
   !> P^T r by aggregates.
   subroutine restrict_rows(m, dim, n, first, row, entry, value, r, coarse)
-    !> Coarse unknowns of an aggregate.
-    integer, intent(in) :: m
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Number of aggregates.
-    integer, intent(in) :: n
-    !> First entry of each aggregate (n + 1).
-    integer, intent(in) :: first(n + 1)
-    !> Block row of each entry.
-    integer, intent(in) :: row(*)
-    !> Place of each entry in `value`.
-    integer, intent(in) :: entry(*)
-    !> Entries of P (m, dim, n_entries) [].
-    real(sp), intent(in) :: value(m, dim, *)
-    !> Residual (dim, n_rows) [any].
-    real(sp), intent(in) :: r(dim, *)
-    !> P^T r (m, n) [as r].
-    real(sp), intent(out) :: coarse(m, n)
+    integer, intent(in) :: m  !! Coarse unknowns of an aggregate.
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n  !! Number of aggregates.
+    integer, intent(in) :: first(n + 1)  !! First entry of each aggregate (n + 1).
+    integer, intent(in) :: row(*)  !! Block row of each entry.
+    integer, intent(in) :: entry(*)  !! Place of each entry in `value`.
+    real(sp), intent(in) :: value(m, dim, *)  !! Entries of P (m, dim, n_entries) [].
+    real(sp), intent(in) :: r(dim, *)  !! Residual (dim, n_rows) [any].
+    real(sp), intent(out) :: coarse(m, n)  !! P^T r (m, n) [as r].
     real(dp) :: sum(m)
     integer :: i, j, k
     !$omp parallel do default(none) shared(m, dim, n, first, row, entry, value, r, coarse) private(sum, j, k) &
@@ -282,10 +235,8 @@ contains
   !> P x.
   subroutine prolongator_prolong(self, coarse, x)
     class(block_prolongator_t), intent(in) :: self
-    !> Vector of the coarse level (m*n_coarse) [any].
-    real(dp), intent(in), contiguous :: coarse(:)
-    !> P times it (dim*n) [as `coarse`].
-    real(dp), intent(out), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: coarse(:)  !! Vector of the coarse level (m*n_coarse) [any].
+    real(dp), intent(out), contiguous :: x(:)  !! P times it (dim*n) [as `coarse`].
     if (self%m == 6) then
       call prolong_rows(6, 3, size(self%start) - 1, self%start, self%column, self%value, coarse, x)
     else
@@ -295,22 +246,14 @@ contains
 
   !> P x by rows.
   subroutine prolong_rows(m, dim, n, start, column, value, coarse, x)
-    !> Coarse unknowns of an aggregate.
-    integer, intent(in) :: m
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> First entry of each row (n + 1).
-    integer, intent(in) :: start(n + 1)
-    !> Aggregate of each entry.
-    integer, intent(in) :: column(*)
-    !> Entries of P (m, dim, n_entries) [].
-    real(sp), intent(in) :: value(m, dim, *)
-    !> Vector of the coarse level (m, n_coarse) [any].
-    real(dp), intent(in) :: coarse(m, *)
-    !> P times it (dim, n) [as `coarse`].
-    real(dp), intent(out) :: x(dim, n)
+    integer, intent(in) :: m  !! Coarse unknowns of an aggregate.
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n  !! Number of block rows.
+    integer, intent(in) :: start(n + 1)  !! First entry of each row (n + 1).
+    integer, intent(in) :: column(*)  !! Aggregate of each entry.
+    real(sp), intent(in) :: value(m, dim, *)  !! Entries of P (m, dim, n_entries) [].
+    real(dp), intent(in) :: coarse(m, *)  !! Vector of the coarse level (m, n_coarse) [any].
+    real(dp), intent(out) :: x(dim, n)  !! P times it (dim, n) [as `coarse`].
     real(dp) :: s
     integer :: i, j, k, l
     !$omp parallel do default(none) shared(m, dim, n, start, column, value, coarse, x) private(s, j, k, l) &
@@ -333,8 +276,7 @@ contains
   !> Hand the arrays over to another prolongator.
   subroutine prolongator_move_to(self, other)
     class(block_prolongator_t), intent(inout) :: self
-    !> Becomes this prolongator; what it had is freed.
-    class(block_prolongator_t), intent(inout) :: other
+    class(block_prolongator_t), intent(inout) :: other  !! Becomes this prolongator; what it had is freed.
     other%m = self%m
     other%dim = self%dim
     other%n_coarse = self%n_coarse

@@ -14,27 +14,19 @@ module dotyk_linalg_block_rows
   implicit none
   private
 
-  !> The matrix.
-  type, public :: block_rows_t
-    !> Order of the blocks, 2 or 3.
-    integer :: dim = 0
-    !> Number of block rows.
-    integer :: n = 0
+  type, public :: block_rows_t  !! The matrix.
+    integer :: dim = 0  !! Order of the blocks, 2 or 3.
+    integer :: n = 0  !! Number of block rows.
     !> First block of each row: its diagonal block; the others follow in ascending columns (n + 1).
     integer(int64), allocatable :: start(:)
-    !> Block column of each block (n_blocks).
-    integer, allocatable :: column(:)
-    !> Scale of the entries, a power of two [matrix].
-    real(dp) :: scale = 1
+    integer, allocatable :: column(:)  !! Block column of each block (n_blocks).
+    real(dp) :: scale = 1  !! Scale of the entries, a power of two [matrix].
     !> Leading parts of the entries until they are packed: (i, j) at i + dim*(j - 1); the last block is not used, here
     !> and in the next three (dim*dim, n_blocks + 1) [].
     real(sp), allocatable :: high(:, :)
-    !> Upper halves of the leading parts (dim*dim, n_blocks + 1).
-    integer(int16), allocatable :: leading(:, :)
-    !> Their lower halves (dim*dim, n_blocks + 1).
-    integer(int16), allocatable :: trailing(:, :)
-    !> Remainders of the entries (dim*dim, n_blocks + 1) [].
-    real(sp), allocatable :: low(:, :)
+    integer(int16), allocatable :: leading(:, :)  !! Upper halves of the leading parts (dim*dim, n_blocks + 1).
+    integer(int16), allocatable :: trailing(:, :)  !! Their lower halves (dim*dim, n_blocks + 1).
+    real(sp), allocatable :: low(:, :)  !! Remainders of the entries (dim*dim, n_blocks + 1) [].
   contains
     procedure :: init => block_rows_init
     procedure :: hold => block_rows_hold
@@ -57,14 +49,11 @@ contains
   !> Make a matrix of zeros with the pattern of a graph.
   subroutine block_rows_init(self, dim, start, neighbour, scale)
     class(block_rows_t), intent(out) :: self
-    !> Order of the blocks, 2 or 3.
-    integer, intent(in) :: dim
-    !> First neighbour of each node (n + 1).
-    integer(int64), intent(in) :: start(:)
+    integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
+    integer(int64), intent(in) :: start(:)  !! First neighbour of each node (n + 1).
     !> Neighbours of the nodes, ascending, without the node itself (start(n + 1) - 1).
     integer, intent(in) :: neighbour(:)
-    !> Magnitude of the entries that will be added [matrix].
-    real(dp), intent(in) :: scale
+    real(dp), intent(in) :: scale  !! Magnitude of the entries that will be added [matrix].
     integer(int64) :: first, length
     integer :: i
     self%dim = dim
@@ -90,38 +79,26 @@ contains
 
   !> The power of two next below a positive number; 1 for others.
   pure real(dp) function power_of_two(x) result(power)
-    !> The number [any].
-    real(dp), intent(in) :: x
+    real(dp), intent(in) :: x  !! The number [any].
     power = 1
     if (x > 0 .and. x <= huge(x)) power = 2.0_dp**(exponent(x) - 1)
   end function power_of_two
 
   !> Add an element matrix to the rows that a part owns, see `element_partition_t`.
   pure subroutine add_blocks(n, dim, n_nodes, node, k, part, owner, start, column, scale, high, low)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Number of block rows.
-    integer, intent(in) :: n_nodes
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n_nodes  !! Number of block rows.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
     !> Element matrix: node a, node b, component i, component j (n, n, dim, dim) [matrix].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> Index of the part.
-    integer, intent(in) :: part
-    !> Part that owns each row (n_nodes); other rows are left to their owners.
-    integer, intent(in) :: owner(n_nodes)
-    !> First block of each row (n_nodes + 1).
-    integer(int64), intent(in) :: start(n_nodes + 1)
-    !> Block column of each block (n_blocks).
-    integer, intent(in) :: column(*)
-    !> Scale of the entries, a power of two [matrix].
-    real(dp), intent(in) :: scale
-    !> Leading parts of the entries (dim, dim, n_blocks) [].
-    real(sp), intent(inout) :: high(dim, dim, *)
-    !> Remainders of the entries (dim, dim, n_blocks) [].
-    real(sp), intent(inout) :: low(dim, dim, *)
+    integer, intent(in) :: part  !! Index of the part.
+    integer, intent(in) :: owner(n_nodes)  !! Part that owns each row (n_nodes); other rows are left to their owners.
+    integer(int64), intent(in) :: start(n_nodes + 1)  !! First block of each row (n_nodes + 1).
+    integer, intent(in) :: column(*)  !! Block column of each block (n_blocks).
+    real(dp), intent(in) :: scale  !! Scale of the entries, a power of two [matrix].
+    real(sp), intent(inout) :: high(dim, dim, *)  !! Leading parts of the entries (dim, dim, n_blocks) [].
+    real(sp), intent(inout) :: low(dim, dim, *)  !! Remainders of the entries (dim, dim, n_blocks) [].
     integer :: order(n), a, ib, b, i, j
     integer(int64) :: p, place
     real(dp) :: sum, factor
@@ -154,12 +131,9 @@ contains
 
   !> Order of the nodes of an element by their numbers: insertion sort of at most 27 numbers.
   pure subroutine sort_nodes(n, node, order)
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Nodes of the element (n).
-    integer, intent(in) :: node(n)
-    !> Local index of the k-th node (n).
-    integer, intent(out) :: order(n)
+    integer, intent(in) :: n  !! Number of nodes of the element.
+    integer, intent(in) :: node(n)  !! Nodes of the element (n).
+    integer, intent(out) :: order(n)  !! Local index of the k-th node (n).
     integer :: i, k
     do i = 1, n
       k = i
@@ -176,8 +150,7 @@ contains
   !> vectors that are zero there remain so.
   subroutine block_rows_hold(self, held)
     class(block_rows_t), intent(inout) :: self
-    !> Whether a component is held (dim, n).
-    logical, intent(in) :: held(:, :)
+    logical, intent(in) :: held(:, :)  !! Whether a component is held (dim, n).
     integer :: i, j
     do i = 1, self%n
       do j = 1, self%dim
@@ -197,18 +170,12 @@ contains
 
   !> Upper and lower halves of numbers in single precision.
   subroutine separate(n, m, start, high, leading, trailing)
-    !> Number of block rows.
-    integer, intent(in) :: n
-    !> Entries of a block.
-    integer, intent(in) :: m
-    !> First block of each row (n + 1).
-    integer(int64), intent(in) :: start(n + 1)
-    !> The numbers (m, n_blocks + 1) [any].
-    real(sp), intent(in) :: high(m, *)
-    !> Their upper halves (m, n_blocks + 1).
-    integer(int16), intent(inout) :: leading(m, *)
-    !> Their lower halves (m, n_blocks + 1).
-    integer(int16), intent(inout) :: trailing(m, *)
+    integer, intent(in) :: n  !! Number of block rows.
+    integer, intent(in) :: m  !! Entries of a block.
+    integer(int64), intent(in) :: start(n + 1)  !! First block of each row (n + 1).
+    real(sp), intent(in) :: high(m, *)  !! The numbers (m, n_blocks + 1) [any].
+    integer(int16), intent(inout) :: leading(m, *)  !! Their upper halves (m, n_blocks + 1).
+    integer(int16), intent(inout) :: trailing(m, *)  !! Their lower halves (m, n_blocks + 1).
     integer(int16) :: halves(2)
     integer(int64) :: k
     integer :: e, i, upper
@@ -232,12 +199,9 @@ contains
 
   !> Entries of the leading part of a block.
   pure function joined(leading, trailing) result(high)
-    !> Upper halves (dim*dim).
-    integer(int16), intent(in) :: leading(:)
-    !> Lower halves (dim*dim).
-    integer(int16), intent(in) :: trailing(:)
-    !> (dim*dim) [].
-    real(sp) :: high(size(leading))
+    integer(int16), intent(in) :: leading(:)  !! Upper halves (dim*dim).
+    integer(int16), intent(in) :: trailing(:)  !! Lower halves (dim*dim).
+    real(sp) :: high(size(leading))  !! (dim*dim) [].
     integer :: e
     do e = 1, size(leading)
       high(e) = transfer(ior(ishft(int(leading(e), int32), 16), iand(int(trailing(e), int32), 65535_int32)), 0.0_sp)
@@ -247,10 +211,8 @@ contains
   !> y = A x.
   subroutine block_rows_multiply(self, x, y)
     class(block_rows_t), intent(in) :: self
-    !> Vector x (dim*n) [any].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Product y (dim*n) [matrix times x].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Vector x (dim*n) [any].
+    real(dp), intent(out), contiguous :: y(:)  !! Product y (dim*n) [matrix times x].
     integer :: i
     call product_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, self%low, x, y)
     !$omp parallel do default(none) shared(self, y) schedule(static)
@@ -263,14 +225,10 @@ contains
   !> r = b - A x/scale in single precision.
   subroutine block_rows_residual(self, b, x, r, rough)
     class(block_rows_t), intent(in) :: self
-    !> Right-hand side b (dim*n) [any].
-    real(sp), intent(in), contiguous :: b(:)
-    !> Vector x (dim*n) [as b].
-    real(sp), intent(in), contiguous :: x(:)
-    !> Residual r (dim*n) [as b].
-    real(sp), intent(out), contiguous :: r(:)
-    !> Whether with the matrix of smoothers, see above; not if absent.
-    logical, intent(in), optional :: rough
+    real(sp), intent(in), contiguous :: b(:)  !! Right-hand side b (dim*n) [any].
+    real(sp), intent(in), contiguous :: x(:)  !! Vector x (dim*n) [as b].
+    real(sp), intent(out), contiguous :: r(:)  !! Residual r (dim*n) [as b].
+    logical, intent(in), optional :: rough  !! Whether with the matrix of smoothers, see above; not if absent.
     logical :: whole
     whole = .true.
     if (present(rough)) whole = .not. rough
@@ -280,20 +238,16 @@ contains
   !> r := r - A x/scale with the leading parts of A and a vector x in double precision.
   subroutine block_rows_subtract_product(self, x, r)
     class(block_rows_t), intent(in) :: self
-    !> Vector x (dim*n) [any].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Residual r (dim*n) [as x].
-    real(sp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Vector x (dim*n) [any].
+    real(sp), intent(inout), contiguous :: r(:)  !! Residual r (dim*n) [as x].
     call subtract_product_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, x, r)
   end subroutine block_rows_subtract_product
 
   !> Inverses of the diagonal blocks of A/scale, in single precision.
   subroutine block_rows_invert_diagonal(self, inverse, regular)
     class(block_rows_t), intent(in) :: self
-    !> Inverse blocks (dim, dim, n) [].
-    real(sp), intent(out), contiguous :: inverse(:, :, :)
-    !> Whether all blocks are positive definite.
-    logical, intent(out) :: regular
+    real(sp), intent(out), contiguous :: inverse(:, :, :)  !! Inverse blocks (dim, dim, n) [].
+    logical, intent(out) :: regular  !! Whether all blocks are positive definite.
     integer :: i
     logical :: positive
     regular = .true.
@@ -309,8 +263,7 @@ contains
   !> The diagonal entries.
   pure subroutine block_rows_get_diagonal(self, diagonal)
     class(block_rows_t), intent(in) :: self
-    !> (dim*n) [matrix].
-    real(dp), intent(out) :: diagonal(:)
+    real(dp), intent(out) :: diagonal(:)  !! (dim*n) [matrix].
     real(dp) :: block(self%dim**2)
     integer :: i, k
     do i = 1, self%n
@@ -325,25 +278,18 @@ contains
   !> A block of A/scale.
   pure subroutine block_rows_get_block(self, k, block)
     class(block_rows_t), intent(in) :: self
-    !> Its number.
-    integer(int64), intent(in) :: k
-    !> (dim, dim) [].
-    real(dp), intent(out) :: block(self%dim, self%dim)
+    integer(int64), intent(in) :: k  !! Its number.
+    real(dp), intent(out) :: block(self%dim, self%dim)  !! (dim, dim) [].
     block = reshape(joined(self%leading(:, k), self%trailing(:, k)) + real(self%low(:, k), dp), [self%dim, self%dim])
   end subroutine block_rows_get_block
 
   !> Inverse of one positive definite block, by Gauss-Jordan elimination.
   pure subroutine invert_block(dim, high, low, inverse, positive)
-    !> Order of the block.
-    integer, intent(in) :: dim
-    !> Leading parts of its entries (dim, dim) [].
-    real(sp), intent(in) :: high(dim, dim)
-    !> Remainders (dim, dim) [].
-    real(sp), intent(in) :: low(dim, dim)
-    !> The inverse (dim, dim) [].
-    real(sp), intent(out) :: inverse(dim, dim)
-    !> Whether all pivots are positive.
-    logical, intent(out) :: positive
+    integer, intent(in) :: dim  !! Order of the block.
+    real(sp), intent(in) :: high(dim, dim)  !! Leading parts of its entries (dim, dim) [].
+    real(sp), intent(in) :: low(dim, dim)  !! Remainders (dim, dim) [].
+    real(sp), intent(out) :: inverse(dim, dim)  !! The inverse (dim, dim) [].
+    logical, intent(out) :: positive  !! Whether all pivots are positive.
     real(dp) :: a(dim, dim), pivot, column(dim)
     integer :: j, k
     a = real(high, dp) + low
@@ -366,8 +312,7 @@ contains
   !> Hand the arrays over to another matrix.
   subroutine block_rows_move_to(self, other)
     class(block_rows_t), intent(inout) :: self
-    !> Becomes this matrix; what it had is freed.
-    class(block_rows_t), intent(inout) :: other
+    class(block_rows_t), intent(inout) :: other  !! Becomes this matrix; what it had is freed.
     other%dim = self%dim
     other%n = self%n
     other%scale = self%scale

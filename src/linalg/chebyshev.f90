@@ -15,16 +15,12 @@ module dotyk_linalg_chebyshev
 
   !> A matrix with its smoother. As a system for conjugate gradients its preconditioner is D^{-1} alone.
   type, extends(preconditioned_system_t), public :: chebyshev_t
-    !> The matrix A.
-    type(block_rows_t) :: rows
-    !> Number of products with D^{-1}.
-    integer :: degree = 3
-    !> Ratio of the ends of the interval.
-    real(dp) :: ratio = 8
+    type(block_rows_t) :: rows  !! The matrix A.
+    integer :: degree = 3  !! Number of products with D^{-1}.
+    real(dp) :: ratio = 8  !! Ratio of the ends of the interval.
     !> Upper end of the interval: the estimated greatest eigenvalue of D^{-1} A, with a margin [].
     real(dp) :: greatest = 0
-    !> Inverse diagonal blocks of A/scale (dim, dim, n) [].
-    real(sp), allocatable :: inverse(:, :, :)
+    real(sp), allocatable :: inverse(:, :, :)  !! Inverse diagonal blocks of A/scale (dim, dim, n) [].
   contains
     procedure :: prepare => chebyshev_prepare
     procedure :: multiply => chebyshev_multiply
@@ -66,37 +62,27 @@ contains
   !> y = A x.
   subroutine chebyshev_multiply(self, x, y)
     class(chebyshev_t), intent(in) :: self
-    !> Vector x (n) [any].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Product y (n) [A times x].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Vector x (n) [any].
+    real(dp), intent(out), contiguous :: y(:)  !! Product y (n) [A times x].
     call self%rows%multiply(x, y)
   end subroutine chebyshev_multiply
 
   !> z = D^{-1} r.
   subroutine chebyshev_precondition(self, r, z)
     class(chebyshev_t), intent(in) :: self
-    !> Residual r (n) [A times x].
-    real(dp), intent(in), contiguous :: r(:)
-    !> Preconditioned residual z (n) [as x].
-    real(dp), intent(out), contiguous :: z(:)
+    real(dp), intent(in), contiguous :: r(:)  !! Residual r (n) [A times x].
+    real(dp), intent(out), contiguous :: z(:)  !! Preconditioned residual z (n) [as x].
     call apply_inverse(self%rows%dim, self%rows%n, self%inverse, 1/self%rows%scale, r, z)
   end subroutine chebyshev_precondition
 
   !> z = factor D^{-1} r.
   subroutine apply_inverse(dim, n, inverse, factor, r, z)
-    !> Order of the blocks.
-    integer, intent(in) :: dim
-    !> Number of blocks.
-    integer, intent(in) :: n
-    !> Inverse blocks (dim, dim, n) [].
-    real(sp), intent(in) :: inverse(dim, dim, n)
-    !> Factor [1/A].
-    real(dp), intent(in) :: factor
-    !> Residual r (dim, n) [A times x].
-    real(dp), intent(in) :: r(dim, n)
-    !> Preconditioned residual z (dim, n) [as x].
-    real(dp), intent(out) :: z(dim, n)
+    integer, intent(in) :: dim  !! Order of the blocks.
+    integer, intent(in) :: n  !! Number of blocks.
+    real(sp), intent(in) :: inverse(dim, dim, n)  !! Inverse blocks (dim, dim, n) [].
+    real(dp), intent(in) :: factor  !! Factor [1/A].
+    real(dp), intent(in) :: r(dim, n)  !! Residual r (dim, n) [A times x].
+    real(dp), intent(out) :: z(dim, n)  !! Preconditioned residual z (dim, n) [as x].
     integer :: i, j
     !$omp parallel do default(none) shared(dim, n, inverse, factor, r, z) private(j) schedule(static)
     do i = 1, n
@@ -110,10 +96,8 @@ contains
   !> x: the smoother's approximate solution of (A/scale) x = b, from x = 0.
   subroutine chebyshev_smooth(self, b, x)
     class(chebyshev_t), intent(in) :: self
-    !> Right-hand side b (n) [any].
-    real(sp), intent(in), contiguous :: b(:)
-    !> Approximate solution x (n) [as b].
-    real(sp), intent(out), contiguous :: x(:)
+    real(sp), intent(in), contiguous :: b(:)  !! Right-hand side b (n) [any].
+    real(sp), intent(out), contiguous :: x(:)  !! Approximate solution x (n) [as b].
     real(sp), allocatable :: other(:), p(:)
     real(dp) :: middle, half, rho, last
     integer :: k
@@ -142,18 +126,15 @@ contains
 
     !> The first step, from x = 0.
     subroutine begin(first)
-      !> The first iterate (n) [as x].
-      real(sp), intent(out) :: first(:)
+      real(sp), intent(out) :: first(:)  !! The first iterate (n) [as x].
       first = 0
       call smoothing_step(self%rows%dim, self%rows%n, self%inverse, 0.0_sp, real(1/middle, sp), b, p, first)
     end subroutine begin
 
     !> A step.
     subroutine step(from, to)
-      !> Iterate (n) [as x].
-      real(sp), intent(in), contiguous :: from(:)
-      !> The next one (n) [as x].
-      real(sp), intent(out), contiguous :: to(:)
+      real(sp), intent(in), contiguous :: from(:)  !! Iterate (n) [as x].
+      real(sp), intent(out), contiguous :: to(:)  !! The next one (n) [as x].
       call smooth_rows(self%rows%dim, self%rows%n, self%rows%start, self%rows%column, self%rows%leading, self%inverse, &
         real(rho*last, sp), real(2*rho/half, sp), b, from, p, to)
     end subroutine step

@@ -22,18 +22,14 @@ module dotyk_linalg_cholesky
   !> rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first. Its values are a dense block by columns
   !> from value_start(s) on.
   type, public :: supernodes_t
-    !> Number of supernodes.
-    integer(int64) :: n = 0
-    !> First column of each supernode (0:n).
-    integer(int64), pointer, contiguous :: column_start(:) => null()
+    integer(int64) :: n = 0  !! Number of supernodes.
+    integer(int64), pointer, contiguous :: column_start(:) => null()  !! First column of each supernode (0:n).
     !> Position of the first row of each supernode in `row` (0:n).
     integer(int64), pointer, contiguous :: row_start(:) => null()
     !> Position of the first value of each supernode in `value` (0:n).
     integer(int64), pointer, contiguous :: value_start(:) => null()
-    !> Rows of the supernodes (0:sum of their rows - 1).
-    integer(int64), pointer, contiguous :: row(:) => null()
-    !> Equation of each row of L (0:order-1).
-    integer(int64), pointer, contiguous :: permutation(:) => null()
+    integer(int64), pointer, contiguous :: row(:) => null()  !! Rows of the supernodes (0:sum of their rows - 1).
+    integer(int64), pointer, contiguous :: permutation(:) => null()  !! Equation of each row of L (0:order-1).
     !> Values of L (0:factor_entries-1); not associated before the factorization.
     real(dp), pointer, contiguous :: value(:) => null()
   contains
@@ -45,25 +41,19 @@ module dotyk_linalg_cholesky
   !> and call `destroy` at the end. One thread analyzes and factorizes; after that any number of threads may solve with
   !> the factor at the same time.
   type, public :: cholesky_t
-    !> Order of K.
-    integer :: n = 0
+    integer :: n = 0  !! Order of K.
     !> Stored entries of L, zeros inside supernodes included. Known from `analyze` on, as are the next three.
     integer(int64) :: factor_entries = 0
-    !> Memory of the factor [bytes].
-    integer(int64) :: factor_bytes = 0
+    integer(int64) :: factor_bytes = 0  !! Memory of the factor [bytes].
     !> Estimated memory of a factorization beside the factor and K: a permuted copy of K, an update matrix [bytes].
     integer(int64) :: workspace_bytes = 0
-    !> Floating-point operations of a factorization.
-    real(dp) :: flops = 0
+    real(dp) :: flops = 0  !! Floating-point operations of a factorization.
     !> Smallest pivot as a fraction of its diagonal entry of K []: 1e-2 for compact bodies, (thickness/length)^3
     !> for thin ones, 1e-16 to 1e-13 for bodies that are not held and pass the factorization by rounding.
     real(dp) :: weakest_pivot = 0
-    !> Equation of that pivot, from 1; 0 before the factorization.
-    integer :: weakest_equation = 0
-    !> The shim's handle of the factor.
-    type(c_ptr), private :: handle = c_null_ptr
-    !> Whether there is a factor to solve with.
-    logical, private :: factorized = .false.
+    integer :: weakest_equation = 0  !! Equation of that pivot, from 1; 0 before the factorization.
+    type(c_ptr), private :: handle = c_null_ptr  !! The shim's handle of the factor.
+    logical, private :: factorized = .false.  !! Whether there is a factor to solve with.
   contains
     procedure :: analyze => cholesky_analyze
     procedure :: factorize => cholesky_factorize
@@ -82,16 +72,14 @@ module dotyk_linalg_cholesky
   !> Operations of a factorization from which on BLAS threads help it: 17 % at 2e9 on two threads, nothing at 4e8.
   real(dp), parameter, public :: worth_threads = 1.0e9_dp
 
-  !> BLAS threads of a large factorization outside parallel regions.
-  integer, save :: n_factor_threads = 1
+  integer, save :: n_factor_threads = 1  !! BLAS threads of a large factorization outside parallel regions.
 
 contains
 
   !> Set the number of BLAS threads of large factorizations outside parallel regions; 1 gives the same digits on any
   !> number of threads.
   subroutine set_factor_threads(n)
-    !> Number of threads.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of threads.
     n_factor_threads = n
   end subroutine set_factor_threads
 
@@ -102,29 +90,23 @@ contains
 
   !> Number of columns of a supernode.
   pure integer function supernodes_columns(self, s) result(columns)
-    !> The supernodes.
     class(supernodes_t), intent(in) :: self
-    !> Number of a supernode, from 0.
-    integer, intent(in) :: s
+    integer, intent(in) :: s  !! Number of a supernode, from 0.
     columns = int(self%column_start(s + 1) - self%column_start(s))
   end function supernodes_columns
 
   !> Number of rows of a supernode, those of its own columns included.
   pure integer function supernodes_rows(self, s) result(rows)
-    !> The supernodes.
     class(supernodes_t), intent(in) :: self
-    !> Number of a supernode, from 0.
-    integer, intent(in) :: s
+    integer, intent(in) :: s  !! Number of a supernode, from 0.
     rows = int(self%row_start(s + 1) - self%row_start(s))
   end function supernodes_rows
 
   !> Symbolic analysis: structure, size and cost of the factor. The values of the matrix are not read and may be
   !> missing.
   subroutine cholesky_analyze(self, matrix, permutation, error, n_trailing)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
-    !> Pattern of the matrix.
-    type(sparse_symmetric_t), intent(in) :: matrix
+    type(sparse_symmetric_t), intent(in) :: matrix  !! Pattern of the matrix.
     !> Fill-reducing order: the equation that is eliminated k-th (n). CHOLMOD may postorder it, which changes no fill.
     integer, intent(in) :: permutation(:)
     !> The order is not a permutation, CHOLMOD has no memory, or the factor exceeds 64-bit integers.
@@ -154,10 +136,8 @@ contains
 
   !> Numeric factorization of the matrix that was analyzed, or of one with the same pattern.
   subroutine cholesky_factorize(self, matrix, failed_column, error)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
-    !> The matrix K.
-    type(sparse_symmetric_t), intent(in) :: matrix
+    type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
     !> First equation whose pivot is not positive: there is no factor then, which is no error here; 0 if there is none.
     integer, intent(out) :: failed_column
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
@@ -171,12 +151,9 @@ contains
   !> Numeric factorization of a matrix that is not needed any more: its memory is freed before that of the factor is
   !> allocated.
   subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
-    !> The matrix K, destroyed on return.
-    type(sparse_symmetric_t), intent(inout) :: matrix
-    !> As in `factorize`.
-    integer, intent(out) :: failed_column
+    type(sparse_symmetric_t), intent(inout) :: matrix  !! The matrix K, destroyed on return.
+    integer, intent(out) :: failed_column  !! As in `factorize`.
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: diagonal(:)
@@ -188,12 +165,9 @@ contains
 
   !> Discard the last factor, and make the permuted copy P K P^T.
   subroutine take_matrix(self, matrix, diagonal, error)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
-    !> The matrix K.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> Its diagonal (n) [as K].
-    real(dp), allocatable, intent(out) :: diagonal(:)
+    type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
+    real(dp), allocatable, intent(out) :: diagonal(:)  !! Its diagonal (n) [as K].
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     self%factorized = .false.
@@ -213,14 +187,10 @@ contains
 
   !> Factorize the permuted copy, free it, and find the weakest pivot.
   subroutine factorize_taken(self, diagonal, failed_column, error)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
-    !> Diagonal of K (n) [as K].
-    real(dp), intent(in) :: diagonal(:)
-    !> As in `cholesky_factorize`.
-    integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of K (n) [as K].
+    integer, intent(out) :: failed_column  !! As in `cholesky_factorize`.
+    type(error_t), allocatable, intent(out) :: error  !! CHOLMOD has no memory.
     type(supernodes_t) :: supernodes
     integer(c_int64_t) :: column
     integer(c_int) :: code
@@ -249,14 +219,10 @@ contains
   !> Find the pivot that is the smallest fraction of its diagonal entry. If a pivot is not positive or not a number, the
   !> first such one is reported with fraction 0.
   pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
-    !> The factor, with values.
-    type(supernodes_t), intent(in) :: supernodes
-    !> Diagonal of K (n) [as K].
-    real(dp), intent(in) :: diagonal(:)
-    !> Pivot over diagonal entry, 0 to 1 [].
-    real(dp), intent(out) :: weakest
-    !> Equation of that pivot, from 1.
-    integer, intent(out) :: equation
+    type(supernodes_t), intent(in) :: supernodes  !! The factor, with values.
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of K (n) [as K].
+    real(dp), intent(out) :: weakest  !! Pivot over diagonal entry, 0 to 1 [].
+    integer, intent(out) :: equation  !! Equation of that pivot, from 1.
     integer :: s, rows, number
     integer(int64) :: k, at
     real(dp) :: fraction
@@ -284,37 +250,29 @@ contains
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)
-    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     is_factorized = self%factorized
   end function cholesky_is_factorized
 
   !> Solve K x = b. The solution is NaN where there is no factor.
   subroutine cholesky_solve(self, x)
-    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Right-hand side b [any], then solution x (n) [b/K].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Right-hand side b [any], then solution x (n) [b/K].
     call solve_columns(self, 1, x)
   end subroutine cholesky_solve
 
   !> Solve K X = B, four to six times cheaper per column than one by one. NaN as in `solve`.
   subroutine cholesky_solve_block(self, x)
-    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Right-hand sides B [any], then solutions X (n, m) [B/K].
-    real(dp), intent(inout), contiguous :: x(:, :)
+    real(dp), intent(inout), contiguous :: x(:, :)  !! Right-hand sides B [any], then solutions X (n, m) [B/K].
     call solve_columns(self, size(x, 2), x)
   end subroutine cholesky_solve_block
 
   !> Solve for blocks of columns.
   subroutine solve_columns(self, m, x)
-    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Number of columns.
-    integer, intent(in) :: m
-    !> Right-hand sides [any], then solutions (n, m) [those over K].
-    real(dp), intent(inout) :: x(self%n, m)
+    integer, intent(in) :: m  !! Number of columns.
+    real(dp), intent(inout) :: x(self%n, m)  !! Right-hand sides [any], then solutions (n, m) [those over K].
     integer :: first, last
     integer(c_int) :: code
     if (self%n == 0) return
@@ -334,10 +292,8 @@ contains
 
   !> The equations of the last rows and columns of L, in the order of elimination.
   subroutine cholesky_trailing(self, equation)
-    !> Analyzed, with as many trailing equations.
     class(cholesky_t), intent(in) :: self
-    !> Equations at the end of the permutation (m).
-    integer, intent(out) :: equation(:)
+    integer, intent(out) :: equation(:)  !! Equations at the end of the permutation (m).
     integer(c_int64_t), allocatable :: number(:)
     allocate (number(size(equation)))
     if (size(equation) == 0) return
@@ -347,10 +303,8 @@ contains
 
   !> The supernodes, in the memory of the factor; none for a matrix of order 0.
   subroutine cholesky_supernodes(self, supernodes)
-    !> Analyzed.
     class(cholesky_t), intent(in) :: self
-    !> Structure of the factor, and its values if it is factorized.
-    type(supernodes_t), intent(out) :: supernodes
+    type(supernodes_t), intent(out) :: supernodes  !! Structure of the factor, and its values if it is factorized.
     integer(c_int64_t) :: counts(2)
     type(c_ptr) :: address(6)
     real(dp), pointer, contiguous :: values(:)
@@ -368,12 +322,9 @@ contains
   contains
     !> A list of integers at an address, with lower bound 0.
     subroutine take(address, n, list)
-      !> The address.
-      type(c_ptr), intent(in) :: address
-      !> Length of the list.
-      integer(int64), intent(in) :: n
-      !> The list (0:n-1).
-      integer(int64), pointer, contiguous, intent(out) :: list(:)
+      type(c_ptr), intent(in) :: address  !! The address.
+      integer(int64), intent(in) :: n  !! Length of the list.
+      integer(int64), pointer, contiguous, intent(out) :: list(:)  !! The list (0:n-1).
       integer(int64), pointer, contiguous :: numbers(:)
       call c_f_pointer(address, numbers, [n])
       list(0:n - 1) => numbers
@@ -383,7 +334,6 @@ contains
   !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement),
   !> whose Cholesky factor are the last rows and columns of L. NaN as in `solve`.
   subroutine cholesky_solve_trailing(self, x)
-    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     !> Right-hand sides [any], then solutions [those over K], in the order that `trailing` gives (m, number of them).
     real(dp), intent(inout), contiguous :: x(:, :)
@@ -397,7 +347,6 @@ contains
 
   !> Free all memory.
   subroutine cholesky_destroy(self)
-    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     if (c_associated(self%handle)) call dotyk_cholmod_free(self%handle)
     self%handle = c_null_ptr
@@ -413,14 +362,10 @@ contains
 
   !> Turn a code of the shim into an error.
   subroutine raise(code, what, factor, error)
-    !> One of `code_*`.
-    integer(c_int), intent(in) :: code
-    !> Step that failed, as in "out of memory in the factorization".
-    character(*), intent(in) :: what
-    !> Factor whose size the message gives.
-    class(cholesky_t), intent(in) :: factor
-    !> Set unless the code is `code_ok`.
-    type(error_t), allocatable, intent(out) :: error
+    integer(c_int), intent(in) :: code  !! One of `code_*`.
+    character(*), intent(in) :: what  !! Step that failed, as in "out of memory in the factorization".
+    class(cholesky_t), intent(in) :: factor  !! Factor whose size the message gives.
+    type(error_t), allocatable, intent(out) :: error  !! Set unless the code is `code_ok`.
     character(:), allocatable :: size_text
     if (code == code_ok) return
     !$omp critical (message)

@@ -9,16 +9,12 @@ contains
   !> Neighbours of all items. Cost and storage are those of the graph: quadratic in the lengths of the lists, not in the
   !> number of items.
   pure subroutine make_clique_graph(first, member, n, start, neighbour)
-    !> List l is member(first(l):first(l+1)-1) (n_lists + 1).
-    integer, intent(in) :: first(:)
-    !> Items of the lists, each once in a list (length of all lists).
-    integer, intent(in) :: member(:)
-    !> Number of items.
-    integer, intent(in) :: n
+    integer, intent(in) :: first(:)  !! List l is member(first(l):first(l+1)-1) (n_lists + 1).
+    integer, intent(in) :: member(:)  !! Items of the lists, each once in a list (length of all lists).
+    integer, intent(in) :: n  !! Number of items.
     !> Neighbours of item k, without k itself: neighbour(start(k):start(k+1)-1) (n + 1).
     integer, allocatable, intent(out) :: start(:)
-    !> See `start` (number of couplings).
-    integer, allocatable, intent(out) :: neighbour(:)
+    integer, allocatable, intent(out) :: neighbour(:)  !! See `start` (number of couplings).
     integer :: list_start(n + 1), next(n), list(size(member)), mark(n), pass, k, l, i, degree
     list_start = 0
     list_start(1) = 1

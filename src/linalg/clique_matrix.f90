@@ -9,30 +9,22 @@ module dotyk_linalg_clique_matrix
   private
   public :: assemble_cliques
 
-  !> A dense symmetric block.
-  type, public :: clique_t
-    !> Rows, ascending (m).
-    integer, allocatable :: row(:)
-    !> (m, m) [any]
-    real(dp), allocatable :: value(:, :)
+  type, public :: clique_t  !! A dense symmetric block.
+    integer, allocatable :: row(:)  !! Rows, ascending (m).
+    real(dp), allocatable :: value(:, :)  !! (m, m) [any]
   end type clique_t
 
 contains
 
   !> The sum of the blocks; the diagonal is always stored.
   subroutine assemble_cliques(n, clique, group_first, matrix, order, error)
-    !> Order of the matrix.
-    integer, intent(in) :: n
-    !> The blocks.
-    type(clique_t), intent(in) :: clique(:)
+    integer, intent(in) :: n  !! Order of the matrix.
+    type(clique_t), intent(in) :: clique(:)  !! The blocks.
     !> First row of each group of successive rows that have the same cliques (n_groups).
     integer, intent(in) :: group_first(:)
-    !> The sum.
-    type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Row that is eliminated k-th: nested dissection of the groups (n).
-    integer, allocatable, intent(out) :: order(:)
-    !> METIS has no memory.
-    type(error_t), allocatable, intent(out) :: error
+    type(sparse_symmetric_t), intent(inout) :: matrix  !! The sum.
+    integer, allocatable, intent(out) :: order(:)  !! Row that is eliminated k-th: nested dissection of the groups (n).
+    type(error_t), allocatable, intent(out) :: error  !! METIS has no memory.
     integer, allocatable :: group_of(:), list_start(:), member(:), start(:), neighbour(:), group_order(:), last(:)
     integer, allocatable :: clique_start(:), clique_of(:), place(:)
     real(dp), allocatable :: column(:)
@@ -129,8 +121,7 @@ contains
   contains
     !> Rows from a row on that share a clique with it.
     integer(int64) function entries_after(row) result(entries)
-      !> The row.
-      integer, intent(in) :: row
+      integer, intent(in) :: row  !! The row.
       integer :: l
       logical, allocatable :: seen(:)
       allocate (seen(n), source=.false.)

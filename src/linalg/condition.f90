@@ -23,8 +23,7 @@ contains
 
   !> 1-norm of the scaled matrix: an upper bound of its largest eigenvalue, at most the entries of a column [].
   pure real(dp) function scaled_norm(matrix) result(norm)
-    !> K, with a positive diagonal.
-    type(sparse_symmetric_t), intent(in) :: matrix
+    type(sparse_symmetric_t), intent(in) :: matrix  !! K, with a positive diagonal.
     real(dp), allocatable :: column(:), scale(:)
     real(dp) :: entry
     integer(int64) :: k
@@ -45,14 +44,10 @@ contains
 
   !> Smallest eigenvalues of the scaled matrix, and their modes.
   subroutine smallest_eigenpairs(factor, diagonal, values, modes, error)
-    !> Factor of K.
-    type(cholesky_t), intent(in) :: factor
-    !> Diagonal of K (n) [as K].
-    real(dp), intent(in) :: diagonal(:)
-    !> Eigenvalues, ascending; at most the order of the matrix (m) [].
-    real(dp), intent(out) :: values(:)
-    !> Modes x, unscaled and with `x^T D x = 1` (n, m) [1/sqrt(K)].
-    real(dp), intent(out) :: modes(:, :)
+    type(cholesky_t), intent(in) :: factor  !! Factor of K.
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of K (n) [as K].
+    real(dp), intent(out) :: values(:)  !! Eigenvalues, ascending; at most the order of the matrix (m) [].
+    real(dp), intent(out) :: modes(:, :)  !! Modes x, unscaled and with `x^T D x = 1` (n, m) [1/sqrt(K)].
     !> A solution is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: solution(:, :), projected(:, :), inverse(:), vectors(:, :)
@@ -87,8 +82,7 @@ contains
 
   !> Make columns orthonormal in the inner product of D, by Gram-Schmidt twice.
   pure subroutine make_orthonormal(diagonal, x)
-    !> Diagonal D (n) [any].
-    real(dp), intent(in) :: diagonal(:)
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal D (n) [any].
     !> Columns, linearly independent (n, m) [any]; orthonormal on return [1/sqrt(D)].
     real(dp), intent(inout) :: x(:, :)
     integer :: j, k, pass

@@ -16,50 +16,35 @@ module dotyk_linalg_conjugate_gradient
   !> A symmetric positive (semi)definite matrix A and its preconditioner M, both known by their action.
   type, abstract, public :: preconditioned_system_t
   contains
-    !> y = A x.
-    procedure(apply_matrix), deferred :: multiply
-    !> z = M r, M symmetric and near the inverse of A.
-    procedure(apply_preconditioner), deferred :: precondition
+    procedure(apply_matrix), deferred :: multiply  !! y = A x.
+    procedure(apply_preconditioner), deferred :: precondition  !! z = M r, M symmetric and near the inverse of A.
   end type preconditioned_system_t
 
   abstract interface
     !> y = A x.
     subroutine apply_matrix(self, x, y)
       import :: preconditioned_system_t, dp
-      !> The system.
       class(preconditioned_system_t), intent(in) :: self
-      !> Vector x (n) [any].
-      real(dp), intent(in), contiguous :: x(:)
-      !> Product y (n) [A times x].
-      real(dp), intent(out), contiguous :: y(:)
+      real(dp), intent(in), contiguous :: x(:)  !! Vector x (n) [any].
+      real(dp), intent(out), contiguous :: y(:)  !! Product y (n) [A times x].
     end subroutine apply_matrix
 
     !> z = M r.
     subroutine apply_preconditioner(self, r, z)
       import :: preconditioned_system_t, dp
-      !> The system.
       class(preconditioned_system_t), intent(in) :: self
-      !> Residual r (n) [A times x].
-      real(dp), intent(in), contiguous :: r(:)
-      !> Preconditioned residual z (n) [as x].
-      real(dp), intent(out), contiguous :: z(:)
+      real(dp), intent(in), contiguous :: r(:)  !! Residual r (n) [A times x].
+      real(dp), intent(out), contiguous :: z(:)  !! Preconditioned residual z (n) [as x].
     end subroutine apply_preconditioner
   end interface
 
-  !> How an iteration went.
-  type, public :: cg_outcome_t
-    !> Steps.
-    integer :: steps = 0
-    !> Whether the tolerance was reached.
-    logical :: converged = .false.
-    !> Last residual over the first one, in the norm of the preconditioner, sqrt(r^T M r) [].
-    real(dp) :: reduction = 1
-    !> The first residual in this norm [sqrt(A) times x].
-    real(dp) :: first_norm = 0
-    !> Diagonal of the Lanczos matrix (steps) [].
-    real(dp), allocatable :: diagonal(:)
-    !> Entries beside its diagonal (steps) [].
-    real(dp), allocatable :: off_diagonal(:)
+  type, public :: cg_outcome_t  !! How an iteration went.
+    integer :: steps = 0  !! Steps.
+    logical :: converged = .false.  !! Whether the tolerance was reached.
+    real(dp) :: reduction = 1  !! Last residual over the first one, in the norm of the preconditioner, sqrt(r^T M r) [].
+    real(dp) :: first_norm = 0  !! The first residual in this norm [sqrt(A) times x].
+    real(dp), allocatable :: diagonal(:)  !! Diagonal of the Lanczos matrix (steps) [].
+    real(dp), allocatable :: off_diagonal(:)  !! Entries beside its diagonal (steps) [].
   contains
     procedure :: ritz_values => outcome_ritz_values
     procedure :: eigenvalue_bound => outcome_eigenvalue_bound
@@ -70,18 +55,13 @@ contains
 
   !> Solve A x = b from x = 0. The residual is that of the recurrence. An interrupt ends the iteration.
   subroutine conjugate_gradient(system, b, x, tolerance, most_steps, outcome, small)
-    !> The matrix and its preconditioner.
-    class(preconditioned_system_t), intent(in) :: system
+    class(preconditioned_system_t), intent(in) :: system  !! The matrix and its preconditioner.
     !> Right-hand side b (n) [A times x]; in the range of a semidefinite matrix.
     real(dp), intent(in), contiguous :: b(:)
-    !> Solution x (n) [any].
-    real(dp), intent(out), contiguous :: x(:)
-    !> Reduction of the residual in the norm of the preconditioner to stop at [].
-    real(dp), intent(in) :: tolerance
-    !> Greatest number of steps.
-    integer, intent(in) :: most_steps
-    !> Steps, convergence and Lanczos matrix.
-    type(cg_outcome_t), intent(out) :: outcome
+    real(dp), intent(out), contiguous :: x(:)  !! Solution x (n) [any].
+    real(dp), intent(in) :: tolerance  !! Reduction of the residual in the norm of the preconditioner to stop at [].
+    integer, intent(in) :: most_steps  !! Greatest number of steps.
+    type(cg_outcome_t), intent(out) :: outcome  !! Steps, convergence and Lanczos matrix.
     !> A residual, in the norm of the preconditioner, that is small enough in any case; 0 if absent [sqrt(A) times x].
     real(dp), intent(in), optional :: small
     real(dp), allocatable :: r(:), z(:), p(:), q(:)
@@ -129,10 +109,8 @@ contains
   !> Extreme Ritz values of the preconditioned matrix: within its spectrum, up to rounding.
   subroutine outcome_ritz_values(self, least, greatest)
     class(cg_outcome_t), intent(in) :: self
-    !> Least Ritz value; 0 without steps [].
-    real(dp), intent(out) :: least
-    !> Greatest Ritz value; 0 without steps [].
-    real(dp), intent(out) :: greatest
+    real(dp), intent(out) :: least  !! Least Ritz value; 0 without steps [].
+    real(dp), intent(out) :: greatest  !! Greatest Ritz value; 0 without steps [].
     real(dp) :: vector(self%steps)
     least = 0
     greatest = 0
@@ -152,10 +130,8 @@ contains
   !> the norm. p decreases from 1 at zero to 0 at the least Ritz value.
   real(dp) function outcome_eigenvalue_bound(self, share) result(bound)
     class(cg_outcome_t), intent(in) :: self
-    !> The share, in the norm of the preconditioner [].
-    real(dp), intent(in) :: share
-    !> Halvings of the interval.
-    integer, parameter :: halvings = 50
+    real(dp), intent(in) :: share  !! The share, in the norm of the preconditioner [].
+    integer, parameter :: halvings = 50  !! Halvings of the interval.
     real(dp) :: low, high
     integer :: k
     low = 0
@@ -173,10 +149,8 @@ contains
 
   !> p(x), by the pivots of the Lanczos matrix less x; 0 where x is not below the Ritz values.
   pure real(dp) function residual_polynomial(outcome, x) result(p)
-    !> The iteration.
-    type(cg_outcome_t), intent(in) :: outcome
-    !> x, not negative [].
-    real(dp), intent(in) :: x
+    type(cg_outcome_t), intent(in) :: outcome  !! The iteration.
+    real(dp), intent(in) :: x  !! x, not negative [].
     real(dp) :: pivot, first
     integer :: j
     p = 1

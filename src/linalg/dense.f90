@@ -21,12 +21,9 @@ contains
 
   !> Eigenvalues and eigenvectors of a symmetric matrix.
   subroutine symmetric_eigen(a, values, vectors, error)
-    !> The matrix (n, n) [any]; its lower triangle is read.
-    real(dp), intent(in) :: a(:, :)
-    !> Eigenvalues, ascending (n) [as `a`].
-    real(dp), intent(out) :: values(:)
-    !> Orthonormal eigenvectors as columns (n, n) [].
-    real(dp), intent(out) :: vectors(:, :)
+    real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
+    real(dp), intent(out) :: values(:)  !! Eigenvalues, ascending (n) [as `a`].
+    real(dp), intent(out) :: vectors(:, :)  !! Orthonormal eigenvectors as columns (n, n) [].
     !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: v(:, :), w(:), work(:)
@@ -50,10 +47,8 @@ contains
   !> Cholesky factor of a positive semidefinite matrix, shifted by as little of its largest diagonal entry as LAPACK
   !> needs: a multiple of the rounding of the entries.
   subroutine cholesky_factor(a, factor, error)
-    !> The matrix (n, n) [any]; its lower triangle is read.
-    real(dp), intent(in) :: a(:, :)
-    !> L with A = L L^T, zero above the diagonal (n, n) [sqrt(A)].
-    real(dp), allocatable, intent(out) :: factor(:, :)
+    real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
+    real(dp), allocatable, intent(out) :: factor(:, :)  !! L with A = L L^T, zero above the diagonal (n, n) [sqrt(A)].
     !> The matrix is not positive semidefinite, or an entry is not finite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: shift, largest
@@ -84,10 +79,8 @@ contains
 
   !> B <- L^{-1} B.
   subroutine solve_triangular(l, b)
-    !> Lower triangular L (n, n) [any].
-    real(dp), intent(in), contiguous :: l(:, :)
-    !> B, then the solution (n, m) [any, then B/L].
-    real(dp), intent(inout), contiguous :: b(:, :)
+    real(dp), intent(in), contiguous :: l(:, :)  !! Lower triangular L (n, n) [any].
+    real(dp), intent(inout), contiguous :: b(:, :)  !! B, then the solution (n, m) [any, then B/L].
     if (size(b) == 0) return
     call dtrsm('L', 'L', 'N', 'N', size(b, 1), size(b, 2), 1.0_dp, l, size(l, 1), b, size(b, 1))
   end subroutine solve_triangular
@@ -95,12 +88,9 @@ contains
   !> Singular values and right singular vectors of a matrix with few columns, which give its null space to full
   !> accuracy.
   subroutine right_singular_vectors(a, values, vectors, error)
-    !> The matrix (m, n) [any]; m may be 0.
-    real(dp), intent(in) :: a(:, :)
-    !> Singular values, descending; zero from the (m+1)-th on (n) [as `a`].
-    real(dp), intent(out) :: values(:)
-    !> Orthonormal right singular vectors as columns (n, n) [].
-    real(dp), intent(out) :: vectors(:, :)
+    real(dp), intent(in) :: a(:, :)  !! The matrix (m, n) [any]; m may be 0.
+    real(dp), intent(out) :: values(:)  !! Singular values, descending; zero from the (m+1)-th on (n) [as `a`].
+    real(dp), intent(out) :: vectors(:, :)  !! Orthonormal right singular vectors as columns (n, n) [].
     !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: b(:, :), s(:), vt(:, :), work(:)
@@ -131,12 +121,9 @@ contains
 
   !> Solve A X = B, in place.
   subroutine solve_dense(a, x, error)
-    !> The matrix A (n, n) [any].
-    real(dp), intent(in) :: a(:, :)
-    !> Right-hand sides B [any], then solutions X (n, m) [B/A].
-    real(dp), intent(inout) :: x(:, :)
-    !> A pivot is exactly zero: the matrix is singular.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: a(:, :)  !! The matrix A (n, n) [any].
+    real(dp), intent(inout) :: x(:, :)  !! Right-hand sides B [any], then solutions X (n, m) [B/A].
+    type(error_t), allocatable, intent(out) :: error  !! A pivot is exactly zero: the matrix is singular.
     real(dp), allocatable :: lu(:, :), b(:, :)
     integer, allocatable :: pivot(:)
     integer :: n, info
@@ -155,16 +142,13 @@ contains
 
   !> Least squares: the X of minimum norm that minimizes the norm of A X - B, in place.
   subroutine least_squares(a, b, tolerance, rank, error)
-    !> The matrix A (m, n) [any].
-    real(dp), intent(in) :: a(:, :)
+    real(dp), intent(in) :: a(:, :)  !! The matrix A (m, n) [any].
     !> Right-hand sides B [any] in the first m rows, then solutions X [B/A] in the first n rows (at least max(m, n), k).
     real(dp), intent(inout) :: b(:, :)
     !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
-    !> Rank of A to that tolerance.
-    integer, intent(out) :: rank
-    !> An entry of A is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(out) :: rank  !! Rank of A to that tolerance.
+    type(error_t), allocatable, intent(out) :: error  !! An entry of A is not finite.
     real(dp), allocatable :: qr(:, :), x(:, :), work(:)
     integer, allocatable :: pivot(:)
     integer :: m, n, k, info
@@ -191,14 +175,11 @@ contains
   !> Orthonormal basis of the range of A by modified Gram-Schmidt with reorthogonalization. Columns are taken in their
   !> order: the first keeps its direction, and a column that is nearly in the span of its predecessors adds nothing.
   pure subroutine orthonormal_range(a, tolerance, q, rank)
-    !> A (n, m) [any].
-    real(dp), intent(in) :: a(:, :)
+    real(dp), intent(in) :: a(:, :)  !! A (n, m) [any].
     !> A column counts if its component normal to its predecessors exceeds this fraction of its norm [].
     real(dp), intent(in) :: tolerance
-    !> Basis as columns (n, at least min(n, m)) []; columns beyond `rank` are zero.
-    real(dp), intent(out) :: q(:, :)
-    !> Number of columns of the basis.
-    integer, intent(out) :: rank
+    real(dp), intent(out) :: q(:, :)  !! Basis as columns (n, at least min(n, m)) []; columns beyond `rank` are zero.
+    integer, intent(out) :: rank  !! Number of columns of the basis.
     real(dp) :: v(size(a, 1)), length, remainder
     integer :: j, k, pass
     q = 0
@@ -230,8 +211,7 @@ contains
   pure subroutine complete_basis(q, rank)
     !> Basis as columns; the first `rank` are given, the others are filled in (n, n) [].
     real(dp), intent(inout) :: q(:, :)
-    !> Number of given columns.
-    integer, intent(in) :: rank
+    integer, intent(in) :: rank  !! Number of given columns.
     real(dp) :: v(size(q, 1)), best(size(q, 1))
     integer :: i, j, k, pass
     do j = rank + 1, size(q, 1)
@@ -252,14 +232,11 @@ contains
 
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
-    !> Diagonal (n) [any].
-    real(dp), intent(in) :: diagonal(:)
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal (n) [any].
     !> Entries beside the diagonal (at least n-1; further ones are ignored) [as `diagonal`].
     real(dp), intent(in) :: off_diagonal(:)
-    !> Largest eigenvalue [as `diagonal`].
-    real(dp), intent(out) :: value
-    !> Its eigenvector of norm 1 (n) [].
-    real(dp), intent(out) :: vector(:)
+    real(dp), intent(out) :: value  !! Largest eigenvalue [as `diagonal`].
+    real(dp), intent(out) :: vector(:)  !! Its eigenvector of norm 1 (n) [].
     real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)
     integer, allocatable :: iwork(:), ifail(:)
     real(dp) :: scale

@@ -9,14 +9,11 @@ module dotyk_linalg_dense_cholesky
   implicit none
   private
 
-  !> The matrix A, then its factor L.
-  type, public :: dense_cholesky_t
-    !> Order.
-    integer :: n = 0
+  type, public :: dense_cholesky_t  !! The matrix A, then its factor L.
+    integer :: n = 0  !! Order.
     !> A, then L in the lower triangle; the entries above the diagonal mean nothing (at least n**2) [any].
     real(dp), allocatable :: value(:)
-    !> Last row of each panel of columns that has entries.
-    integer, allocatable, private :: last(:)
+    integer, allocatable, private :: last(:)  !! Last row of each panel of columns that has entries.
   contains
     procedure :: resize => dense_resize
     procedure :: factorize => dense_factorize
@@ -25,18 +22,15 @@ module dotyk_linalg_dense_cholesky
     procedure :: least_pivot => dense_least_pivot
   end type dense_cholesky_t
 
-  !> Order from which on threads share a factorization.
-  integer, parameter :: worth_threads = 400
-  !> Columns of a panel, and rows and columns of a task.
-  integer, parameter :: panel = 256
+  integer, parameter :: worth_threads = 400  !! Order from which on threads share a factorization.
+  integer, parameter :: panel = 256  !! Columns of a panel, and rows and columns of a task.
 
 contains
 
   !> A matrix of zeros. Its memory grows, and does not shrink.
   subroutine dense_resize(self, n)
     class(dense_cholesky_t), intent(inout) :: self
-    !> Order.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Order.
     integer(int64) :: length
     length = int(n, int64)**2
     if (allocated(self%value)) then
@@ -85,14 +79,10 @@ contains
 
   !> Factorize within the envelope, panel by panel; the tiles are tasks.
   subroutine factor_envelope(n, last, a, failed)
-    !> Order.
-    integer, intent(in) :: n
-    !> Last row of each panel that has entries, ascending.
-    integer, intent(in) :: last(:)
-    !> The matrix, then its factor (n, n) [any], [its root].
-    real(dp), intent(inout) :: a(n, *)
-    !> As in `factorize`.
-    integer, intent(out) :: failed
+    integer, intent(in) :: n  !! Order.
+    integer, intent(in) :: last(:)  !! Last row of each panel that has entries, ascending.
+    real(dp), intent(inout) :: a(n, *)  !! The matrix, then its factor (n, n) [any], [its root].
+    integer, intent(out) :: failed  !! As in `factorize`.
     integer :: k, first, end, m, row, rows, column, columns
     failed = 0
     do k = 1, size(last)
@@ -131,21 +121,16 @@ contains
   !> x := (L L^T)^{-1} x.
   subroutine dense_solve(self, x)
     class(dense_cholesky_t), intent(in) :: self
-    !> Right-hand side in [any], solution out (n) [x/A].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Right-hand side in [any], solution out (n) [x/A].
     call solve_envelope(self%n, self%last, self%value, x)
   end subroutine dense_solve
 
   !> x := (L L^T)^{-1} x, panel by panel.
   subroutine solve_envelope(n, last, a, x)
-    !> Order.
-    integer, intent(in) :: n
-    !> Last row of each panel that has entries, ascending.
-    integer, intent(in) :: last(:)
-    !> The factor (n, n) [any].
-    real(dp), intent(in) :: a(n, *)
-    !> Right-hand side in, solution out (n) [any].
-    real(dp), intent(inout) :: x(n)
+    integer, intent(in) :: n  !! Order.
+    integer, intent(in) :: last(:)  !! Last row of each panel that has entries, ascending.
+    real(dp), intent(in) :: a(n, *)  !! The factor (n, n) [any].
+    real(dp), intent(inout) :: x(n)  !! Right-hand side in, solution out (n) [any].
     integer :: k, first, end, m
     do k = 1, size(last)
       first = (k - 1)*panel + 1
@@ -168,8 +153,7 @@ contains
   !> X := L^{-1} X.
   subroutine dense_solve_lower(self, x)
     class(dense_cholesky_t), intent(in) :: self
-    !> Right-hand sides in [any], solutions out (n, m) [X/sqrt(A)].
-    real(dp), intent(inout), contiguous :: x(:, :)
+    real(dp), intent(inout), contiguous :: x(:, :)  !! Right-hand sides in [any], solutions out (n, m) [X/sqrt(A)].
     if (size(x) == 0) return
     call dtrsm('L', 'L', 'N', 'N', self%n, size(x, 2), 1.0_dp, self%value, self%n, x, self%n)
   end subroutine dense_solve_lower

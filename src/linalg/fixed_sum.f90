@@ -13,12 +13,9 @@ contains
 
   !> Scalar product of two vectors.
   real(dp) function scalar_product(n, x, y) result(product)
-    !> Length of the vectors.
-    integer, intent(in) :: n
-    !> The one vector (n) [any].
-    real(dp), intent(in) :: x(n)
-    !> The other vector (n) [any].
-    real(dp), intent(in) :: y(n)
+    integer, intent(in) :: n  !! Length of the vectors.
+    real(dp), intent(in) :: x(n)  !! The one vector (n) [any].
+    real(dp), intent(in) :: y(n)  !! The other vector (n) [any].
     real(dp), allocatable :: part(:)
     integer :: k
     allocate (part((n + chunk - 1)/chunk))
@@ -35,12 +32,9 @@ contains
 
   !> Scalar product of a chunk, in eight strands that the compiler vectorizes.
   pure real(dp) function product_of_chunk(n, x, y) result(product)
-    !> Length of the chunk.
-    integer, intent(in) :: n
-    !> Entries of the one vector (n) [any].
-    real(dp), intent(in) :: x(*)
-    !> Entries of the other vector (n) [any].
-    real(dp), intent(in) :: y(*)
+    integer, intent(in) :: n  !! Length of the chunk.
+    real(dp), intent(in) :: x(*)  !! Entries of the one vector (n) [any].
+    real(dp), intent(in) :: y(*)  !! Entries of the other vector (n) [any].
     real(dp) :: strand(8)
     integer :: i
     strand = 0
@@ -55,14 +49,10 @@ contains
 
   !> y := y + a x.
   subroutine add_multiple(n, a, x, y)
-    !> Length of the vectors.
-    integer, intent(in) :: n
-    !> Factor a [any].
-    real(dp), intent(in) :: a
-    !> Vector x (n) [any].
-    real(dp), intent(in) :: x(n)
-    !> Vector y (n) [as a x].
-    real(dp), intent(inout) :: y(n)
+    integer, intent(in) :: n  !! Length of the vectors.
+    real(dp), intent(in) :: a  !! Factor a [any].
+    real(dp), intent(in) :: x(n)  !! Vector x (n) [any].
+    real(dp), intent(inout) :: y(n)  !! Vector y (n) [as a x].
     integer :: i
     !$omp parallel do default(none) shared(n, a, x, y) schedule(static)
     do i = 1, n
@@ -73,14 +63,10 @@ contains
 
   !> y := x + a y.
   subroutine multiply_and_add(n, a, x, y)
-    !> Length of the vectors.
-    integer, intent(in) :: n
-    !> Factor a [].
-    real(dp), intent(in) :: a
-    !> Vector x (n) [any].
-    real(dp), intent(in) :: x(n)
-    !> Vector y (n) [as x].
-    real(dp), intent(inout) :: y(n)
+    integer, intent(in) :: n  !! Length of the vectors.
+    real(dp), intent(in) :: a  !! Factor a [].
+    real(dp), intent(in) :: x(n)  !! Vector x (n) [any].
+    real(dp), intent(inout) :: y(n)  !! Vector y (n) [as x].
     integer :: i
     !$omp parallel do default(none) shared(n, a, x, y) schedule(static)
     do i = 1, n
@@ -91,12 +77,9 @@ contains
 
   !> x := (I - V V^T) x for orthonormal columns V.
   subroutine remove_components(n, v, x)
-    !> Length of the vectors.
-    integer, intent(in) :: n
-    !> Orthonormal vectors V (n, m) [].
-    real(dp), intent(in) :: v(:, :)
-    !> The vector (n) [any].
-    real(dp), intent(inout) :: x(n)
+    integer, intent(in) :: n  !! Length of the vectors.
+    real(dp), intent(in) :: v(:, :)  !! Orthonormal vectors V (n, m) [].
+    real(dp), intent(inout) :: x(n)  !! The vector (n) [any].
     real(dp) :: amplitude(size(v, 2))
     integer :: j
     do j = 1, size(v, 2)

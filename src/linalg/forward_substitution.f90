@@ -13,33 +13,24 @@ module dotyk_linalg_forward_substitution
   private
   public :: forward_product
 
-  !> The elimination tree of the supernodes; they count from 1 here.
-  type, public :: elimination_tree_t
-    !> Supernodes of the factor, in its memory.
-    type(supernodes_t) :: list
-    !> Parent of each supernode, 0 at a root (n).
-    integer, allocatable :: parent(:)
-    !> Row of L for each equation, from 0 (order).
-    integer, allocatable :: row_of(:)
-    !> Supernode of each row of L (0:order-1).
-    integer, allocatable :: supernode_of(:)
-    !> Entries of L on the path from each supernode to its root (n).
-    integer(int64), allocatable :: path_entries_of(:)
+  type, public :: elimination_tree_t  !! The elimination tree of the supernodes; they count from 1 here.
+    type(supernodes_t) :: list  !! Supernodes of the factor, in its memory.
+    integer, allocatable :: parent(:)  !! Parent of each supernode, 0 at a root (n).
+    integer, allocatable :: row_of(:)  !! Row of L for each equation, from 0 (order).
+    integer, allocatable :: supernode_of(:)  !! Supernode of each row of L (0:order-1).
+    integer(int64), allocatable :: path_entries_of(:)  !! Entries of L on the path from each supernode to its root (n).
   contains
     procedure :: init => tree_init
     procedure :: path_entries => tree_path_entries
   end type elimination_tree_t
 
-  !> Solutions of L y = P b for some right-hand sides, supernode by supernode.
-  type, public :: forward_solution_t
-    !> Number of right-hand sides.
-    integer :: n = 0
+  type, public :: forward_solution_t  !! Solutions of L y = P b for some right-hand sides, supernode by supernode.
+    integer :: n = 0  !! Number of right-hand sides.
     !> Supernodes that are in the reach of a right-hand side, ascending (n_supernodes).
     integer, allocatable :: supernode(:)
     !> Position of the first right-hand side of each of them in `column` (n_supernodes + 1).
     integer, allocatable :: first_column(:)
-    !> Right-hand sides that reach each of them, ascending.
-    integer, allocatable :: column(:)
+    integer, allocatable :: column(:)  !! Right-hand sides that reach each of them, ascending.
     !> Position of the first value of each of them in `value` (n_supernodes + 1).
     integer(int64), allocatable :: first_value(:)
     !> Values of each of them: a block (own columns of the supernode, right-hand sides that reach it).
@@ -52,10 +43,8 @@ contains
 
   !> Find the elimination tree of a factor.
   subroutine tree_init(self, factor)
-    !> The elimination tree.
     class(elimination_tree_t), intent(out) :: self
-    !> Analyzed. The tree is valid as long as the factor is.
-    type(cholesky_t), intent(in) :: factor
+    type(cholesky_t), intent(in) :: factor  !! Analyzed. The tree is valid as long as the factor is.
     integer(int64) :: k, s, own
     integer :: n
     call factor%supernodes(self%list)
@@ -81,10 +70,8 @@ contains
 
   !> Mean number of entries of L on the elimination-tree path of one equation.
   real(dp) function tree_path_entries(self, equation) result(entries)
-    !> The elimination tree.
     class(elimination_tree_t), intent(in) :: self
-    !> Equations (any number).
-    integer, intent(in) :: equation(:)
+    integer, intent(in) :: equation(:)  !! Equations (any number).
     integer :: i
     entries = 0
     do i = 1, size(equation)
@@ -95,12 +82,9 @@ contains
 
   !> Solve L y = P b.
   subroutine forward_init(self, tree, rhs)
-    !> The solutions.
     class(forward_solution_t), intent(out) :: self
-    !> Elimination tree of a factorized matrix.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Right-hand sides b as rows; columns are equations.
-    type(sparse_rows_t), intent(in) :: rhs
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree of a factorized matrix.
+    type(sparse_rows_t), intent(in) :: rhs  !! Right-hand sides b as rows; columns are equations.
     integer, allocatable :: number(:)
     integer :: k
     self%n = rhs%n_rows
@@ -114,12 +98,9 @@ contains
 
   !> Find the reach of every right-hand side, and allocate the values.
   subroutine find_columns(self, tree, rhs, number)
-    !> The solutions on the way.
-    type(forward_solution_t), intent(inout) :: self
-    !> Elimination tree.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Right-hand sides as rows.
-    type(sparse_rows_t), intent(in) :: rhs
+    type(forward_solution_t), intent(inout) :: self  !! The solutions on the way.
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
+    type(sparse_rows_t), intent(in) :: rhs  !! Right-hand sides as rows.
     !> Position of each supernode in self%supernode, 0 for those in no reach (number of supernodes).
     integer, intent(out) :: number(:)
     integer, allocatable :: next(:), last(:)
@@ -165,14 +146,10 @@ contains
 
   !> Put the right-hand sides into the values.
   subroutine place_values(self, tree, rhs, number)
-    !> The solutions on the way.
-    type(forward_solution_t), intent(inout) :: self
-    !> Elimination tree.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Right-hand sides as rows.
-    type(sparse_rows_t), intent(in) :: rhs
-    !> Position of each supernode, as from `find_columns` (number of supernodes).
-    integer, intent(in) :: number(:)
+    type(forward_solution_t), intent(inout) :: self  !! The solutions on the way.
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
+    type(sparse_rows_t), intent(in) :: rhs  !! Right-hand sides as rows.
+    integer, intent(in) :: number(:)  !! Position of each supernode, as from `find_columns` (number of supernodes).
     integer :: j, k, m, s, column
     integer(int64) :: own, at
     self%value = 0
@@ -190,10 +167,8 @@ contains
 
   !> Position of a number in an ascending list that contains it.
   pure integer function position(number, list)
-    !> The number.
-    integer, intent(in) :: number
-    !> The list (any length).
-    integer, intent(in) :: list(:)
+    integer, intent(in) :: number  !! The number.
+    integer, intent(in) :: list(:)  !! The list (any length).
     integer :: low, high, middle
     low = 1
     high = size(list)
@@ -210,14 +185,10 @@ contains
 
   !> Solve with the diagonal block of a supernode, and subtract its contribution from its ancestors.
   subroutine eliminate(self, tree, number, k)
-    !> The solutions on the way.
-    type(forward_solution_t), intent(inout) :: self
-    !> Elimination tree.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Position of each supernode, as from `find_columns` (number of supernodes).
-    integer, intent(in) :: number(:)
-    !> Position of the supernode in self%supernode.
-    integer, intent(in) :: k
+    type(forward_solution_t), intent(inout) :: self  !! The solutions on the way.
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
+    integer, intent(in) :: number(:)  !! Position of each supernode, as from `find_columns` (number of supernodes).
+    integer, intent(in) :: k  !! Position of the supernode in self%supernode.
     real(dp), allocatable :: product(:, :)
     integer :: s, own, rows, n
     integer(int64) :: first
@@ -239,18 +210,12 @@ contains
 
   !> Subtract the contribution of a supernode from its ancestors.
   subroutine subtract_product(self, tree, number, row, column, product)
-    !> The solutions on the way.
-    type(forward_solution_t), intent(inout) :: self
-    !> Elimination tree.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Position of each supernode, as from `find_columns` (number of supernodes).
-    integer, intent(in) :: number(:)
-    !> Rows of L that the contribution belongs to, ascending from 0 (m).
-    integer(int64), intent(in) :: row(0:)
-    !> Right-hand sides that it belongs to, ascending (n).
-    integer, intent(in) :: column(:)
-    !> The contribution (m, n) [as the right-hand sides].
-    real(dp), intent(in) :: product(0:, :)
+    type(forward_solution_t), intent(inout) :: self  !! The solutions on the way.
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
+    integer, intent(in) :: number(:)  !! Position of each supernode, as from `find_columns` (number of supernodes).
+    integer(int64), intent(in) :: row(0:)  !! Rows of L that the contribution belongs to, ascending from 0 (m).
+    integer, intent(in) :: column(:)  !! Right-hand sides that it belongs to, ascending (n).
+    real(dp), intent(in) :: product(0:, :)  !! The contribution (m, n) [as the right-hand sides].
     integer :: first, last, s, m, i, j, own
     integer(int64) :: at, begin
     first = 0
@@ -282,16 +247,11 @@ contains
 
   !> C = Y_a^T Y_b = B_a^T K^{-1} B_b for two blocks of right-hand sides.
   subroutine forward_product(tree, a, b, same, c)
-    !> Elimination tree.
-    type(elimination_tree_t), intent(in) :: tree
-    !> Solutions Y_a.
-    type(forward_solution_t), intent(in) :: a
-    !> Solutions Y_b.
-    type(forward_solution_t), intent(in) :: b
-    !> Whether b is a.
-    logical, intent(in) :: same
-    !> C (a%n, b%n) [B_a B_b/K].
-    real(dp), intent(out) :: c(:, :)
+    type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
+    type(forward_solution_t), intent(in) :: a  !! Solutions Y_a.
+    type(forward_solution_t), intent(in) :: b  !! Solutions Y_b.
+    logical, intent(in) :: same  !! Whether b is a.
+    real(dp), intent(out) :: c(:, :)  !! C (a%n, b%n) [B_a B_b/K].
     integer :: k, l, s, own, i, j
     c = 0
     l = 1
@@ -318,20 +278,13 @@ contains
 
   !> Add the products of one supernode; of the lower triangle alone where b is a.
   subroutine add_products(own, a, b, column_a, column_b, same, c)
-    !> Columns of the supernode.
-    integer, intent(in) :: own
-    !> Right-hand sides of a that reach it, ascending (m).
-    integer, intent(in) :: column_a(:)
-    !> Right-hand sides of b that reach it, ascending (n).
-    integer, intent(in) :: column_b(:)
-    !> Values of a (own, m) [B_a/sqrt(K)].
-    real(dp), intent(in) :: a(own, size(column_a))
-    !> Values of b (own, n) [B_b/sqrt(K)].
-    real(dp), intent(in) :: b(own, size(column_b))
-    !> Whether b is a.
-    logical, intent(in) :: same
-    !> C (right-hand sides of a, right-hand sides of b) [B_a B_b/K].
-    real(dp), intent(inout) :: c(:, :)
+    integer, intent(in) :: own  !! Columns of the supernode.
+    integer, intent(in) :: column_a(:)  !! Right-hand sides of a that reach it, ascending (m).
+    integer, intent(in) :: column_b(:)  !! Right-hand sides of b that reach it, ascending (n).
+    real(dp), intent(in) :: a(own, size(column_a))  !! Values of a (own, m) [B_a/sqrt(K)].
+    real(dp), intent(in) :: b(own, size(column_b))  !! Values of b (own, n) [B_b/sqrt(K)].
+    logical, intent(in) :: same  !! Whether b is a.
+    real(dp), intent(inout) :: c(:, :)  !! C (right-hand sides of a, right-hand sides of b) [B_a B_b/K].
     real(dp), allocatable :: product(:, :)
     integer :: i, j
     allocate (product(size(column_a), size(column_b)))

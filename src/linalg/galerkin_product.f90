@@ -9,31 +9,23 @@ module dotyk_linalg_galerkin_product
   private
   public :: galerkin_product
 
-  !> Order of the blocks of the result.
-  integer, parameter :: order = 3
+  integer, parameter :: order = 3  !! Order of the blocks of the result.
 
-  !> A P, by the block rows of A.
-  type :: product_t
-    !> First entry of each row (n + 1).
-    integer(int64), allocatable :: start(:)
-    !> Aggregate of each entry, ascending in each row (n_entries).
-    integer, allocatable :: column(:)
-    !> Entries: coarse unknown, component (m, dim, n_entries) [A/scale].
-    real(dp), allocatable :: value(:, :, :)
+  type :: product_t  !! A P, by the block rows of A.
+    integer(int64), allocatable :: start(:)  !! First entry of each row (n + 1).
+    integer, allocatable :: column(:)  !! Aggregate of each entry, ascending in each row (n_entries).
+    real(dp), allocatable :: value(:, :, :)  !! Entries: coarse unknown, component (m, dim, n_entries) [A/scale].
   end type product_t
 
 contains
 
   !> The Galerkin matrix, with the scale of A.
   subroutine galerkin_product(rows, prolongator, missing, coarse)
-    !> The matrix A.
-    type(block_rows_t), intent(in) :: rows
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
+    type(block_rows_t), intent(in) :: rows  !! The matrix A.
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
     !> Coarse unknowns that do not exist, columns of zeros of P: they get the unit diagonal (m, n_coarse).
     logical, intent(in), contiguous :: missing(:, :)
-    !> P^T A P; an aggregate has m/3 block rows, one after the other.
-    type(block_rows_t), intent(out) :: coarse
+    type(block_rows_t), intent(out) :: coarse  !! P^T A P; an aggregate has m/3 block rows, one after the other.
     type(product_t) :: product
     call multiply_prolongator(rows, prolongator, product)
     call make_pattern(prolongator, product, rows%scale, coarse)
@@ -44,12 +36,9 @@ contains
 
   !> A P.
   subroutine multiply_prolongator(rows, prolongator, product)
-    !> The matrix A.
-    type(block_rows_t), intent(in) :: rows
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
-    !> A P.
-    type(product_t), intent(out) :: product
+    type(block_rows_t), intent(in) :: rows  !! The matrix A.
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
+    type(product_t), intent(out) :: product  !! A P.
     integer, allocatable :: place(:), list(:)
     integer :: i, k, n
     allocate (product%start(rows%n + 1))
@@ -98,18 +87,12 @@ contains
 
   !> Aggregates of a row of A P.
   pure subroutine columns_of_product(rows, prolongator, i, place, list, n)
-    !> The matrix A.
-    type(block_rows_t), intent(in) :: rows
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
-    !> The block row.
-    integer, intent(in) :: i
-    !> Work space: zeros in and out (n_coarse).
-    integer, intent(inout) :: place(:)
-    !> The aggregates, ascending (at least n).
-    integer, intent(inout) :: list(:)
-    !> Their number.
-    integer, intent(out) :: n
+    type(block_rows_t), intent(in) :: rows  !! The matrix A.
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
+    integer, intent(in) :: i  !! The block row.
+    integer, intent(inout) :: place(:)  !! Work space: zeros in and out (n_coarse).
+    integer, intent(inout) :: list(:)  !! The aggregates, ascending (at least n).
+    integer, intent(out) :: n  !! Their number.
     integer(int64) :: k
     n = 0
     do k = rows%start(i), rows%start(i + 1) - 1
@@ -123,14 +106,10 @@ contains
 
   !> Add the aggregates to a list that are not in it.
   pure subroutine add_new(column, place, list, n)
-    !> Aggregates (any number).
-    integer, intent(in) :: column(:)
-    !> Place of each aggregate in the list, 0 for none (n_coarse).
-    integer, intent(inout) :: place(:)
-    !> The list (at least n).
-    integer, intent(inout) :: list(:)
-    !> Its length.
-    integer, intent(inout) :: n
+    integer, intent(in) :: column(:)  !! Aggregates (any number).
+    integer, intent(inout) :: place(:)  !! Place of each aggregate in the list, 0 for none (n_coarse).
+    integer, intent(inout) :: list(:)  !! The list (at least n).
+    integer, intent(inout) :: n  !! Its length.
     integer :: q
     do q = 1, size(column)
       if (place(column(q)) /= 0) cycle
@@ -142,26 +121,16 @@ contains
 
   !> A row of A P.
   pure subroutine multiply_row(m, dim, rows, start, column, value, i, n, place, product)
-    !> Coarse unknowns of an aggregate.
-    integer, intent(in) :: m
-    !> Order of the blocks of A.
-    integer, intent(in) :: dim
-    !> The matrix A.
-    type(block_rows_t), intent(in) :: rows
-    !> First entry of each row of P (n + 1).
-    integer, intent(in) :: start(*)
-    !> Aggregate of each entry of P.
-    integer, intent(in) :: column(*)
-    !> Entries of P (m, dim, n_entries) [].
-    real(sp), intent(in) :: value(m, dim, *)
-    !> The block row.
-    integer, intent(in) :: i
-    !> Number of aggregates of the row.
-    integer, intent(in) :: n
-    !> Place of each aggregate in the row (n_coarse).
-    integer, intent(in) :: place(*)
-    !> The row (m, dim, n) [A/scale].
-    real(dp), intent(out) :: product(m, dim, n)
+    integer, intent(in) :: m  !! Coarse unknowns of an aggregate.
+    integer, intent(in) :: dim  !! Order of the blocks of A.
+    type(block_rows_t), intent(in) :: rows  !! The matrix A.
+    integer, intent(in) :: start(*)  !! First entry of each row of P (n + 1).
+    integer, intent(in) :: column(*)  !! Aggregate of each entry of P.
+    real(sp), intent(in) :: value(m, dim, *)  !! Entries of P (m, dim, n_entries) [].
+    integer, intent(in) :: i  !! The block row.
+    integer, intent(in) :: n  !! Number of aggregates of the row.
+    integer, intent(in) :: place(*)  !! Place of each aggregate in the row (n_coarse).
+    real(dp), intent(out) :: product(m, dim, n)  !! The row (m, dim, n) [A/scale].
     real(dp) :: a(dim, dim), p(m, dim)
     integer(int64) :: k
     integer :: q, l, r, c
@@ -182,14 +151,10 @@ contains
 
   !> The pattern of P^T A P.
   subroutine make_pattern(prolongator, product, scale, coarse)
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
-    !> A P.
-    type(product_t), intent(in) :: product
-    !> Scale of A [matrix].
-    real(dp), intent(in) :: scale
-    !> Gets the pattern, with zeros.
-    type(block_rows_t), intent(out) :: coarse
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
+    type(product_t), intent(in) :: product  !! A P.
+    real(dp), intent(in) :: scale  !! Scale of A [matrix].
+    type(block_rows_t), intent(out) :: coarse  !! Gets the pattern, with zeros.
     integer, allocatable :: place(:), list(:), first(:), column(:), neighbour(:)
     integer(int64), allocatable :: start(:)
     integer :: part, i, k, n, r, pass
@@ -237,18 +202,12 @@ contains
 
   !> Aggregates of a block row of P^T A P, its own included.
   pure subroutine columns_of_aggregate(prolongator, product, i, place, list, n)
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
-    !> A P.
-    type(product_t), intent(in) :: product
-    !> The aggregate.
-    integer, intent(in) :: i
-    !> Work space: zeros in and out (n_coarse).
-    integer, intent(inout) :: place(:)
-    !> The aggregates, ascending (at least n).
-    integer, intent(inout) :: list(:)
-    !> Their number.
-    integer, intent(out) :: n
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
+    type(product_t), intent(in) :: product  !! A P.
+    integer, intent(in) :: i  !! The aggregate.
+    integer, intent(inout) :: place(:)  !! Work space: zeros in and out (n_coarse).
+    integer, intent(inout) :: list(:)  !! The aggregates, ascending (at least n).
+    integer, intent(out) :: n  !! Their number.
     integer :: q
     n = 0
     do q = prolongator%first(i), prolongator%first(i + 1) - 1
@@ -262,12 +221,9 @@ contains
 
   !> The entries of P^T (A P).
   subroutine fill(prolongator, product, coarse)
-    !> The prolongator P.
-    type(block_prolongator_t), intent(in) :: prolongator
-    !> A P.
-    type(product_t), intent(in) :: product
-    !> The matrix, with its pattern.
-    type(block_rows_t), intent(inout) :: coarse
+    type(block_prolongator_t), intent(in) :: prolongator  !! The prolongator P.
+    type(product_t), intent(in) :: product  !! A P.
+    type(block_rows_t), intent(inout) :: coarse  !! The matrix, with its pattern.
     integer, allocatable :: place(:)
     real(dp), allocatable :: sum(:, :, :)
     integer(int64) :: k
@@ -311,32 +267,19 @@ contains
 
   !> The blocks of an aggregate, P_i^T (A P)_j.
   pure subroutine add_aggregate(m, dim, first, last, row, entry, value, start, column, product, place, n, sum)
-    !> Coarse unknowns of an aggregate.
-    integer, intent(in) :: m
-    !> Order of the blocks of A.
-    integer, intent(in) :: dim
-    !> First entry of the aggregate in `row`.
-    integer, intent(in) :: first
-    !> Last entry of the aggregate in `row`.
-    integer, intent(in) :: last
-    !> Block rows of A with an entry for the aggregate.
-    integer, intent(in) :: row(*)
-    !> Their entries of P.
-    integer, intent(in) :: entry(*)
-    !> Entries of P (m, dim, n_entries) [].
-    real(sp), intent(in) :: value(m, dim, *)
-    !> First entry of each row of A P.
-    integer(int64), intent(in) :: start(*)
-    !> Aggregate of each entry of A P.
-    integer, intent(in) :: column(*)
-    !> Entries of A P (m, dim, n_entries) [A/scale].
-    real(dp), intent(in) :: product(m, dim, *)
-    !> Place of each aggregate in the row of the result (n_coarse).
-    integer, intent(in) :: place(*)
-    !> Number of aggregates of the row.
-    integer, intent(in) :: n
-    !> The blocks: column, row, aggregate (m, m, n) [A/scale].
-    real(dp), intent(out) :: sum(m, m, n)
+    integer, intent(in) :: m  !! Coarse unknowns of an aggregate.
+    integer, intent(in) :: dim  !! Order of the blocks of A.
+    integer, intent(in) :: first  !! First entry of the aggregate in `row`.
+    integer, intent(in) :: last  !! Last entry of the aggregate in `row`.
+    integer, intent(in) :: row(*)  !! Block rows of A with an entry for the aggregate.
+    integer, intent(in) :: entry(*)  !! Their entries of P.
+    real(sp), intent(in) :: value(m, dim, *)  !! Entries of P (m, dim, n_entries) [].
+    integer(int64), intent(in) :: start(*)  !! First entry of each row of A P.
+    integer, intent(in) :: column(*)  !! Aggregate of each entry of A P.
+    real(dp), intent(in) :: product(m, dim, *)  !! Entries of A P (m, dim, n_entries) [A/scale].
+    integer, intent(in) :: place(*)  !! Place of each aggregate in the row of the result (n_coarse).
+    integer, intent(in) :: n  !! Number of aggregates of the row.
+    real(dp), intent(out) :: sum(m, m, n)  !! The blocks: column, row, aggregate (m, m, n) [A/scale].
     real(dp) :: p
     integer(int64) :: k
     integer :: q, c, i, l
@@ -356,20 +299,13 @@ contains
 
   !> Put a 3x3 block in its place.
   pure subroutine put_block(part, r, column, place, sum, high, low)
-    !> Block rows of an aggregate.
-    integer, intent(in) :: part
-    !> Which of them.
-    integer, intent(in) :: r
-    !> Block column.
-    integer, intent(in) :: column
-    !> Place of each aggregate in the row (n_coarse).
-    integer, intent(in) :: place(:)
-    !> The blocks: column, row, aggregate (m, m, n) [A/scale].
-    real(dp), intent(in) :: sum(:, :, :)
-    !> Leading parts of the entries (9) [].
-    real(sp), intent(out) :: high(:)
-    !> Remainders (9) [].
-    real(sp), intent(out) :: low(:)
+    integer, intent(in) :: part  !! Block rows of an aggregate.
+    integer, intent(in) :: r  !! Which of them.
+    integer, intent(in) :: column  !! Block column.
+    integer, intent(in) :: place(:)  !! Place of each aggregate in the row (n_coarse).
+    real(dp), intent(in) :: sum(:, :, :)  !! The blocks: column, row, aggregate (m, m, n) [A/scale].
+    real(sp), intent(out) :: high(:)  !! Leading parts of the entries (9) [].
+    real(sp), intent(out) :: low(:)  !! Remainders (9) [].
     real(dp) :: entry
     integer :: i, j, c, l
     l = place((column - 1)/part + 1)

@@ -20,16 +20,11 @@ contains
   !> Root and null space. Without a reference A is regular and is factorized by elimination, which keeps directions of
   !> very different stiffness apart that an eigendecomposition would mix by rounding.
   subroutine find_inverse_root(a, reference, root, null_space, failed)
-    !> Lower triangle of A (n, n) [any].
-    real(dp), intent(in) :: a(:, :)
-    !> Magnitude that eigenvalues of A are compared with [as `a`]; 0: A is regular.
-    real(dp), intent(in) :: reference
-    !> R (n, n) [1/sqrt(A)].
-    real(dp), allocatable, intent(out) :: root(:, :)
-    !> Orthonormal null directions as columns (n, n_null) [].
-    real(dp), allocatable, intent(out) :: null_space(:, :)
-    !> 0, or 1 where A is not finite or the eigenvalues cannot be found.
-    integer, intent(out) :: failed
+    real(dp), intent(in) :: a(:, :)  !! Lower triangle of A (n, n) [any].
+    real(dp), intent(in) :: reference  !! Magnitude that eigenvalues of A are compared with [as `a`]; 0: A is regular.
+    real(dp), allocatable, intent(out) :: root(:, :)  !! R (n, n) [1/sqrt(A)].
+    real(dp), allocatable, intent(out) :: null_space(:, :)  !! Orthonormal null directions as columns (n, n_null) [].
+    integer, intent(out) :: failed  !! 0, or 1 where A is not finite or the eigenvalues cannot be found.
     type(error_t), allocatable :: error
     real(dp) :: full(size(a, 1), size(a, 1)), values(size(a, 1))
     integer :: i, n
@@ -62,12 +57,9 @@ contains
 
   !> The root of the inverse of a positive definite matrix, `L^{-T}`.
   subroutine invert_by_elimination(a, root, failed)
-    !> Lower triangle of A (n, n) [any].
-    real(dp), intent(in) :: a(:, :)
-    !> Root of the inverse (n, n) [1/sqrt(A)].
-    real(dp), intent(out) :: root(:, :)
-    !> 0 if A is positive definite.
-    integer, intent(out) :: failed
+    real(dp), intent(in) :: a(:, :)  !! Lower triangle of A (n, n) [any].
+    real(dp), intent(out) :: root(:, :)  !! Root of the inverse (n, n) [1/sqrt(A)].
+    integer, intent(out) :: failed  !! 0 if A is positive definite.
     real(dp) :: factor(size(a, 1), size(a, 1))
     integer :: i, n
     n = size(a, 1)

@@ -8,27 +8,21 @@ module dotyk_linalg_machine_speed
   implicit none
   private
 
-  !> What the machine does now; less where other programs run.
-  type, public :: machine_speed_t
-    !> Dense products of one thread [flop/s].
-    real(dp) :: flops = 0
+  type, public :: machine_speed_t  !! What the machine does now; less where other programs run.
+    real(dp) :: flops = 0  !! Dense products of one thread [flop/s].
     !> Entries of sparse matrices that all threads read and multiply: one thread alone is slower than the memory
     !> [byte/s].
     real(dp) :: bandwidth = 0
-    !> Number of threads.
-    integer :: n_threads = 1
+    integer :: n_threads = 1  !! Number of threads.
   contains
     procedure :: measure => machine_speed_measure
   end type machine_speed_t
 
-  !> Rows and columns of the matrices of the dense product.
-  integer, parameter :: order = 384
+  integer, parameter :: order = 384  !! Rows and columns of the matrices of the dense product.
   !> Block rows of the sparse matrix, and blocks beside the diagonal on one side: it exceeds the caches.
   integer, parameter :: n_rows = 60000, half_width = 13
-  !> Memory of a block and its column [byte].
-  real(dp), parameter :: block_bytes = 76
-  !> Repetitions; the fastest counts.
-  integer, parameter :: repeat = 4
+  real(dp), parameter :: block_bytes = 76  !! Memory of a block and its column [byte].
+  integer, parameter :: repeat = 4  !! Repetitions; the fastest counts.
 
 contains
 
@@ -64,8 +58,7 @@ contains
 
   !> A band matrix of zeros with as many blocks in a row as tet10.
   subroutine make_band(rows)
-    !> The matrix.
-    type(block_rows_t), intent(inout) :: rows
+    type(block_rows_t), intent(inout) :: rows  !! The matrix.
     integer(int64), allocatable :: start(:)
     integer, allocatable :: neighbour(:)
     integer :: i, k, n

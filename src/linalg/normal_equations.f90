@@ -17,18 +17,13 @@ contains
 
   !> Pivoted Cholesky factorization R^T R = P^T G P, up to the numerical rank.
   subroutine factorize_gram(n, gram, tolerance, r, pivot, rank)
-    !> Order.
-    integer, intent(in) :: n
-    !> G = A^T A (n, n) [any]; its lower triangle is read.
-    real(dp), intent(in) :: gram(n, n)
+    integer, intent(in) :: n  !! Order.
+    real(dp), intent(in) :: gram(n, n)  !! G = A^T A (n, n) [any]; its lower triangle is read.
     !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
-    !> R^T in the lower triangle of the first `rank` columns (n, n) [sqrt(G)].
-    real(dp), intent(out) :: r(n, n)
-    !> Column of A that is eliminated k-th (n).
-    integer, intent(out) :: pivot(n)
-    !> Rank of A to that tolerance.
-    integer, intent(out) :: rank
+    real(dp), intent(out) :: r(n, n)  !! R^T in the lower triangle of the first `rank` columns (n, n) [sqrt(G)].
+    integer, intent(out) :: pivot(n)  !! Column of A that is eliminated k-th (n).
+    integer, intent(out) :: rank  !! Rank of A to that tolerance.
     real(dp) :: smallest_vector(n), largest_vector(n), row(n), smallest, largest, smaller, larger, s(2), c(2)
     integer :: i, j, k
     r = gram
@@ -70,10 +65,8 @@ contains
 
     !> Exchange two rows and columns of the lower triangle.
     subroutine swap(a, b)
-      !> The one, smaller.
-      integer, intent(in) :: a
-      !> The other.
-      integer, intent(in) :: b
+      integer, intent(in) :: a  !! The one, smaller.
+      integer, intent(in) :: b  !! The other.
       real(dp) :: line(n), value
       line(:a - 1) = r(a, :a - 1)
       r(a, :a - 1) = r(b, :a - 1)
@@ -93,16 +86,11 @@ contains
 
   !> Solve G x = b with a factor of full rank.
   subroutine solve_gram(n, m, r, pivot, b)
-    !> Order.
-    integer, intent(in) :: n
-    !> Number of right-hand sides.
-    integer, intent(in) :: m
-    !> Factor of `factorize_gram` (n, n) [sqrt(G)].
-    real(dp), intent(in) :: r(n, n)
-    !> Pivots of `factorize_gram` (n).
-    integer, intent(in) :: pivot(n)
-    !> Right-hand sides as rows [any], then solutions (m, n) [those over G].
-    real(dp), intent(inout) :: b(m, n)
+    integer, intent(in) :: n  !! Order.
+    integer, intent(in) :: m  !! Number of right-hand sides.
+    real(dp), intent(in) :: r(n, n)  !! Factor of `factorize_gram` (n, n) [sqrt(G)].
+    integer, intent(in) :: pivot(n)  !! Pivots of `factorize_gram` (n).
+    real(dp), intent(inout) :: b(m, n)  !! Right-hand sides as rows [any], then solutions (m, n) [those over G].
     real(dp) :: x(m, n)
     x = b(:, pivot)
     call dtrsm('R', 'L', 'T', 'N', m, n, 1.0_dp, r, n, x, m)

@@ -15,31 +15,23 @@ module dotyk_linalg_ordered_solve
   implicit none
   private
 
-  !> What a subtree subtracts from the top.
-  type :: update_t
-    !> Rows of L below its root (n).
-    integer, allocatable :: row(:)
-    !> (n) [right-hand side].
-    real(dp), allocatable :: value(:)
+  type :: update_t  !! What a subtree subtracts from the top.
+    integer, allocatable :: row(:)  !! Rows of L below its root (n).
+    real(dp), allocatable :: value(:)  !! (n) [right-hand side].
   end type update_t
 
-  !> A factor, ready for solves. It refers to the factor that it was made of.
-  type, public :: ordered_solve_t
-    !> Order of the matrix; 0 where there is no factor.
-    integer :: n = 0
-    !> The supernodes, in the memory of the factor.
-    type(supernodes_t), private :: list
+  type, public :: ordered_solve_t  !! A factor, ready for solves. It refers to the factor that it was made of.
+    integer :: n = 0  !! Order of the matrix; 0 where there is no factor.
+    type(supernodes_t), private :: list  !! The supernodes, in the memory of the factor.
     !> Supernodes of the subtrees, children before parents, one subtree after the other; they count from 0.
     integer, allocatable, private :: order(:)
     !> Position of the first supernode of each subtree in `order`; the last one is its root (number of subtrees + 1).
     integer, allocatable, private :: first(:)
-    !> Supernodes of the top, children before parents.
-    integer, allocatable, private :: top(:)
+    integer, allocatable, private :: top(:)  !! Supernodes of the top, children before parents.
     !> For each row of each supernode of a subtree: the row of L, or -i for row i below the root of the subtree
     !> (0:sum of the rows of all supernodes - 1).
     integer, allocatable, private :: place(:)
-    !> Most rows of a supernode.
-    integer, private :: most_rows = 0
+    integer, private :: most_rows = 0  !! Most rows of a supernode.
   contains
     procedure :: init => ordered_solve_init
     procedure :: solve => ordered_solve_solve
@@ -48,8 +40,7 @@ module dotyk_linalg_ordered_solve
 
   !> Greatest work of a subtree as a fraction of all work, and work that is not cut [operations].
   real(dp), parameter :: subtree_fraction = 1/64.0_dp, least_subtree_work = 1.0e8_dp
-  !> Columns of a panel.
-  integer, parameter :: panel_columns = 128
+  integer, parameter :: panel_columns = 128  !! Columns of a panel.
   !> Rows of a chunk; what backward substitution sums over chunks is added in their order.
   integer, parameter :: chunk_rows = 256
 
@@ -58,8 +49,7 @@ contains
   !> Make ready for solves.
   subroutine ordered_solve_init(self, factor)
     class(ordered_solve_t), intent(inout) :: self
-    !> The factor, factorized; it stays where it is as long as this is used.
-    type(cholesky_t), intent(in) :: factor
+    type(cholesky_t), intent(in) :: factor  !! The factor, factorized; it stays where it is as long as this is used.
     integer :: s, t
     call self%destroy()
     if (.not. factor%is_factorized() .or. factor%n == 0) return
@@ -79,13 +69,10 @@ contains
 
   !> Cut the elimination tree into subtrees that are as large as allowed, and a top.
   subroutine cut_tree(self, factor)
-    !> The solve; gets subtrees and top.
-    type(ordered_solve_t), intent(inout) :: self
-    !> As in `init`.
-    type(cholesky_t), intent(in) :: factor
+    type(ordered_solve_t), intent(inout) :: self  !! The solve; gets subtrees and top.
+    type(cholesky_t), intent(in) :: factor  !! As in `init`.
     type(elimination_tree_t) :: tree
-    !> Of the subtree of each supernode [operations].
-    real(dp), allocatable :: work(:)
+    real(dp), allocatable :: work(:)  !! Of the subtree of each supernode [operations].
     integer, allocatable :: subtree(:), order(:)
     real(dp) :: own, below, most
     integer :: n, s, t
@@ -125,10 +112,8 @@ contains
 
   !> Places of the rows of a subtree.
   subroutine find_places(self, t)
-    !> The solve.
-    type(ordered_solve_t), intent(inout) :: self
-    !> The subtree.
-    integer, intent(in) :: t
+    type(ordered_solve_t), intent(inout) :: self  !! The solve.
+    integer, intent(in) :: t  !! The subtree.
     integer(int64) :: k, below, end_of_root
     integer :: i, s, root
     root = self%order(self%first(t + 1) - 1)
@@ -153,8 +138,7 @@ contains
   !> x := K^{-1} x.
   subroutine ordered_solve_solve(self, x)
     class(ordered_solve_t), intent(in) :: self
-    !> Right-hand side [any], then solution (n) [that over K].
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [any], then solution (n) [that over K].
     type(update_t), allocatable :: update(:)
     real(dp), allocatable :: y(:), shared_front(:), front(:), part(:, :)
     integer :: i, t, n_parts, n_blas
@@ -204,16 +188,12 @@ contains
 
   !> Forward substitution in a subtree.
   subroutine forward_subtree(self, t, front, y, update)
-    !> The solve.
-    type(ordered_solve_t), intent(in) :: self
-    !> The subtree.
-    integer, intent(in) :: t
-    !> Space for a front (0:most_rows - 1).
-    real(dp), intent(inout), contiguous :: front(0:)
+    type(ordered_solve_t), intent(in) :: self  !! The solve.
+    integer, intent(in) :: t  !! The subtree.
+    real(dp), intent(inout), contiguous :: front(0:)  !! Space for a front (0:most_rows - 1).
     !> Right-hand side in the order of L, solved for the columns of the subtree on return (0:n - 1) [any].
     real(dp), intent(inout), contiguous :: y(0:)
-    !> What the top gets.
-    type(update_t), intent(inout) :: update
+    type(update_t), intent(inout) :: update  !! What the top gets.
     integer :: i, j, s, columns, rows, first
     integer(int64) :: k, at
     s = self%order(self%first(t + 1) - 1)
@@ -244,14 +224,10 @@ contains
 
   !> Back substitution in a subtree; the top is solved.
   subroutine backward_subtree(self, t, front, y)
-    !> The solve.
-    type(ordered_solve_t), intent(in) :: self
-    !> The subtree.
-    integer, intent(in) :: t
-    !> Space for a front (0:most_rows - 1).
-    real(dp), intent(inout), contiguous :: front(0:)
-    !> Solution in the order of L (0:n - 1) [any].
-    real(dp), intent(inout), contiguous :: y(0:)
+    type(ordered_solve_t), intent(in) :: self  !! The solve.
+    integer, intent(in) :: t  !! The subtree.
+    real(dp), intent(inout), contiguous :: front(0:)  !! Space for a front (0:most_rows - 1).
+    real(dp), intent(inout), contiguous :: y(0:)  !! Solution in the order of L (0:n - 1) [any].
     integer :: i, s, columns, rows, first
     integer(int64) :: at
     do i = self%first(t + 1) - 1, self%first(t), -1
@@ -271,14 +247,10 @@ contains
 
   !> Forward substitution in a supernode of the top, by all threads of the team.
   subroutine forward_top(self, s, front, y)
-    !> The solve.
-    type(ordered_solve_t), intent(in) :: self
-    !> The supernode.
-    integer, intent(in) :: s
-    !> The front, shared (0:most_rows - 1).
-    real(dp), intent(inout), contiguous :: front(0:)
-    !> Right-hand side in the order of L, shared (0:n - 1) [any].
-    real(dp), intent(inout), contiguous :: y(0:)
+    type(ordered_solve_t), intent(in) :: self  !! The solve.
+    integer, intent(in) :: s  !! The supernode.
+    real(dp), intent(inout), contiguous :: front(0:)  !! The front, shared (0:most_rows - 1).
+    real(dp), intent(inout), contiguous :: y(0:)  !! Right-hand side in the order of L, shared (0:n - 1) [any].
     integer :: j, k, m, columns, rows, first
     integer(int64) :: at
     columns = self%list%columns(s)
@@ -311,16 +283,11 @@ contains
 
   !> Back substitution in a supernode of the top, by all threads of the team.
   subroutine backward_top(self, s, front, part, y)
-    !> The solve.
-    type(ordered_solve_t), intent(in) :: self
-    !> The supernode.
-    integer, intent(in) :: s
-    !> The front, shared (0:most_rows - 1).
-    real(dp), intent(inout), contiguous :: front(0:)
-    !> Products of chunks of rows, shared (panel_columns, chunks).
-    real(dp), intent(inout), contiguous :: part(:, :)
-    !> Solution in the order of L, shared (0:n - 1) [any].
-    real(dp), intent(inout), contiguous :: y(0:)
+    type(ordered_solve_t), intent(in) :: self  !! The solve.
+    integer, intent(in) :: s  !! The supernode.
+    real(dp), intent(inout), contiguous :: front(0:)  !! The front, shared (0:most_rows - 1).
+    real(dp), intent(inout), contiguous :: part(:, :)  !! Products of chunks of rows, shared (panel_columns, chunks).
+    real(dp), intent(inout), contiguous :: y(0:)  !! Solution in the order of L, shared (0:n - 1) [any].
     integer :: j, k, m, columns, rows, first
     integer(int64) :: at
     columns = self%list%columns(s)

@@ -10,43 +10,30 @@ module dotyk_linalg_ordering
 
   !> Graphs of fewer nodes keep their order: their factors are nearly dense in any order.
   integer, parameter :: least_nodes = 50
-  !> Length of METIS 5.1's array of options.
-  integer, parameter :: n_options = 40
-  !> Position of the seed in that array, from 1.
-  integer, parameter :: option_seed = 9
-  !> Position of the number of separators, likewise.
-  integer, parameter :: option_separators = 16
-  !> METIS_NodeND succeeded.
-  integer, parameter :: metis_ok = 1
-  !> METIS_NodeND had no memory.
-  integer, parameter :: metis_error_memory = -3
+  integer, parameter :: n_options = 40  !! Length of METIS 5.1's array of options.
+  integer, parameter :: option_seed = 9  !! Position of the seed in that array, from 1.
+  integer, parameter :: option_separators = 16  !! Position of the number of separators, likewise.
+  integer, parameter :: metis_ok = 1  !! METIS_NodeND succeeded.
+  integer, parameter :: metis_error_memory = -3  !! METIS_NodeND had no memory.
 
   interface
     !> Set all options to their defaults.
     integer(c_int) function metis_set_default_options(options) bind(c, name='METIS_SetDefaultOptions')
       import :: c_int, c_int32_t
-      !> Options (n_options).
-      integer(c_int32_t), intent(out) :: options(*)
+      integer(c_int32_t), intent(out) :: options(*)  !! Options (n_options).
     end function metis_set_default_options
 
     !> Nested dissection of a graph with 0-based numbers.
     integer(c_int) function metis_node_nd(n, start, neighbour, weight, options, permutation, inverse) &
       bind(c, name='METIS_NodeND')
       import :: c_int, c_int32_t, c_ptr
-      !> Number of nodes.
-      integer(c_int32_t), intent(in) :: n
-      !> Position of the first neighbour of each node (n+1).
-      integer(c_int32_t), intent(inout) :: start(*)
-      !> Neighbours of the nodes.
-      integer(c_int32_t), intent(inout) :: neighbour(*)
-      !> Address of the weights of the nodes (n), or null.
-      type(c_ptr), value :: weight
-      !> Options (n_options).
-      integer(c_int32_t), intent(in) :: options(*)
-      !> Node that is eliminated k-th (n).
-      integer(c_int32_t), intent(out) :: permutation(*)
-      !> Position of each node in that order (n).
-      integer(c_int32_t), intent(out) :: inverse(*)
+      integer(c_int32_t), intent(in) :: n  !! Number of nodes.
+      integer(c_int32_t), intent(inout) :: start(*)  !! Position of the first neighbour of each node (n+1).
+      integer(c_int32_t), intent(inout) :: neighbour(*)  !! Neighbours of the nodes.
+      type(c_ptr), value :: weight  !! Address of the weights of the nodes (n), or null.
+      integer(c_int32_t), intent(in) :: options(*)  !! Options (n_options).
+      integer(c_int32_t), intent(out) :: permutation(*)  !! Node that is eliminated k-th (n).
+      integer(c_int32_t), intent(out) :: inverse(*)  !! Position of each node in that order (n).
     end function metis_node_nd
   end interface
 
@@ -54,16 +41,12 @@ contains
 
   !> Nested dissection of a graph. The same graph and seed give the same order, whatever other threads do.
   subroutine nested_dissection(start, neighbour, permutation, error, seed, weight, separators)
-    !> Position of the first neighbour of each node (n+1), 1-based.
-    integer, intent(in) :: start(:)
+    integer, intent(in) :: start(:)  !! Position of the first neighbour of each node (n+1), 1-based.
     !> Neighbours of each node, without the node itself; the graph is symmetric (number of neighbours of all nodes).
     integer, intent(in) :: neighbour(:)
-    !> Node that is eliminated k-th (n).
-    integer, intent(out) :: permutation(:)
-    !> METIS has no memory, or refuses the graph.
-    type(error_t), allocatable, intent(out) :: error
-    !> Seed of METIS's random numbers; a fixed one if absent.
-    integer, intent(in), optional :: seed
+    integer, intent(out) :: permutation(:)  !! Node that is eliminated k-th (n).
+    type(error_t), allocatable, intent(out) :: error  !! METIS has no memory, or refuses the graph.
+    integer, intent(in), optional :: seed  !! Seed of METIS's random numbers; a fixed one if absent.
     !> Number of equations of each node, which separators minimize (n); all equal if absent.
     integer, intent(in), optional :: weight(:)
     !> Separators of each level that METIS makes to take the smallest one; its own number if absent. More of them cost
@@ -112,12 +95,10 @@ contains
 
   !> Order of equations from an order of nodes; the equations of a node stay together.
   pure subroutine expand_permutation(node_permutation, equation, permutation)
-    !> Node that is eliminated k-th (n_nodes).
-    integer, intent(in) :: node_permutation(:)
+    integer, intent(in) :: node_permutation(:)  !! Node that is eliminated k-th (n_nodes).
     !> Equation of each component of each node (dimension, n_nodes), 0 where there is none.
     integer, intent(in) :: equation(:, :)
-    !> Equation that is eliminated k-th (number of equations).
-    integer, intent(out) :: permutation(:)
+    integer, intent(out) :: permutation(:)  !! Equation that is eliminated k-th (number of equations).
     integer :: i, k, n
     n = 0
     do k = 1, size(node_permutation)
@@ -131,10 +112,8 @@ contains
 
   !> Whether a list contains each of 1..n once.
   pure logical function is_permutation(n, list)
-    !> Greatest number.
-    integer, intent(in) :: n
-    !> The list (any length).
-    integer, intent(in) :: list(:)
+    integer, intent(in) :: n  !! Greatest number.
+    integer, intent(in) :: list(:)  !! The list (any length).
     logical, allocatable :: seen(:)
     integer :: k
     is_permutation = size(list) == n

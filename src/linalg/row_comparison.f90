@@ -10,10 +10,8 @@ contains
 
   !> Whether two matrices are the same up to rounding.
   pure logical function same_rows(a, b, tolerance) result(same)
-    !> The one matrix.
-    type(sparse_rows_t), intent(in) :: a
-    !> The other one.
-    type(sparse_rows_t), intent(in) :: b
+    type(sparse_rows_t), intent(in) :: a  !! The one matrix.
+    type(sparse_rows_t), intent(in) :: b  !! The other one.
     !> Difference of entries, relative to the largest of their row, that counts as none [].
     real(dp), intent(in) :: tolerance
     integer :: i
@@ -30,16 +28,11 @@ contains
 
   !> Whether two rows are the same up to rounding.
   pure logical function same_row(column_a, a, column_b, b, tolerance) result(same)
-    !> Columns of the one row, ascending.
-    integer, intent(in) :: column_a(:)
-    !> Its entries [any].
-    real(dp), intent(in) :: a(:)
-    !> Columns of the other row, ascending.
-    integer, intent(in) :: column_b(:)
-    !> Its entries [as a].
-    real(dp), intent(in) :: b(:)
-    !> As in `same_rows` [].
-    real(dp), intent(in) :: tolerance
+    integer, intent(in) :: column_a(:)  !! Columns of the one row, ascending.
+    real(dp), intent(in) :: a(:)  !! Its entries [any].
+    integer, intent(in) :: column_b(:)  !! Columns of the other row, ascending.
+    real(dp), intent(in) :: b(:)  !! Its entries [as a].
+    real(dp), intent(in) :: tolerance  !! As in `same_rows` [].
     real(dp) :: difference
     integer :: i, k, next_a, next_b
     i = 1

@@ -26,42 +26,28 @@ module dotyk_linalg_smoothed_aggregation
   implicit none
   private
 
-  !> A level above the last one.
-  type, public :: aggregation_level_t
-    !> Its matrix with the smoother.
-    type(chebyshev_t) :: smoother
-    !> Aggregate of each node, 0 for none (n_nodes).
-    integer, allocatable :: aggregate(:)
-    !> Interpolation from the next level.
-    type(block_prolongator_t) :: prolongator
+  type, public :: aggregation_level_t  !! A level above the last one.
+    type(chebyshev_t) :: smoother  !! Its matrix with the smoother.
+    integer, allocatable :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
+    type(block_prolongator_t) :: prolongator  !! Interpolation from the next level.
   end type aggregation_level_t
 
   !> The levels. As a system for conjugate gradients, the matrix of the first level with one cycle as preconditioner.
   !> It owns a factor: never assign one to another, and call `destroy` at the end.
   type, extends(preconditioned_system_t), public :: smoothed_aggregation_t
-    !> Number of unknowns.
-    integer :: n = 0
-    !> Levels from the finest one on, without the last one.
-    type(aggregation_level_t), allocatable :: level(:)
-    !> The last level.
-    type(block_factor_t) :: last
-    !> Unknowns of the last level.
-    integer :: n_last = 0
-    !> Scale of the matrices of all levels [matrix].
-    real(dp) :: scale = 1
-    !> Orthonormal null vectors of the first level (n, n_modes) [].
-    real(dp), allocatable :: mode(:, :)
-    !> Couplings below this are weak on the first level [].
-    real(dp) :: threshold = 0
+    integer :: n = 0  !! Number of unknowns.
+    type(aggregation_level_t), allocatable :: level(:)  !! Levels from the finest one on, without the last one.
+    type(block_factor_t) :: last  !! The last level.
+    integer :: n_last = 0  !! Unknowns of the last level.
+    real(dp) :: scale = 1  !! Scale of the matrices of all levels [matrix].
+    real(dp), allocatable :: mode(:, :)  !! Orthonormal null vectors of the first level (n, n_modes) [].
+    real(dp) :: threshold = 0  !! Couplings below this are weak on the first level [].
     !> Couplings below this are weak on other levels, whose nodes are coupled to forty others, most of them hardly: 12
     !> iterations in place of 16 with all (`benchmark_multigrid linear 48`) [].
     real(dp) :: coarse_threshold = 0.05_dp
-    !> Greatest number of unknowns of the last level.
-    integer :: most_last = 6000
-    !> Degree of the smoother.
-    integer :: degree = 3
-    !> Ratio of the ends of its interval.
-    real(dp) :: ratio = 10
+    integer :: most_last = 6000  !! Greatest number of unknowns of the last level.
+    integer :: degree = 3  !! Degree of the smoother.
+    real(dp) :: ratio = 10  !! Ratio of the ends of its interval.
   contains
     procedure :: init => aggregation_init
     procedure :: cycle => aggregation_cycle
@@ -87,8 +73,7 @@ contains
   !> Make the levels. The components for settings are read, the others are set.
   subroutine aggregation_init(self, rows, near_null, mode, error, part)
     class(smoothed_aggregation_t), intent(inout) :: self
-    !> The matrix; its arrays are taken over.
-    type(block_rows_t), intent(inout) :: rows
+    type(block_rows_t), intent(inout) :: rows  !! The matrix; its arrays are taken over.
     !> Vectors that the matrix maps to little, 3 or 6, zero along held unknowns (n, n_vectors) [any].
     real(dp), intent(in), contiguous :: near_null(:, :)
     !> Orthonormal null vectors of the matrix, all in the span of `near_null` on each of its connected parts
@@ -96,8 +81,7 @@ contains
     real(dp), intent(in) :: mode(:, :)
     !> Allocated where the matrix is not positive definite beside its null vectors, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
-    !> Block rows of a node, one after the other; 1 if absent.
-    integer, intent(in), optional :: part
+    integer, intent(in), optional :: part  !! Block rows of a node, one after the other; 1 if absent.
     type(aggregation_level_t), allocatable :: found(:)
     type(block_rows_t) :: current, coarse
     real(dp), allocatable :: vector(:, :), vanishing(:, :)
@@ -136,10 +120,8 @@ contains
 
   !> Hand levels over, without a copy in memory.
   subroutine move_levels(from, to)
-    !> The levels; without arrays on return.
-    type(aggregation_level_t), intent(inout) :: from(:)
-    !> Get their arrays (size(from)).
-    type(aggregation_level_t), intent(inout) :: to(:)
+    type(aggregation_level_t), intent(inout) :: from(:)  !! The levels; without arrays on return.
+    type(aggregation_level_t), intent(inout) :: to(:)  !! Get their arrays (size(from)).
     integer :: l
     do l = 1, size(from)
       to(l)%smoother%degree = from(l)%smoother%degree
@@ -154,20 +136,15 @@ contains
 
   !> One level, and the matrix of the next one.
   subroutine make_level(part, threshold, vector, mode, level, coarse, error)
-    !> Block rows of a node.
-    integer, intent(in) :: part
-    !> Couplings below this are weak [].
-    real(dp), intent(in) :: threshold
+    integer, intent(in) :: part  !! Block rows of a node.
+    real(dp), intent(in) :: threshold  !! Couplings below this are weak [].
     !> Near-null-space vectors; of the next level on return (n, n_vectors) [any].
     real(dp), allocatable, intent(inout) :: vector(:, :)
-    !> Null vectors; of the next level on return (n, n_modes) [].
-    real(dp), allocatable, intent(inout) :: mode(:, :)
+    real(dp), allocatable, intent(inout) :: mode(:, :)  !! Null vectors; of the next level on return (n, n_modes) [].
     !> Has its matrix and the settings of its smoother; gets the rest.
     type(aggregation_level_t), intent(inout) :: level
-    !> Matrix of the next level.
-    type(block_rows_t), intent(inout) :: coarse
-    !> Allocated where a diagonal block is not positive definite.
-    type(error_t), allocatable, intent(out) :: error
+    type(block_rows_t), intent(inout) :: coarse  !! Matrix of the next level.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a diagonal block is not positive definite.
     real(dp), allocatable :: basis(:, :, :), next_vector(:, :, :), next_mode(:, :)
     logical, allocatable :: missing(:, :)
     integer, allocatable :: first(:), member(:)
@@ -203,10 +180,8 @@ contains
   !> One cycle: x about A^+ b.
   subroutine aggregation_cycle(self, b, x)
     class(smoothed_aggregation_t), intent(in) :: self
-    !> Right-hand side (n) [matrix times x].
-    real(dp), intent(in), contiguous :: b(:)
-    !> The solution, approximately (n) [any].
-    real(dp), intent(out), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: b(:)  !! Right-hand side (n) [matrix times x].
+    real(dp), intent(out), contiguous :: x(:)  !! The solution, approximately (n) [any].
     real(sp), allocatable :: low(:)
     real(dp) :: size_of_b
     integer :: i
@@ -233,14 +208,10 @@ contains
 
   !> The cycle from one level down, for A/scale.
   recursive subroutine descend(self, l, b, x)
-    !> The levels.
-    type(smoothed_aggregation_t), intent(in) :: self
-    !> The level.
-    integer, intent(in) :: l
-    !> Right-hand side; changed (n) [any].
-    real(sp), intent(inout), contiguous :: b(:)
-    !> The solution, approximately (n) [as b].
-    real(dp), intent(out), contiguous :: x(:)
+    type(smoothed_aggregation_t), intent(in) :: self  !! The levels.
+    integer, intent(in) :: l  !! The level.
+    real(sp), intent(inout), contiguous :: b(:)  !! Right-hand side; changed (n) [any].
+    real(dp), intent(out), contiguous :: x(:)  !! The solution, approximately (n) [as b].
     real(sp), allocatable :: before(:), rest(:), coarse_b(:)
     real(dp), allocatable :: coarse_x(:)
     integer :: i, n
@@ -272,20 +243,16 @@ contains
   !> y = A x.
   subroutine aggregation_multiply(self, x, y)
     class(smoothed_aggregation_t), intent(in) :: self
-    !> Vector x (n) [any].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Product y (n) [A times x].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Vector x (n) [any].
+    real(dp), intent(out), contiguous :: y(:)  !! Product y (n) [A times x].
     call self%level(1)%smoother%multiply(x, y)
   end subroutine aggregation_multiply
 
   !> One cycle.
   subroutine aggregation_precondition(self, r, z)
     class(smoothed_aggregation_t), intent(in) :: self
-    !> Residual r (n) [A times x].
-    real(dp), intent(in), contiguous :: r(:)
-    !> About A^+ r (n) [as x].
-    real(dp), intent(out), contiguous :: z(:)
+    real(dp), intent(in), contiguous :: r(:)  !! Residual r (n) [A times x].
+    real(dp), intent(out), contiguous :: z(:)  !! About A^+ r (n) [as x].
     call self%cycle(r, z)
   end subroutine aggregation_precondition
 

@@ -8,12 +8,10 @@ module dotyk_linalg_sparse
   !> Symmetric matrix: lower triangle with the diagonal by columns, rows ascending in each column. Indices are 64-bit
   !> and 0-based, because CHOLMOD reads these arrays. Every diagonal entry is stored, as the first entry of its column.
   type, public :: sparse_symmetric_t
-    !> Order of the matrix.
-    integer :: n = 0
+    integer :: n = 0  !! Order of the matrix.
     !> Position of the first entry of each column, 0-based, and the number of entries (n+1).
     integer(int64), allocatable :: column_start(:)
-    !> Row of each entry, 0-based (number of entries).
-    integer(int64), allocatable :: row(:)
+    integer(int64), allocatable :: row(:)  !! Row of each entry, 0-based (number of entries).
     !> Value of each entry; not allocated while only the pattern is known (number of entries).
     real(dp), allocatable :: value(:)
   contains
@@ -23,18 +21,13 @@ module dotyk_linalg_sparse
     procedure :: destroy => symmetric_destroy
   end type sparse_symmetric_t
 
-  !> General matrix by rows, 1-based, columns ascending in each row.
-  type, public :: sparse_rows_t
-    !> Number of rows.
-    integer :: n_rows = 0
-    !> Number of columns.
-    integer :: n_columns = 0
+  type, public :: sparse_rows_t  !! General matrix by rows, 1-based, columns ascending in each row.
+    integer :: n_rows = 0  !! Number of rows.
+    integer :: n_columns = 0  !! Number of columns.
     !> Position of the first entry of each row, and the number of entries + 1 (n_rows+1).
     integer, allocatable :: row_start(:)
-    !> Column of each entry (number of entries).
-    integer, allocatable :: column(:)
-    !> Value of each entry (number of entries).
-    real(dp), allocatable :: value(:)
+    integer, allocatable :: column(:)  !! Column of each entry (number of entries).
+    real(dp), allocatable :: value(:)  !! Value of each entry (number of entries).
   contains
     procedure :: init_from_triplets => rows_init_from_triplets
     procedure :: multiply => rows_multiply
@@ -50,29 +43,20 @@ contains
 
   !> y = A x.
   subroutine symmetric_multiply(self, x, y)
-    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
-    !> Vector x (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n) [matrix times x].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x (n) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n) [matrix times x].
     call multiply_lower(self%n, self%column_start, self%row, self%value, x, y)
   end subroutine symmetric_multiply
 
   !> y = A x from the lower triangle of A.
   pure subroutine multiply_lower(n, start, row, value, x, y)
-    !> Order.
-    integer, intent(in) :: n
-    !> Position of the first entry of each column, 0-based (n+1).
-    integer(int64), intent(in) :: start(:)
-    !> Row of each entry, 0-based (number of entries).
-    integer(int64), intent(in) :: row(:)
-    !> Value of each entry (number of entries) [any].
-    real(dp), intent(in) :: value(:)
-    !> Vector x (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n) [matrix times x].
-    real(dp), intent(out) :: y(:)
+    integer, intent(in) :: n  !! Order.
+    integer(int64), intent(in) :: start(:)  !! Position of the first entry of each column, 0-based (n+1).
+    integer(int64), intent(in) :: row(:)  !! Row of each entry, 0-based (number of entries).
+    real(dp), intent(in) :: value(:)  !! Value of each entry (number of entries) [any].
+    real(dp), intent(in) :: x(:)  !! Vector x (n) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n) [matrix times x].
     integer :: i, j
     integer(int64) :: k
     real(dp) :: sum, xj
@@ -92,7 +76,6 @@ contains
 
   !> Number of stored entries.
   pure integer(int64) function symmetric_entries(self) result(n_entries)
-    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
     n_entries = 0
     if (allocated(self%column_start)) n_entries = self%column_start(self%n + 1)
@@ -100,7 +83,6 @@ contains
 
   !> Memory of the arrays [bytes].
   pure integer(int64) function symmetric_bytes(self) result(bytes)
-    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
     bytes = 0
     if (allocated(self%column_start)) bytes = bytes + 8_int64*size(self%column_start, kind=int64)
@@ -110,7 +92,6 @@ contains
 
   !> Free the memory.
   subroutine symmetric_destroy(self)
-    !> The matrix.
     class(sparse_symmetric_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%column_start)) deallocate (self%column_start)
@@ -121,18 +102,12 @@ contains
   !> Build the matrix from triplets in any order; triplets with the same row and column are added in the order of the
   !> list.
   subroutine rows_init_from_triplets(self, n_rows, n_columns, rows, columns, values)
-    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
-    !> Number of rows.
-    integer, intent(in) :: n_rows
-    !> Number of columns.
-    integer, intent(in) :: n_columns
-    !> Row of each entry (number of triplets).
-    integer, intent(in) :: rows(:)
-    !> Column of each entry (number of triplets).
-    integer, intent(in) :: columns(:)
-    !> Value of each entry (number of triplets) [any].
-    real(dp), intent(in) :: values(:)
+    integer, intent(in) :: n_rows  !! Number of rows.
+    integer, intent(in) :: n_columns  !! Number of columns.
+    integer, intent(in) :: rows(:)  !! Row of each entry (number of triplets).
+    integer, intent(in) :: columns(:)  !! Column of each entry (number of triplets).
+    real(dp), intent(in) :: values(:)  !! Value of each entry (number of triplets) [any].
     integer, allocatable :: by_column(:), by_row(:), first(:)
     integer :: n, k, entry, row, last
     call self%destroy()
@@ -172,16 +147,11 @@ contains
 
   !> Stable counting sort of entries by a key.
   pure subroutine counting_sort(n_keys, key, order, sorted, first)
-    !> Greatest key; keys are 1..n_keys.
-    integer, intent(in) :: n_keys
-    !> Key of each entry (n).
-    integer, intent(in) :: key(:)
-    !> Entries in the order that equal keys keep (n).
-    integer, intent(in) :: order(:)
-    !> Entries sorted by key (n).
-    integer, intent(out) :: sorted(:)
-    !> Position of the first entry of each key in `sorted` (n_keys+1).
-    integer, intent(out) :: first(:)
+    integer, intent(in) :: n_keys  !! Greatest key; keys are 1..n_keys.
+    integer, intent(in) :: key(:)  !! Key of each entry (n).
+    integer, intent(in) :: order(:)  !! Entries in the order that equal keys keep (n).
+    integer, intent(out) :: sorted(:)  !! Entries sorted by key (n).
+    integer, intent(out) :: first(:)  !! Position of the first entry of each key in `sorted` (n_keys+1).
     integer, allocatable :: next(:)
     integer :: i, k
     first = 0
@@ -203,12 +173,9 @@ contains
 
   !> y = A x.
   pure subroutine rows_multiply(self, x, y)
-    !> The matrix.
     class(sparse_rows_t), intent(in) :: self
-    !> Vector x (n_columns) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n_rows) [matrix times x].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x (n_columns) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n_rows) [matrix times x].
     integer :: i, k
     real(dp) :: sum
     do i = 1, self%n_rows
@@ -222,12 +189,9 @@ contains
 
   !> y = A^T x.
   pure subroutine rows_multiply_transposed(self, x, y)
-    !> The matrix.
     class(sparse_rows_t), intent(in) :: self
-    !> Vector x (n_rows) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n_columns) [matrix times x].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x (n_rows) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n_columns) [matrix times x].
     integer :: i, j, k
     y(1:self%n_columns) = 0
     do i = 1, self%n_rows
@@ -240,10 +204,8 @@ contains
 
   !> Make this the identity.
   subroutine rows_set_identity(self, n)
-    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
-    !> Order.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Order.
     integer :: i
     self%n_rows = n
     self%n_columns = n
@@ -254,12 +216,9 @@ contains
 
   !> Make this the product A B.
   subroutine rows_set_product(self, a, b)
-    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
-    !> A.
-    type(sparse_rows_t), intent(in) :: a
-    !> B, with as many rows as A has columns.
-    type(sparse_rows_t), intent(in) :: b
+    type(sparse_rows_t), intent(in) :: a  !! A.
+    type(sparse_rows_t), intent(in) :: b  !! B, with as many rows as A has columns.
     integer, allocatable :: position(:), row(:), column(:)
     real(dp), allocatable :: value(:)
     integer :: i, j, k, l, n, before
@@ -301,12 +260,9 @@ contains
 
   !> Make this several matrices with the same columns, one below the other.
   subroutine rows_set_stacked(self, n_columns, block)
-    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
-    !> Number of columns.
-    integer, intent(in) :: n_columns
-    !> The matrices, from top to bottom (any number).
-    type(sparse_rows_t), intent(in) :: block(:)
+    integer, intent(in) :: n_columns  !! Number of columns.
+    type(sparse_rows_t), intent(in) :: block(:)  !! The matrices, from top to bottom (any number).
     integer :: k, n, n_entries
     call self%destroy()
     self%n_columns = n_columns
@@ -331,8 +287,7 @@ contains
   !> To other ranks.
   pure subroutine rows_carry(self, parcel)
     class(sparse_rows_t), intent(inout) :: self
-    !> Gets the rows, or has them.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! Gets the rows, or has them.
     call parcel%carry(self%n_rows)
     call parcel%carry(self%n_columns)
     call parcel%carry(self%row_start)
@@ -342,7 +297,6 @@ contains
 
   !> Free the memory.
   subroutine rows_destroy(self)
-    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     self%n_rows = 0
     self%n_columns = 0

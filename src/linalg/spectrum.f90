@@ -8,8 +8,7 @@ module dotyk_linalg_spectrum
   private
   public :: largest_eigenvalue, fixed_start
 
-  !> A linear operator that is known by its action only.
-  type, abstract, public :: linear_operator_t
+  type, abstract, public :: linear_operator_t  !! A linear operator that is known by its action only.
   contains
     procedure(apply_operator), deferred :: apply
   end type linear_operator_t
@@ -18,26 +17,20 @@ module dotyk_linalg_spectrum
     !> y = A x.
     subroutine apply_operator(self, x, y)
       import :: linear_operator_t, dp
-      !> The operator.
       class(linear_operator_t), intent(inout) :: self
-      !> Vector x (n) [any].
-      real(dp), intent(in) :: x(:)
-      !> Product y (n) [operator times x].
-      real(dp), intent(out) :: y(:)
+      real(dp), intent(in) :: x(:)  !! Vector x (n) [any].
+      real(dp), intent(out) :: y(:)  !! Product y (n) [operator times x].
     end subroutine apply_operator
   end interface
 
-  !> Basis vectors in an allocation: most runs need one or two groups.
-  integer, parameter :: group_size = 16
+  integer, parameter :: group_size = 16  !! Basis vectors in an allocation: most runs need one or two groups.
 
   !> A remainder below this fraction of the largest image is rounding: that of the products and of two
   !> orthogonalizations.
   real(dp), parameter :: rounding = 16*epsilon(1.0_dp)
 
-  !> A group of basis vectors.
-  type :: group_t
-    !> The vectors as columns (n, group_size).
-    real(dp), allocatable :: v(:, :)
+  type :: group_t  !! A group of basis vectors.
+    real(dp), allocatable :: v(:, :)  !! The vectors as columns (n, group_size).
   end type group_t
 
 contains
@@ -46,20 +39,13 @@ contains
   !> it: as a rule the largest one. The start vector is the same on every machine. An interrupt ends the iteration with
   !> the result so far.
   subroutine largest_eigenvalue(operator, n, tolerance, most_steps, value, residual, steps)
-    !> The operator, symmetric and positive semidefinite.
-    class(linear_operator_t), intent(inout) :: operator
-    !> Order of the operator.
-    integer, intent(in) :: n
-    !> Relative residual to stop at: residual <= tolerance*value [].
-    real(dp), intent(in) :: tolerance
-    !> Greatest number of applications of the operator.
-    integer, intent(in) :: most_steps
-    !> Largest Ritz value [of the operator].
-    real(dp), intent(out) :: value
-    !> Norm of its residual [of the operator].
-    real(dp), intent(out) :: residual
-    !> Applications of the operator.
-    integer, intent(out) :: steps
+    class(linear_operator_t), intent(inout) :: operator  !! The operator, symmetric and positive semidefinite.
+    integer, intent(in) :: n  !! Order of the operator.
+    real(dp), intent(in) :: tolerance  !! Relative residual to stop at: residual <= tolerance*value [].
+    integer, intent(in) :: most_steps  !! Greatest number of applications of the operator.
+    real(dp), intent(out) :: value  !! Largest Ritz value [of the operator].
+    real(dp), intent(out) :: residual  !! Norm of its residual [of the operator].
+    integer, intent(out) :: steps  !! Applications of the operator.
     type(group_t), allocatable :: basis(:)
     real(dp), allocatable :: alpha(:), beta(:), w(:), v(:), top(:)
     real(dp) :: scale, length
@@ -97,8 +83,7 @@ contains
   !> Pseudo-random vector of norm 1 by Lehmer's congruential generator, 48271 modulo 2^31-1 (S. K. Park and K. W.
   !> Miller, Comm. ACM 31, 1988).
   subroutine fixed_start(v)
-    !> The vector (n) [].
-    real(dp), intent(out), contiguous :: v(:)
+    real(dp), intent(out), contiguous :: v(:)  !! The vector (n) [].
     integer(int64), parameter :: modulus = 2147483647_int64, factor = 48271_int64
     integer(int64) :: state
     integer :: i
@@ -115,12 +100,9 @@ contains
 
   !> Make a vector orthogonal to the basis, by Gram-Schmidt twice.
   subroutine orthogonalize(basis, n_vectors, w)
-    !> Orthonormal vectors (number of groups).
-    type(group_t), intent(in) :: basis(:)
-    !> Number of vectors.
-    integer, intent(in) :: n_vectors
-    !> The vector (n) [any].
-    real(dp), intent(inout), contiguous :: w(:)
+    type(group_t), intent(in) :: basis(:)  !! Orthonormal vectors (number of groups).
+    integer, intent(in) :: n_vectors  !! Number of vectors.
+    real(dp), intent(inout), contiguous :: w(:)  !! The vector (n) [any].
     integer :: pass, group, n
     do pass = 1, 2
       do group = 1, (n_vectors - 1)/group_size + 1
@@ -132,14 +114,10 @@ contains
 
   !> w <- w - V V^T w, summed in one order whatever the number of threads.
   pure subroutine take_out(n, m, v, w)
-    !> Length of the vectors.
-    integer, intent(in) :: n
-    !> Number of vectors.
-    integer, intent(in) :: m
-    !> Orthonormal vectors V (n, m) [].
-    real(dp), intent(in) :: v(n, m)
-    !> The vector (n) [any].
-    real(dp), intent(inout) :: w(n)
+    integer, intent(in) :: n  !! Length of the vectors.
+    integer, intent(in) :: m  !! Number of vectors.
+    real(dp), intent(in) :: v(n, m)  !! Orthonormal vectors V (n, m) [].
+    real(dp), intent(inout) :: w(n)  !! The vector (n) [any].
     real(dp) :: c(m)
     integer :: j
     do j = 1, m
@@ -152,10 +130,8 @@ contains
 
   !> Scalar product, summed in eight strands that the compiler vectorizes, always in the same order.
   pure real(dp) function dot(x, y)
-    !> The one vector (n) [any].
-    real(dp), intent(in), contiguous :: x(:)
-    !> The other vector (n) [any].
-    real(dp), intent(in), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! The one vector (n) [any].
+    real(dp), intent(in), contiguous :: y(:)  !! The other vector (n) [any].
     real(dp) :: strand(8)
     integer :: i, n
     n = size(x)
@@ -171,8 +147,7 @@ contains
 
   !> Euclidean norm.
   pure real(dp) function norm(x)
-    !> The vector (n) [any].
-    real(dp), intent(in), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: x(:)  !! The vector (n) [any].
     norm = sqrt(dot(x, x))
   end function norm
 end module dotyk_linalg_spectrum

@@ -17,10 +17,8 @@ contains
 
   !> The equations to fix: those in which the modes are most independent, by Gram-Schmidt on the rows with pivoting.
   pure subroutine choose_fixing_equations(mode, fixed)
-    !> Orthonormal modes over the equations (n_equations, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
-    !> Equations, one for each mode (n_modes).
-    integer, allocatable, intent(out) :: fixed(:)
+    real(dp), intent(in) :: mode(:, :)  !! Orthonormal modes over the equations (n_equations, n_modes) [].
+    integer, allocatable, intent(out) :: fixed(:)  !! Equations, one for each mode (n_modes).
     real(dp), allocatable :: remainder(:, :)
     real(dp) :: best, now, row(size(mode, 2))
     integer :: i, k
@@ -45,12 +43,9 @@ contains
 
   !> Add springs to some equations: each as stiff as the diagonal entry of its equation.
   pure subroutine add_springs(matrix, fixed, spring)
-    !> The stiffness [force/length].
-    type(sparse_symmetric_t), intent(inout) :: matrix
-    !> Equations (n).
-    integer, intent(in) :: fixed(:)
-    !> The springs (n) [force/length].
-    real(dp), allocatable, intent(out) :: spring(:)
+    type(sparse_symmetric_t), intent(inout) :: matrix  !! The stiffness [force/length].
+    integer, intent(in) :: fixed(:)  !! Equations (n).
+    real(dp), allocatable, intent(out) :: spring(:)  !! The springs (n) [force/length].
     integer(int64) :: place
     integer :: k
     allocate (spring(size(fixed)))

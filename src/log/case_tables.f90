@@ -14,41 +14,27 @@ module dotyk_log_case_tables
   private
   public :: add_case_row, show_case, show_case_table
 
-  !> A line of the table.
-  type, public :: case_row_t
-    !> Name of the load case.
-    character(:), allocatable :: name
-    !> Iterations of the scheme, and active contact rows.
-    integer :: iterations = 0, active = 0
-    !> Potential energy [energy].
-    real(dp) :: energy = 0
-    !> Greatest contact pressure [pressure].
-    real(dp) :: peak = 0
-    !> Least gap; huge without contact [length].
-    real(dp) :: least_gap = huge(1.0_dp)
-    !> The greatest part of the relative error that is known [].
-    real(dp) :: error = 0
-    !> How the scheme ended.
-    character(:), allocatable :: ending
+  type, public :: case_row_t  !! A line of the table.
+    character(:), allocatable :: name  !! Name of the load case.
+    integer :: iterations = 0, active = 0  !! Iterations of the scheme, and active contact rows.
+    real(dp) :: energy = 0  !! Potential energy [energy].
+    real(dp) :: peak = 0  !! Greatest contact pressure [pressure].
+    real(dp) :: least_gap = huge(1.0_dp)  !! Least gap; huge without contact [length].
+    real(dp) :: error = 0  !! The greatest part of the relative error that is known [].
+    character(:), allocatable :: ending  !! How the scheme ended.
   end type case_row_t
 
-  !> Greatest number of contact pairs with a line each.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_shown = 20  !! Greatest number of contact pairs with a line each.
 
 contains
 
   !> Name of a load case, its loads, and the pairs whose gap or theta it changes.
   subroutine show_case(log, case, k, problem, is_changed)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case, with the contacts of the load case.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: k
-    !> Bodies and pairs in the load case.
-    type(contact_problem_t), intent(in) :: problem
-    !> Whether it changes a pair (n_pairs).
-    logical, intent(in) :: is_changed(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case, with the contacts of the load case.
+    integer, intent(in) :: k  !! The load case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs in the load case.
+    logical, intent(in) :: is_changed(:)  !! Whether it changes a pair (n_pairs).
     integer :: i, n
     call log%line('')
     call log%line('  case '//quoted(case%load_case(k)%name)//' ('//to_text(k)//' of '//to_text(case%n_cases())//')')
@@ -73,14 +59,11 @@ contains
 
   !> Add a line to the table.
   subroutine add_case_row(name, solution, pair_solution, row)
-    !> Name of the load case.
-    character(*), intent(in) :: name
-    !> Its solution.
-    type(contact_solution_t), intent(in) :: solution
+    character(*), intent(in) :: name  !! Name of the load case.
+    type(contact_solution_t), intent(in) :: solution  !! Its solution.
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
-    !> The table; is longer on return (n_rows).
-    type(case_row_t), allocatable, intent(inout) :: row(:)
+    type(case_row_t), allocatable, intent(inout) :: row(:)  !! The table; is longer on return (n_rows).
     type(case_row_t), allocatable :: more(:)
     real(dp) :: part(3)
     integer :: i
@@ -104,12 +87,9 @@ contains
 
   !> The table of all load cases.
   subroutine show_case_table(log, row, n_cases)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Load cases that were solved (n).
-    type(case_row_t), intent(in) :: row(:)
-    !> Load cases of the input.
-    integer, intent(in) :: n_cases
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_row_t), intent(in) :: row(:)  !! Load cases that were solved (n).
+    integer, intent(in) :: n_cases  !! Load cases of the input.
     character(120) :: line
     character(20) :: label
     character(13) :: peak, gap, error
@@ -134,8 +114,7 @@ contains
 
   !> A text in the width of the column of energies.
   pure function wide(text)
-    !> The text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The text.
     character(16) :: wide
     wide = text
   end function wide

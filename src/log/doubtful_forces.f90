@@ -12,10 +12,8 @@ contains
 
   !> Pairs with forces where their surfaces do not touch.
   subroutine show_doubtful_forces(log, doubtful)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Forces of the pairs (n_pairs).
-    type(doubtful_force_t), intent(in) :: doubtful(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(doubtful_force_t), intent(in) :: doubtful(:)  !! Forces of the pairs (n_pairs).
     !> Share of the force of a pair, and of that of the most loaded pair, from which on it gets a line; lines at most.
     real(dp), parameter :: large_share = 0.1_dp, considerable = 0.01_dp
     integer, parameter :: most_lines = 5

@@ -10,37 +10,30 @@ contains
 
   !> Bodies get factors in place of p-multigrids.
   subroutine note_factors(reason, monitor)
-    !> One of `reason_*`.
-    integer, intent(in) :: reason
-    !> Gets the line.
-    type(log_monitor_t), intent(inout) :: monitor
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
     call monitor%note('factors          '//sentence(reason)// &
                       ': the bodies are factorized, and the contact solved again')
   end subroutine note_factors
 
   !> They do not get them.
   subroutine note_no_memory(reason, monitor)
-    !> One of `reason_*`.
-    integer, intent(in) :: reason
-    !> Gets the line.
-    type(log_monitor_t), intent(inout) :: monitor
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
     call monitor%note('warning          '//sentence(reason)//', and the memory does not suffice for factors')
   end subroutine note_no_memory
 
   !> Bodies that were split get factors.
   subroutine note_rebuilt(reason, monitor)
-    !> One of `reason_*`.
-    integer, intent(in) :: reason
-    !> Gets the line.
-    type(log_monitor_t), intent(inout) :: monitor
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
     call monitor%note('factors          '//sentence(reason)//': the bodies are not split over ranks, each has its '// &
                       'factor on one of them')
   end subroutine note_rebuilt
 
   !> A reason as a sentence.
   pure function sentence(reason) result(text)
-    !> One of `reason_*`.
-    integer, intent(in) :: reason
+    integer, intent(in) :: reason  !! One of `reason_*`.
     character(:), allocatable :: text
     select case (reason)
     case (reason_near_null_modes)

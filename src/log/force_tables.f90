@@ -26,12 +26,9 @@ contains
 
   !> Two lines for the result of each contact pair; many pairs are summed up.
   subroutine show_pair_results(log, pair, solution)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Their pressures and forces (n_pairs).
-    type(pair_solution_t), intent(in) :: solution(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(pair_solution_t), intent(in) :: solution(:)  !! Their pressures and forces (n_pairs).
     character(:), allocatable :: around
     integer :: k, active, worst, nearest
     active = 0
@@ -60,8 +57,7 @@ contains
 
   !> Moment, centre of pressure, area and extremes of a pair.
   function details(solution) result(line)
-    !> Pressures and forces of the pair.
-    type(pair_solution_t), intent(in) :: solution
+    type(pair_solution_t), intent(in) :: solution  !! Pressures and forces of the pair.
     character(:), allocatable :: line
     line = ''
     if (any(abs(solution%moment) > 0)) line = 'moment '//vector_text(solution%moment)//' about the origin, '
@@ -79,12 +75,9 @@ contains
 
   !> Ties, reactions of the supports, strain energies of the bodies, and the error of the equilibrium.
   subroutine show_balance(log, problem, balance)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies and ties.
-    type(contact_problem_t), intent(in) :: problem
-    !> Forces on them; nothing is shown where they are not known.
-    type(balance_t), intent(in) :: balance
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and ties.
+    type(balance_t), intent(in) :: balance  !! Forces on them; nothing is shown where they are not known.
     if (.not. allocated(balance%body)) return
     if (problem%n_ties() > 0) call show_tie_forces(log, problem%tie, balance%tie)
     call show_body_forces(log, problem%body, balance)
@@ -92,12 +85,9 @@ contains
 
   !> Reactions of the supports, strain energies of the bodies, and the error of the equilibrium.
   subroutine show_body_forces(log, body, balance)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Forces on them.
-    type(balance_t), intent(in) :: balance
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(balance_t), intent(in) :: balance  !! Forces on them.
     character(:), allocatable :: moments
     character(20) :: label
     real(dp) :: total(3), size_of, largest
@@ -149,10 +139,8 @@ contains
 
     !> Line of one support.
     function support_line(b, s) result(line)
-      !> Its body.
-      integer, intent(in) :: b
-      !> Its index there.
-      integer, intent(in) :: s
+      integer, intent(in) :: b  !! Its body.
+      integer, intent(in) :: s  !! Its index there.
       character(:), allocatable :: line
       line = resultant_line(body(b), balance%body(b)%support(s), [balance%body(b)%force_scale, &
                                                                   balance%body(b)%moment_scale])
@@ -161,12 +149,9 @@ contains
 
   !> Motions of rigid bodies.
   subroutine show_motions(log, body, balance)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Forces on them, and motions.
-    type(balance_t), intent(in) :: balance
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(balance_t), intent(in) :: balance  !! Forces on them, and motions.
     character(:), allocatable :: rotation
     character(20) :: label
     integer :: b, n

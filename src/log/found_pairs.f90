@@ -17,10 +17,8 @@ contains
 
   !> The groups that were searched, pairs that were merged, and faces in no pair.
   subroutine show_found(log, problem)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     integer :: k
     if (.not. allocated(problem%found%group)) return
     associate (found => problem%found)
@@ -62,12 +60,9 @@ contains
 
   !> The pairs of one group.
   subroutine show_group(log, group, has_ties)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The group.
-    type(group_report_t), intent(in) :: group
-    !> Whether bodies are tied.
-    logical, intent(in) :: has_ties
+    type(log_t), intent(inout) :: log  !! The log.
+    type(group_report_t), intent(in) :: group  !! The group.
+    logical, intent(in) :: has_ties  !! Whether bodies are tied.
     character(:), allocatable :: text
     integer :: k
     text = '  found            '//counted(group%n_pairs, 'pair')//' of '
@@ -100,16 +95,12 @@ contains
 
   !> Faces of two bodies in no pair.
   subroutine show_unnamed(log, body, unnamed)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The faces.
-    type(unnamed_faces_t), intent(in) :: unnamed
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(unnamed_faces_t), intent(in) :: unnamed  !! The faces.
     character(:), allocatable :: text
     integer :: i
-    !> Distances below this fraction of the size of a body are contact [].
-    real(dp), parameter :: contact = 1.0e-9_dp
+    real(dp), parameter :: contact = 1.0e-9_dp  !! Distances below this fraction of the size of a body are contact [].
     text = '  in no pair       '//quoted(body(unnamed%body_a)%name)//' and '//quoted(body(unnamed%body_b)%name)
     if (unnamed%distance < -contact*body(unnamed%body_a)%mesh%diameter()) then
       text = text//' overlap by '//to_text(-unnamed%distance, 3)
@@ -130,14 +121,10 @@ contains
 
   !> Bodies without loads on which no contact force acts.
   subroutine show_idle_bodies(log, problem, pressure, first_row)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: pressure(:)
-    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    integer, intent(in) :: first_row(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
+    integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     logical :: idle(size(problem%body))
     real(dp) :: least
     integer :: k
@@ -164,10 +151,8 @@ contains
 
   !> Names of some bodies; many are summed up.
   function body_names(body, chosen) result(text)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Those to name (n_bodies).
-    logical, intent(in) :: chosen(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    logical, intent(in) :: chosen(:)  !! Those to name (n_bodies).
     character(:), allocatable :: text
     integer :: b, n
     text = ''

@@ -14,21 +14,16 @@ module dotyk_log_incompressibility
   private
   public :: show_locking
 
-  !> Greatest number of congruence classes with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_shown = 20  !! Greatest number of congruence classes with a line each; more are summed up.
 
 contains
 
   !> Log one line per congruence class of nearly incompressible bodies; many classes are summed up.
   subroutine show_locking(log, case, body, classes)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
     integer :: b, n, before, after
     n = 0
     before = 0
@@ -53,10 +48,8 @@ contains
 
   !> Whether a body is nearly incompressible.
   logical function is_nearly_incompressible(body, locking) result(nearly)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> One of `locking_*`.
-    integer, intent(in) :: locking
+    type(body_t), intent(in) :: body  !! The body.
+    integer, intent(in) :: locking  !! One of `locking_*`.
     real(dp) :: ratio
     integer :: k
     nearly = .false.
@@ -72,12 +65,9 @@ contains
 
   !> Line of the log for one class.
   function line_of(body, number, locking) result(line)
-    !> First body of the class.
-    type(body_t), intent(in) :: body
-    !> Number of bodies of the class.
-    integer, intent(in) :: number
-    !> One of `locking_*`.
-    integer, intent(in) :: locking
+    type(body_t), intent(in) :: body  !! First body of the class.
+    integer, intent(in) :: number  !! Number of bodies of the class.
+    integer, intent(in) :: locking  !! One of `locking_*`.
     character(:), allocatable :: line
     line = 'nearly incompressible: '//quoted(body%name)
     if (number > 1) line = line//' and '//counted(number - 1, 'congruent body', 'congruent bodies')

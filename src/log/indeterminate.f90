@@ -12,8 +12,7 @@ module dotyk_log_indeterminate
   private
   public :: note_undetermined, note_rest, names_in_short, without_places, kinds_of_motion
 
-  !> Greatest number of names, or of parts of the line; more are summed up.
-  integer, parameter :: most_named = 20
+  integer, parameter :: most_named = 20  !! Greatest number of names, or of parts of the line; more are summed up.
   !> Bodies that a motion moves by less than this fraction of the body that it moves most take no part in it [].
   real(dp), parameter :: least_part = 0.01_dp
   !> Names that differ in numbers or in their last word alone become one with a wildcard where they are so many.
@@ -23,14 +22,12 @@ contains
 
   !> Say which motions contact does not determine, and which part of the forces rests on the springs that hold them.
   subroutine note_undetermined(problem, amplitude, rest, log)
-    !> Bodies and their modes.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
     !> The motions as columns: amplitudes of the modes of all bodies, body after body [length].
     type(mode_columns_t), intent(in) :: amplitude
     !> Largest part of the forces on a body that the springs carry []; 0 where it is rounding, or told elsewhere.
     real(dp), intent(in) :: rest
-    !> The log.
-    type(log_t), intent(inout) :: log
+    type(log_t), intent(inout) :: log  !! The log.
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
     type(text_t) :: all_names(size(problem%body))
     type(mode_block_t), allocatable :: of_body(:)
@@ -92,12 +89,9 @@ contains
   !> The motions without bodies that hardly take part in them: what moves a bolt in its hole moves the plate by 1e-4 of
   !> that.
   subroutine columns_of_parts(problem, amplitude, columns)
-    !> Bodies and their modes.
-    type(contact_problem_t), intent(in) :: problem
-    !> The motions, as in `note_undetermined`.
-    type(mode_columns_t), intent(in) :: amplitude
-    !> The same.
-    type(mode_columns_t), intent(out) :: columns
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
+    type(mode_columns_t), intent(in) :: amplitude  !! The motions, as in `note_undetermined`.
+    type(mode_columns_t), intent(out) :: columns  !! The same.
     real(dp) :: part(size(problem%body))
     real(dp), allocatable :: x(:)
     integer :: b, k, first(size(problem%body) + 1)
@@ -117,14 +111,10 @@ contains
 
   !> Say which forces along motions that contact does not determine are too large to rest on weak springs.
   subroutine note_rest(problem, state, max_unbalanced, log)
-    !> Bodies and their modes.
-    type(contact_problem_t), intent(in) :: problem
-    !> How the scheme ended.
-    type(solver_state_t), intent(in) :: state
-    !> Greatest part of the forces on a body that may rest on them [].
-    real(dp), intent(in) :: max_unbalanced
-    !> The log.
-    type(log_t), intent(inout) :: log
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
+    type(solver_state_t), intent(in) :: state  !! How the scheme ended.
+    real(dp), intent(in) :: max_unbalanced  !! Greatest part of the forces on a body that may rest on them [].
+    type(log_t), intent(inout) :: log  !! The log.
     character(:), allocatable :: text
     real(dp) :: force(3)
     integer :: b, i, first(size(problem%body) + 1)
@@ -148,10 +138,8 @@ contains
 
   !> Bodies with the same text: classes by their first members.
   pure subroutine find_classes(texts, class)
-    !> Texts (n).
-    type(text_t), intent(in) :: texts(:)
-    !> First body of the class of each (n).
-    integer, intent(out) :: class(:)
+    type(text_t), intent(in) :: texts(:)  !! Texts (n).
+    integer, intent(out) :: class(:)  !! First body of the class of each (n).
     integer :: member(size(texts)), i, k, n
     n = 0
     do i = 1, size(texts)
@@ -171,10 +159,8 @@ contains
   !> Names in quotes; those that differ in numbers or in the last word alone as 'bolt *' with their number, that of all
   !> such bodies with it where these are more; both halves of a body that is cut by its name.
   function names_in_short(names, all_names) result(text)
-    !> The names (n).
-    type(text_t), intent(in) :: names(:)
-    !> Those of all bodies (n_bodies).
-    type(text_t), intent(in) :: all_names(:)
+    type(text_t), intent(in) :: names(:)  !! The names (n).
+    type(text_t), intent(in) :: all_names(:)  !! Those of all bodies (n_bodies).
     character(:), allocatable :: text
     type(text_t), allocatable :: name(:), whole(:)
     logical, allocatable :: is_open(:), alike(:)
@@ -228,10 +214,8 @@ contains
 
   !> Replace 'bolt (1)' with 'bolt (2)' after it by 'bolt'.
   pure subroutine join_halves(names, name)
-    !> The names (n).
-    type(text_t), intent(in) :: names(:)
-    !> At most as many (n).
-    type(text_t), allocatable, intent(out) :: name(:)
+    type(text_t), intent(in) :: names(:)  !! The names (n).
+    type(text_t), allocatable, intent(out) :: name(:)  !! At most as many (n).
     character(*), parameter :: half_1 = ' (1)', half_2 = ' (2)'
     integer :: i, n, length
     allocate (name(size(names)))
@@ -255,17 +239,14 @@ contains
   !> A description of motions without the places of axes: "spin about the axis (0, 0, 1) through (1, 2, 3)" becomes
   !> "spin about the axis (0, 0, 1)", "spin about (1, 2)" of two dimensions "spin".
   pure function without_places(motion) result(text)
-    !> Description.
-    character(*), intent(in) :: motion
+    character(*), intent(in) :: motion  !! Description.
     character(:), allocatable :: text
     text = cut_all(cut_all(motion, ' through ('), ' about (')
   contains
     !> Cut texts in parentheses out.
     pure function cut_all(whole, opening) result(rest)
-      !> The text.
-      character(*), intent(in) :: whole
-      !> How the parts to cut begin.
-      character(*), intent(in) :: opening
+      character(*), intent(in) :: whole  !! The text.
+      character(*), intent(in) :: opening  !! How the parts to cut begin.
       character(:), allocatable :: rest
       integer :: i
       rest = whole
@@ -279,8 +260,7 @@ contains
 
   !> What kinds of motions a description names: "sliding and spin".
   pure function kinds_of_motion(motion) result(text)
-    !> Description.
-    character(*), intent(in) :: motion
+    character(*), intent(in) :: motion  !! Description.
     character(:), allocatable :: text
     text = ''
     if (index(motion, 'sliding along') > 0) call add('sliding')

@@ -14,10 +14,8 @@ contains
 
   !> One line for each body that has any.
   subroutine show_initial_states(log, body)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     character(:), allocatable :: line
     character(20) :: label
     integer :: b, n

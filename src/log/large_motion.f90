@@ -13,20 +13,16 @@ module dotyk_log_large_motion
 
   !> Displacement relative to the size of a body, and rotation, from which on there is a warning [].
   real(dp), parameter :: large_displacement = 0.5_dp, large_rotation = 0.05_dp
-  !> Strain from which on there is a line [].
-  real(dp), parameter :: large_strain = 0.02_dp
+  real(dp), parameter :: large_strain = 0.02_dp  !! Strain from which on there is a line [].
 
 contains
 
   !> Warn of the body that moves farthest by its size, of the one that rotates most, and of the one with the largest
   !> strain.
   subroutine show_large_motion(log, problem, solution)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies and their ranks.
-    type(contact_problem_t), intent(in) :: problem
-    !> Displacements of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     real(dp), dimension(size(solution)) :: ratio, angle, stretch
     integer :: b
     ratio = 0
@@ -64,10 +60,8 @@ contains
 
   !> Largest relative change of the distance of two corners of an element [].
   pure real(dp) function largest_stretch(mesh, u) result(stretch)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Displacements of its nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements of its nodes (dimension, n_nodes) [length].
     type(element_kind_t) :: kind
     real(dp) :: along(size(u, 1))
     integer :: k, e, i, j
@@ -90,8 +84,7 @@ contains
 
   !> How many bodies more do so; empty for none.
   function others(n) result(text)
-    !> Number of bodies.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of bodies.
     character(:), allocatable :: text
     text = ''
     if (n > 0) text = ' ('//counted(n, 'body', 'bodies')//' more, less)'
@@ -99,10 +92,8 @@ contains
 
   !> Mean rotation of nodes about their centre, by least squares [rad].
   pure real(dp) function mean_rotation(x, u) result(angle)
-    !> Nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Their displacements (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)  !! Their displacements (dimension, n_nodes) [length].
     real(dp) :: centre(3), mean(3), r(3), v(3), inertia(3, 3), moment(3), omega(3), determinant
     integer :: i, j, d
     d = size(x, 1)
@@ -136,12 +127,9 @@ contains
 
   !> Triple product.
   pure real(dp) function triple(a, b, c)
-    !> First vector (3) [any].
-    real(dp), intent(in) :: a(3)
-    !> Second vector (3) [any].
-    real(dp), intent(in) :: b(3)
-    !> Third vector (3) [any].
-    real(dp), intent(in) :: c(3)
+    real(dp), intent(in) :: a(3)  !! First vector (3) [any].
+    real(dp), intent(in) :: b(3)  !! Second vector (3) [any].
+    real(dp), intent(in) :: c(3)  !! Third vector (3) [any].
     triple = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
   end function triple
 end module dotyk_log_large_motion

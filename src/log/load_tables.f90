@@ -16,21 +16,16 @@ module dotyk_log_load_tables
 
   !> Greatest number of loads with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
-  !> Width of the first column.
-  integer, parameter :: label_width = 20
-  !> Below this fraction of the size components are rounding [].
-  real(dp), parameter :: rounding = 1.0e-12_dp
+  integer, parameter :: label_width = 20  !! Width of the first column.
+  real(dp), parameter :: rounding = 1.0e-12_dp  !! Below this fraction of the size components are rounding [].
 
 contains
 
   !> The resultant of each load, and the warnings.
   subroutine show_loads(log, case, problem, changed)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies with loads, and pairs.
-    type(contact_problem_t), intent(in) :: problem
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies with loads, and pairs.
     !> Pairs of which warnings are new, where those of the bodies are not; all are new if absent (n_pairs).
     logical, intent(in), optional :: changed(:)
     integer :: b, k, n
@@ -53,10 +48,8 @@ contains
 
   !> Line of one load, or of the reaction of one support.
   function resultant_line(body, resultant, scale) result(line)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> The resultant.
-    type(load_resultant_t), intent(in) :: resultant
+    type(body_t), intent(in) :: body  !! The body.
+    type(load_resultant_t), intent(in) :: resultant  !! The resultant.
     !> Size of all forces and moments on the body, for what is rounding; the components themselves if absent (2)
     !> [force, force length].
     real(dp), intent(in), optional :: scale(2)
@@ -80,10 +73,8 @@ contains
 
   !> A vector; components that are rounding beside the others are written as zero.
   function vector_text(v, scale) result(text)
-    !> The vector (3) [any].
-    real(dp), intent(in) :: v(3)
-    !> What else tells the size; nothing if absent [as v].
-    real(dp), intent(in), optional :: scale
+    real(dp), intent(in) :: v(3)  !! The vector (3) [any].
+    real(dp), intent(in), optional :: scale  !! What else tells the size; nothing if absent [as v].
     character(:), allocatable :: text
     real(dp) :: clean(3), largest
     largest = maxval(abs(v))
@@ -94,14 +85,10 @@ contains
 
   !> Warn of formulas for which two quadrature rules differ.
   subroutine warn_of_formulas(log, case, problem, changed)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> As in `show_loads` (n_pairs).
-    logical, intent(in), optional :: changed(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
+    logical, intent(in), optional :: changed(:)  !! As in `show_loads` (n_pairs).
     type(text_t), allocatable :: formula(:)
     integer :: b, k
     do b = 1, size(problem%body)
@@ -144,10 +131,8 @@ contains
 
     !> Add a warning about formulas of a material: each by itself, for they differ in size.
     subroutine warn_of_material(name, formulas)
-      !> What has the formulas.
-      character(*), intent(in) :: name
-      !> The formulas (n).
-      type(text_t), intent(in) :: formulas(:)
+      character(*), intent(in) :: name  !! What has the formulas.
+      type(text_t), intent(in) :: formulas(:)  !! The formulas (n).
       type(text_t), allocatable :: one(:)
       real(dp) :: difference
       integer :: i
@@ -163,14 +148,10 @@ contains
 
     !> Add a warning where the difference is notable.
     subroutine warn(name, difference, where, what)
-      !> What has the formula.
-      character(*), intent(in) :: name
-      !> Difference of two rules, relative [].
-      real(dp), intent(in) :: difference
-      !> 'elements' or 'facets'.
-      character(*), intent(in) :: where
-      !> What is wrong, and its verb.
-      character(*), intent(in) :: what
+      character(*), intent(in) :: name  !! What has the formula.
+      real(dp), intent(in) :: difference  !! Difference of two rules, relative [].
+      character(*), intent(in) :: where  !! 'elements' or 'facets'.
+      character(*), intent(in) :: what  !! What is wrong, and its verb.
       if (difference > notable_difference) &
         call log%line('    warning: '//name//' varies within '//where//': two quadrature rules differ by '// &
                       to_text(100*difference, 2)//' %, and '//what//' no better')

@@ -22,14 +22,10 @@ contains
   !> Refuse a scene without a solution: loads that no contact balances, supports on both sides of contact rows, or ties
   !> that cannot be closed.
   subroutine refuse_unsolvable(case, problem, qp, state, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> State of the scheme at its end.
-    type(solver_state_t), intent(in) :: state
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
     !> Allocated where there is no solution; names body or pair, with its line.
     type(error_t), allocatable, intent(out) :: error
     if (state%ended == ended_no_equilibrium) &
@@ -41,16 +37,11 @@ contains
 
   !> Say which modes are indeterminate, and which bodies rotate too far.
   subroutine note_modes(problem, state, ratio, max_unbalanced, log)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> State of the scheme at its end.
-    type(solver_state_t), intent(in) :: state
-    !> Displacement by rotation, relative to the size of the body (n_bodies) [].
-    real(dp), intent(in) :: ratio(:)
-    !> Greatest part of the forces on a body that may rest on weak springs [].
-    real(dp), intent(in) :: max_unbalanced
-    !> The log.
-    type(log_t), intent(inout) :: log
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
+    real(dp), intent(in) :: ratio(:)  !! Displacement by rotation, relative to the size of the body (n_bodies) [].
+    real(dp), intent(in) :: max_unbalanced  !! Greatest part of the forces on a body that may rest on weak springs [].
+    type(log_t), intent(inout) :: log  !! The log.
     real(dp) :: rest
     rest = 0
     if (allocated(state%rest)) rest = maxval([rest, state%rest])
@@ -61,16 +52,11 @@ contains
 
   !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
   subroutine refuse_motion(case, body, modes, first, qp, amplitude, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Modes of the bodies (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> First mode of each body (n_bodies + 1).
-    integer, intent(in) :: first(:)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Modes of the bodies (n_bodies).
+    integer, intent(in) :: first(:)  !! First mode of each body (n_bodies + 1).
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
     !> Allocated on return: names the bodies that move, and the resultants that move them.
@@ -142,8 +128,7 @@ contains
   contains
     !> The bolts of a body, or those of others.
     function bolts_of(which) result(text)
-      !> Index of the body.
-      integer, intent(in) :: which
+      integer, intent(in) :: which  !! Index of the body.
       character(:), allocatable :: text
       integer :: k
       text = ''
@@ -159,8 +144,7 @@ contains
 
     !> How a body moves, and the force or moment that moves it.
     function motion_of(which) result(text)
-      !> Index of the body.
-      integer, intent(in) :: which
+      integer, intent(in) :: which  !! Index of the body.
       character(:), allocatable :: text
       associate (own => amplitude(first(which):first(which) + modes(which)%n - 1))
         text = modes(which)%combination_text(own)//', resultant '// &
@@ -171,10 +155,8 @@ contains
 
   !> Largest displacement of a node in a combination of modes [length].
   real(dp) function largest_displacement(modes, amplitude) result(largest)
-    !> Modes of a body.
-    type(body_modes_t), intent(in) :: modes
-    !> Amplitude of each mode (n) [length].
-    real(dp), intent(in) :: amplitude(:)
+    type(body_modes_t), intent(in) :: modes  !! Modes of a body.
+    real(dp), intent(in) :: amplitude(:)  !! Amplitude of each mode (n) [length].
     real(dp) :: u(size(modes%shape, 1))
     integer :: i, k
     largest = tiny(largest)
@@ -189,14 +171,10 @@ contains
 
   !> Supports or ties on both sides press contact rows together.
   subroutine refuse_rigid_constraint(case, pair, qp, state, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> State of the scheme at its end.
-    type(solver_state_t), intent(in) :: state
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
     !> Allocated on return: names the contact pair, the overlap, and its place.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: place
@@ -225,14 +203,10 @@ contains
 
   !> Ties contradict each other or supports.
   subroutine refuse_open_tie(case, problem, state, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Contact pairs and ties.
-    type(contact_problem_t), intent(in) :: problem
-    !> State of the scheme at its end.
-    type(solver_state_t), intent(in) :: state
-    !> Allocated on return: names the tie, and what stays open.
-    type(error_t), allocatable, intent(out) :: error
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Contact pairs and ties.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return: names the tie, and what stays open.
     integer :: k, n
     n = sum(problem%pair%n_rows)
     do k = 1, size(problem%tie) - 1
@@ -246,12 +220,9 @@ contains
 
   !> Say which bodies rotate so far that small displacements are no good approximation.
   subroutine note_rotations(body, ratio, log)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Displacement by rotation, relative to the size of the body (n_bodies) [].
-    real(dp), intent(in) :: ratio(:)
-    !> The log.
-    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    real(dp), intent(in) :: ratio(:)  !! Displacement by rotation, relative to the size of the body (n_bodies) [].
+    type(log_t), intent(inout) :: log  !! The log.
     integer :: n_far
     ! Displacements by rotation, relative to the size of the body.
     real(dp), parameter :: far = 0.05_dp

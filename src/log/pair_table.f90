@@ -13,23 +13,17 @@ module dotyk_log_pair_table
   private
   public :: show_pairs
 
-  !> Greatest number of contact pairs with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_shown = 20  !! Greatest number of contact pairs with a line each; more are summed up.
 
 contains
 
   !> Lines for each contact pair; many pairs are summed up.
   subroutine show_pairs(log, body, pair, surface_a, surface_b)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)  !! Master surfaces (n_pairs).
     real(dp) :: least, most
     logical :: alone(size(body))
     integer :: k
@@ -56,16 +50,11 @@ contains
 
   !> The lines of one contact pair.
   subroutine show_pair(log, body, pair, surface_a, surface_b)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The contact pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair  !! The contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
     real(dp) :: lost
     lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
     call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), &
@@ -84,18 +73,13 @@ contains
 
   !> A line of the table of contact pairs.
   function pair_line(name, rows, projected, least, most, theta) result(line)
-    !> Name of the pair.
-    character(*), intent(in) :: name
-    !> Number of contact rows.
-    integer, intent(in) :: rows
+    character(*), intent(in) :: name  !! Name of the pair.
+    integer, intent(in) :: rows  !! Number of contact rows.
     !> Fraction of the slave area that has a projection on the master surface; negative: not shown [].
     real(dp), intent(in) :: projected
-    !> Smallest gap [length].
-    real(dp), intent(in) :: least
-    !> Largest gap [length].
-    real(dp), intent(in) :: most
-    !> Penalty parameter [length/pressure].
-    real(dp), intent(in) :: theta
+    real(dp), intent(in) :: least  !! Smallest gap [length].
+    real(dp), intent(in) :: most  !! Largest gap [length].
+    real(dp), intent(in) :: theta  !! Penalty parameter [length/pressure].
     character(97) :: line
     ! Left-justified: an edit descriptor justifies to the right.
     character(20) :: label
@@ -108,8 +92,7 @@ contains
 
   !> Text of a fraction in percent.
   function percent(fraction) result(text)
-    !> Fraction [].
-    real(dp), intent(in) :: fraction
+    real(dp), intent(in) :: fraction  !! Fraction [].
     character(:), allocatable :: text
     text = to_text(100*fraction, 2)//' %'
   end function percent
@@ -117,15 +100,11 @@ contains
   !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
   !> points are over-determined, and their pressures oscillate.
   subroutine warn_of_oscillation(log, body, pair)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The contact pair.
-    type(contact_pair_t), intent(in) :: pair
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair  !! The contact pair.
     real(dp) :: compliance
-    !> Fraction of h/E below which theta counts as far smaller.
-    real(dp), parameter :: far_below = 1.0e-3_dp
+    real(dp), parameter :: far_below = 1.0e-3_dp  !! Fraction of h/E below which theta counts as far smaller.
     if (pair%discretization /= discretization_quadrature) return
     compliance = mesh_compliance(body(pair%body_a), body(pair%body_b), pair)
     if (pair%theta < far_below*compliance) &

@@ -18,12 +18,9 @@ contains
 
   !> One line for each couple of bodies, the deepest first.
   subroutine show_penetration(log, body, check)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Outcome of the check.
-    type(penetration_check_t), intent(in) :: check
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(penetration_check_t), intent(in) :: check  !! Outcome of the check.
     integer :: k
     do k = 1, min(most_shown, size(check%found))
       call log%line('  penetration      '//line_of(body, check%found(k)))
@@ -54,12 +51,9 @@ contains
 
   !> Bodies that overlap before they are loaded, the deepest first.
   subroutine show_initial_overlap(log, body, found)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Couples of bodies (n_found).
-    type(body_penetration_t), intent(in) :: found(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_penetration_t), intent(in) :: found(:)  !! Couples of bodies (n_found).
     integer :: k
     do k = 1, min(most_touching, size(found))
       call log%line('  overlap          '//line_of(body, found(k))//' before loading')
@@ -72,10 +66,8 @@ contains
 
   !> Say that pairs with a gap formula are checked on their surfaces only.
   subroutine note_formulas(log, pair)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     integer :: n, first
     n = count(pair%gap_kind == gap_formula)
     if (n == 0) return
@@ -91,18 +83,15 @@ contains
 
   !> A position in brackets.
   function place_of(x) result(text)
-    !> Position (3) [length].
-    real(dp), intent(in) :: x(3)
+    real(dp), intent(in) :: x(3)  !! Position (3) [length].
     character(:), allocatable :: text
     text = '('//to_text(x(1), 4)//', '//to_text(x(2), 4)//', '//to_text(x(3), 4)//')'
   end function place_of
 
   !> Who, where and how deep.
   function line_of(body, found) result(text)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> One body inside another.
-    type(body_penetration_t), intent(in) :: found
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_penetration_t), intent(in) :: found  !! One body inside another.
     character(:), allocatable :: text
     associate (worst => found%worst)
       text = quoted(body(found%body)%name)//' '// &

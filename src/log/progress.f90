@@ -12,17 +12,14 @@ contains
 
   !> Step, bound, points in contact, and an estimate of the time left.
   function progress_line(history, tolerance, measure) result(line)
-    !> History up to now.
-    type(history_t), intent(in) :: history
+    type(history_t), intent(in) :: history  !! History up to now.
     !> Tolerance of the stopping criterion; 0 where no rate of convergence leads to it [].
     real(dp), intent(in) :: tolerance
-    !> Error measure that the criterion compares with it [].
-    real(dp), intent(in) :: measure
+    real(dp), intent(in) :: measure  !! Error measure that the criterion compares with it [].
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
-    !> Steps from which on their increments tell a rate.
-    integer, parameter :: enough = 10
+    integer, parameter :: enough = 10  !! Steps from which on their increments tell a rate.
     write (buffer, '(a,i6,a,i8)') '  iteration ', history%n, '   active ', history%active(history%n)
     if (history%error_bound(history%n) < huge(1.0_dp)) &
       write (buffer, '(a,i6,a,es9.2,a,i8)') '  iteration ', history%n, '   error bound ', &
@@ -39,8 +36,7 @@ contains
 
   !> A time with two digits in a convenient unit: ms, s, min or h.
   function duration(seconds) result(text)
-    !> Time [s].
-    real(dp), intent(in) :: seconds
+    real(dp), intent(in) :: seconds  !! Time [s].
     character(:), allocatable :: text
     if (seconds < 0.095_dp) then
       text = to_text(1000*seconds, 2)//' ms'

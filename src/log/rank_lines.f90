@@ -15,12 +15,9 @@ contains
 
   !> How well the ranks shared the work; nothing on one rank. All ranks call it.
   subroutine show_ranks(log, total, memory_of_bodies)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Time of the run, of this rank.
-    type(stage_time_t), intent(in) :: total
-    !> Peak memory of this rank until bodies were read and shared out [bytes].
-    real(dp), intent(in) :: memory_of_bodies
+    type(log_t), intent(inout) :: log  !! The log.
+    type(stage_time_t), intent(in) :: total  !! Time of the run, of this rank.
+    real(dp), intent(in) :: memory_of_bodies  !! Peak memory of this rank until bodies were read and shared out [bytes].
     type(exchange_cost_t) :: cost
     real(dp), dimension(n_ranks()) :: work, waited, memory, of_bodies, seconds
     integer :: r, own

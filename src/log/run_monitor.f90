@@ -14,16 +14,11 @@ module dotyk_log_run_monitor
   implicit none
   private
 
-  !> Owns log and watch of the run while it solves.
-  type, extends(monitor_t), public :: log_monitor_t
-    !> The log.
-    type(log_t) :: log
-    !> Watch of the run.
-    type(stopwatch_t) :: watch
-    !> Times of the phases so far.
-    type(timing_t) :: timing
-    !> The phase under way, one of `phase_*`; 0: none.
-    integer, private :: phase = 0
+  type, extends(monitor_t), public :: log_monitor_t  !! Owns log and watch of the run while it solves.
+    type(log_t) :: log  !! The log.
+    type(stopwatch_t) :: watch  !! Watch of the run.
+    type(timing_t) :: timing  !! Times of the phases so far.
+    integer, private :: phase = 0  !! The phase under way, one of `phase_*`; 0: none.
     !> Notes of a load case that is solved ahead, to be told with its results; not allocated where notes are told at
     !> once.
     type(text_t), allocatable, private :: held(:)
@@ -47,8 +42,7 @@ contains
   !> Begin the run.
   subroutine log_monitor_begin(self, quiet)
     class(log_monitor_t), intent(inout) :: self
-    !> Print errors only.
-    logical, intent(in) :: quiet
+    logical, intent(in) :: quiet  !! Print errors only.
     call self%watch%start()
     call self%log%init(quiet)
     ! mpirun shows its ranks a terminal, whatever its own output is.
@@ -59,12 +53,9 @@ contains
   !> Show a step, if it is time for another line.
   subroutine log_monitor_step(self, history, tolerance, measure)
     class(log_monitor_t), intent(inout) :: self
-    !> History up to now.
-    type(history_t), intent(in) :: history
-    !> Tolerance of the stopping criterion [].
-    real(dp), intent(in) :: tolerance
-    !> Error measure that the criterion compares with it [].
-    real(dp), intent(in) :: measure
+    type(history_t), intent(in) :: history  !! History up to now.
+    real(dp), intent(in) :: tolerance  !! Tolerance of the stopping criterion [].
+    real(dp), intent(in) :: measure  !! Error measure that the criterion compares with it [].
     ! Lines of progress belong below the heading of a load case.
     if (allocated(self%held) .and. .not. self%log%terminal) return
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
@@ -73,8 +64,7 @@ contains
   !> A line of the log.
   subroutine log_monitor_note(self, text)
     class(log_monitor_t), intent(inout) :: self
-    !> Label and text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Label and text.
     type(text_t), allocatable :: held(:)
     if (allocated(self%held)) then
       ! gfortran 12 leaks the texts of `[self%held, text_t(text)]`.
@@ -96,8 +86,7 @@ contains
   !> Take the notes that were held, and tell the next ones at once.
   subroutine log_monitor_take_notes(self, notes)
     class(log_monitor_t), intent(inout) :: self
-    !> One after the other.
-    type(text_t), allocatable, intent(out) :: notes(:)
+    type(text_t), allocatable, intent(out) :: notes(:)  !! One after the other.
     call move_alloc(self%held, notes)
   end subroutine log_monitor_take_notes
 
@@ -110,8 +99,7 @@ contains
   !> Another phase begins: the time since the last one is added to that.
   subroutine log_monitor_begin_phase(self, phase)
     class(log_monitor_t), intent(inout) :: self
-    !> One of `phase_*`.
-    integer, intent(in) :: phase
+    integer, intent(in) :: phase  !! One of `phase_*`.
     call self%end_phase()
     self%phase = phase
     select case (phase)

@@ -26,10 +26,8 @@ module dotyk_log_scene_tables
   private
   public :: show_title, show_scene, show_factorization, show_prediction
 
-  !> Greatest number of congruence classes with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
-  !> Letters of the names of materials in the table of bodies.
-  integer, parameter :: width_of_material = 14
+  integer, parameter :: most_shown = 20  !! Greatest number of congruence classes with a line each; more are summed up.
+  integer, parameter :: width_of_material = 14  !! Letters of the names of materials in the table of bodies.
 
   !> Greatest Young's modulus in units that go with mm: of diamond, in kPa [pressure].
   real(dp), parameter :: greatest_modulus = 2.0e9_dp
@@ -38,12 +36,9 @@ contains
 
   !> Program, title, and size of the scene.
   subroutine show_title(log, case, threads)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Number of threads.
-    integer, intent(in) :: threads
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: threads  !! Number of threads.
     character(:), allocatable :: title, pairs, ranks
     integer :: i, k, n
     title = case%scene%title
@@ -81,16 +76,11 @@ contains
 
   !> Bodies, treatment of locking, and contact pairs.
   subroutine show_scene(log, case, problem, size_of, again)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies and contact pairs of the case.
-    type(contact_problem_t), intent(in) :: problem
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Whether only the factors are new.
-    logical, intent(in) :: again
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs of the case.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    logical, intent(in) :: again  !! Whether only the factors are new.
     call show_bodies(log, case, problem%body, problem%classes, size_of)
     if (again) then
       call log%line('')
@@ -107,16 +97,11 @@ contains
 
   !> One line per class of congruent bodies; many classes are summed up.
   subroutine show_bodies(log, case, body, classes, size_of)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
     character(:), allocatable :: name
     integer :: b, elements, nodes, unknowns
     call log%line('')
@@ -147,8 +132,7 @@ contains
   !> Names of the materials of a body, or their number where these are too long for the table; none of a body without
   !> volume.
   function names_of(body) result(text)
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     character(:), allocatable :: text
     integer :: m
     text = ''
@@ -162,20 +146,13 @@ contains
 
   !> A line of the table of bodies.
   function body_line(name, material, elements, nodes, unknowns, entries, flops) result(line)
-    !> Name of the body.
-    character(*), intent(in) :: name
-    !> Name of its material.
-    character(*), intent(in) :: material
-    !> Number of elements.
-    integer, intent(in) :: elements
-    !> Number of nodes.
-    integer, intent(in) :: nodes
-    !> Number of unknowns.
-    integer, intent(in) :: unknowns
-    !> Nonzeros of the factor.
-    integer(int64), intent(in) :: entries
-    !> Operations of the factorization [flop].
-    real(dp), intent(in) :: flops
+    character(*), intent(in) :: name  !! Name of the body.
+    character(*), intent(in) :: material  !! Name of its material.
+    integer, intent(in) :: elements  !! Number of elements.
+    integer, intent(in) :: nodes  !! Number of nodes.
+    integer, intent(in) :: unknowns  !! Number of unknowns.
+    integer(int64), intent(in) :: entries  !! Nonzeros of the factor.
+    real(dp), intent(in) :: flops  !! Operations of the factorization [flop].
     character(120) :: line
     ! Left-justified: an edit descriptor justifies to the right.
     character(20) :: first
@@ -188,16 +165,11 @@ contains
 
   !> Time and size of the factorization, and the bodies with an explicit compliance matrix.
   subroutine show_factorization(log, body, size_of, is_chosen, seconds)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Whether the program chooses between factors and p-multigrid.
-    logical, intent(in) :: is_chosen
-    !> Wall time [s].
-    real(dp), intent(in) :: seconds
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    logical, intent(in) :: is_chosen  !! Whether the program chooses between factors and p-multigrid.
+    real(dp), intent(in) :: seconds  !! Wall time [s].
     real(dp) :: fraction
     integer :: b
     if (any(size_of%form == form_split)) then
@@ -232,12 +204,9 @@ contains
 
   !> A body for which a factor is better than p-multigrid.
   subroutine show_slow(log, name, size_of)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The body.
-    character(*), intent(in) :: name
-    !> Size of its factor.
-    type(factor_size_t), intent(in) :: size_of
+    type(log_t), intent(inout) :: log  !! The log.
+    character(*), intent(in) :: name  !! The body.
+    type(factor_size_t), intent(in) :: size_of  !! Size of its factor.
     character(:), allocatable :: iterations
     iterations = 'more than 1000'
     if (size_of%steps < 1000) iterations = 'about '//to_text(nint(size_of%steps))
@@ -252,12 +221,9 @@ contains
 
   !> Memory and time that a run would take.
   subroutine show_prediction(log, size_of, prediction)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> The prediction.
-    type(run_prediction_t), intent(in) :: prediction
+    type(log_t), intent(inout) :: log  !! The log.
+    type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
+    type(run_prediction_t), intent(in) :: prediction  !! The prediction.
     call log%line('')
     call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
                   memory_text(real(sum(size_of%stiffness_bytes), dp))//', total about '//memory_text(prediction%memory))

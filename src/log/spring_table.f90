@@ -8,17 +8,14 @@ module dotyk_log_spring_table
   private
   public :: show_springs
 
-  !> Greatest number of springs with a line each.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_shown = 20  !! Greatest number of springs with a line each.
 
 contains
 
   !> A line for each spring; nothing where no body has one.
   subroutine show_springs(log, body)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     character(20) :: label
     integer :: b, n, s
     n = 0
@@ -44,10 +41,8 @@ contains
 
   !> The directions of a spring: "each of x, y, z".
   function directions_text(fix, dimension) result(text)
-    !> The directions.
-    type(directions_t), intent(in) :: fix
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(directions_t), intent(in) :: fix  !! The directions.
+    integer, intent(in) :: dimension  !! Dimension of space.
     character(:), allocatable :: text
     integer :: i, n
     text = ''

@@ -23,27 +23,19 @@ module dotyk_log_summary
   private
   public :: show_solution
 
-  !> Digits of the potential energy.
-  integer, parameter :: most_digits = 10, least_digits = 3
+  integer, parameter :: most_digits = 10, least_digits = 3  !! Digits of the potential energy.
 
 contains
 
   !> How the scheme ended, the error budget, what was not computed, and the conditioning of the bodies.
   subroutine show_solution(log, output, goal, problem, n_sweeps, solution, seconds)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> `&output`.
-    type(output_input_t), intent(in) :: output
-    !> What was asked for.
-    type(solution_goal_t), intent(in) :: goal
-    !> The problem.
-    type(contact_problem_t), intent(in) :: problem
-    !> Right-hand sides of the body that had most.
-    integer, intent(in) :: n_sweeps
-    !> Solution with errors and conditioning.
-    type(contact_solution_t), intent(in) :: solution
-    !> Time of the scheme [s].
-    real(dp), intent(in) :: seconds
+    type(log_t), intent(inout) :: log  !! The log.
+    type(output_input_t), intent(in) :: output  !! `&output`.
+    type(solution_goal_t), intent(in) :: goal  !! What was asked for.
+    type(contact_problem_t), intent(in) :: problem  !! The problem.
+    integer, intent(in) :: n_sweeps  !! Right-hand sides of the body that had most.
+    type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
+    real(dp), intent(in) :: seconds  !! Time of the scheme [s].
     call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
     if (size(solution%state%m) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
@@ -54,18 +46,12 @@ contains
 
   !> How the scheme ended.
   subroutine show_state(log, state, tolerance, by_budget, n_sweeps, seconds)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> State of the scheme.
-    type(solver_state_t), intent(in) :: state
-    !> Tolerance of the error bound [].
-    real(dp), intent(in) :: tolerance
-    !> Whether the tolerance follows from the other errors.
-    logical, intent(in) :: by_budget
-    !> Right-hand sides of the body that had most.
-    integer, intent(in) :: n_sweeps
-    !> Time of the scheme [s].
-    real(dp), intent(in) :: seconds
+    type(log_t), intent(inout) :: log  !! The log.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme.
+    real(dp), intent(in) :: tolerance  !! Tolerance of the error bound [].
+    logical, intent(in) :: by_budget  !! Whether the tolerance follows from the other errors.
+    integer, intent(in) :: n_sweeps  !! Right-hand sides of the body that had most.
+    real(dp), intent(in) :: seconds  !! Time of the scheme [s].
     character(:), allocatable :: predicted, bound
     call log%line('')
     if (size(state%m) == 0) then
@@ -118,10 +104,8 @@ contains
   !> Digits of the potential energy that hold, and one. It is a minimum, so that its error is half the square of that of
   !> the displacements; not where these, pressures and gaps belong together but for the error of solves by p-multigrid.
   pure integer function digits_of_energy(state, strain) result(digits)
-    !> How the scheme ended.
-    type(solver_state_t), intent(in) :: state
-    !> Strain energy [energy].
-    real(dp), intent(in) :: strain
+    type(solver_state_t), intent(in) :: state  !! How the scheme ended.
+    real(dp), intent(in) :: strain  !! Strain energy [energy].
     real(dp) :: error
     digits = most_digits
     if (.not. state%error_bound < 1) return
@@ -133,12 +117,9 @@ contains
 
   !> The potential energy and its terms, (19).
   subroutine show_energies(log, state, energies)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> How the scheme ended.
-    type(solver_state_t), intent(in) :: state
-    !> The terms.
-    type(energies_t), intent(in) :: energies
+    type(log_t), intent(inout) :: log  !! The log.
+    type(solver_state_t), intent(in) :: state  !! How the scheme ended.
+    type(energies_t), intent(in) :: energies  !! The terms.
     real(dp) :: work
     ! What rounding leaves where no load does work.
     real(dp), parameter :: no_work = 1.0e-12_dp
@@ -157,16 +138,11 @@ contains
 
   !> The contributions to the error, as far as they were asked for.
   subroutine show_budget(log, output, body, state, budget)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> `&output`.
-    type(output_input_t), intent(in) :: output
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> State of the scheme.
-    type(solver_state_t), intent(in) :: state
-    !> The errors.
-    type(error_budget_t), intent(in) :: budget
+    type(log_t), intent(inout) :: log  !! The log.
+    type(output_input_t), intent(in) :: output  !! `&output`.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(solver_state_t), intent(in) :: state  !! State of the scheme.
+    type(error_budget_t), intent(in) :: budget  !! The errors.
     character(:), allocatable :: line
     logical :: in_energy
     integer :: b
@@ -199,23 +175,18 @@ contains
   contains
     !> Whether an error is known and above a limit.
     pure logical function exceeds(value, limit)
-      !> Relative error; NaN where it is unknown [].
-      real(dp), intent(in) :: value
-      !> The limit [].
-      real(dp), intent(in) :: limit
+      real(dp), intent(in) :: value  !! Relative error; NaN where it is unknown [].
+      real(dp), intent(in) :: limit  !! The limit [].
       exceeds = .false.
       if (.not. ieee_is_nan(value)) exceeds = value > limit
     end function exceeds
 
     !> A bound or an estimate in per cent, or as the energy of the error.
     function part(relation, value) result(text)
-      !> '<=' of a bound, '~' of an estimate.
-      character(*), intent(in) :: relation
-      !> Error relative to the energy norm [].
-      real(dp), intent(in) :: value
+      character(*), intent(in) :: relation  !! '<=' of a bound, '~' of an estimate.
+      real(dp), intent(in) :: value  !! Error relative to the energy norm [].
       character(:), allocatable :: text
-      !> Errors from here on say nothing.
-      real(dp), parameter :: largest = 1.0e100_dp
+      real(dp), parameter :: largest = 1.0e100_dp  !! Errors from here on say nothing.
       text = 'unknown'
       if (ieee_is_nan(value)) return
       if (.not. value < largest) return
@@ -229,12 +200,9 @@ contains
 
   !> What was not computed.
   subroutine show_not_computed(log, goal, state)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> What was asked for.
-    type(solution_goal_t), intent(in) :: goal
-    !> State of the scheme.
-    type(solver_state_t), intent(in) :: state
+    type(log_t), intent(inout) :: log  !! The log.
+    type(solution_goal_t), intent(in) :: goal  !! What was asked for.
+    type(solver_state_t), intent(in) :: state  !! State of the scheme.
     character(:), allocatable :: line
     line = ''
     if (state%screened > 0) call add(counted(state%screened, 'inactive constraint')//' (screened out)')
@@ -247,8 +215,7 @@ contains
   contains
     !> Add an item.
     subroutine add(text)
-      !> The item.
-      character(*), intent(in) :: text
+      character(*), intent(in) :: text  !! The item.
       if (len(line) > 0) line = line//', '
       line = line//text
     end subroutine add
@@ -256,14 +223,10 @@ contains
 
   !> One line for each congruence class that loses digits.
   subroutine show_conditioning(log, body, classes, conditioning)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Conditioning of their stiffness matrices (n_bodies).
-    type(conditioning_t), intent(in) :: conditioning(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
+    type(conditioning_t), intent(in) :: conditioning(:)  !! Conditioning of their stiffness matrices (n_bodies).
     character(:), allocatable :: line
     integer :: b
     do b = 1, size(body)
@@ -286,10 +249,8 @@ contains
 
   !> Which rule without guarantee was to end the iteration, and whether it is met.
   function rule_in_force(state, tolerance) result(text)
-    !> State of the scheme, with the rule `increment` or `paper`.
-    type(solver_state_t), intent(in) :: state
-    !> Tolerance of the rule [].
-    real(dp), intent(in) :: tolerance
+    type(solver_state_t), intent(in) :: state  !! State of the scheme, with the rule `increment` or `paper`.
+    real(dp), intent(in) :: tolerance  !! Tolerance of the rule [].
     character(:), allocatable :: text
     logical :: is_met
     is_met = any(state%ended == [ended_converged, ended_unverified])
@@ -304,8 +265,7 @@ contains
 
   !> How a scheme ended.
   function outcome(state) result(text)
-    !> State of the scheme.
-    type(solver_state_t), intent(in) :: state
+    type(solver_state_t), intent(in) :: state  !! State of the scheme.
     character(:), allocatable :: text
     select case (state%ended)
     case (ended_converged)

@@ -14,10 +14,8 @@ module dotyk_log_tie_tables
   private
   public :: show_ties, show_tie_forces
 
-  !> Greatest number of ties with lines of their own.
-  integer, parameter :: most_shown = 20
-  !> Slave surfaces less of which is tied get a word [].
-  real(dp), parameter :: nearly_all = 0.999_dp
+  integer, parameter :: most_shown = 20  !! Greatest number of ties with lines of their own.
+  real(dp), parameter :: nearly_all = 0.999_dp  !! Slave surfaces less of which is tied get a word [].
   !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
   real(dp), parameter :: most_turned = 0.02_dp
   !> Nodes of a cut that are compared with those of another one, about, at most.
@@ -29,14 +27,10 @@ contains
 
   !> What is tied.
   subroutine show_ties(log, body, tie, pair)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     character(20) :: label
     integer, allocatable :: joined_row(:), n_split(:, :)
     integer :: k, p, q
@@ -92,12 +86,9 @@ contains
 
   !> Contact pair between two bodies that are sectors, cut at other angles; 0 where there is none.
   pure integer function contact_of_other_sectors(pair, tie, other) result(p)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> A tie.
-    type(tied_surfaces_t), intent(in) :: tie
-    !> Another one.
-    type(tied_surfaces_t), intent(in) :: other
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(tied_surfaces_t), intent(in) :: tie  !! A tie.
+    type(tied_surfaces_t), intent(in) :: other  !! Another one.
     p = 0
     if (.not. (abs(tie%angle) > 0 .and. abs(other%angle) > 0)) return
     associate (a => tie%component(1)%body_a, b => other%component(1)%body_a)
@@ -112,10 +103,8 @@ contains
   !> Angle between the cuts of two sectors, of the nearest copies, where they come nearest to each other in radius and
   !> height: curved cuts have other angles elsewhere [degrees].
   pure real(dp) function turn_between(tie, other) result(turn)
-    !> A tie with a rotation.
-    type(tied_surfaces_t), intent(in) :: tie
-    !> Another one.
-    type(tied_surfaces_t), intent(in) :: other
+    type(tied_surfaces_t), intent(in) :: tie  !! A tie with a rotation.
+    type(tied_surfaces_t), intent(in) :: other  !! Another one.
     real(dp) :: apart, near
     integer :: i, j, step_i, step_j
     near = huge(near)
@@ -140,30 +129,24 @@ contains
 
   !> A side of a tie.
   function side(body, surface)
-    !> Name of the body.
-    character(*), intent(in) :: body
-    !> Its surface.
-    type(surface_t), intent(in) :: surface
+    character(*), intent(in) :: body  !! Name of the body.
+    type(surface_t), intent(in) :: surface  !! Its surface.
     character(:), allocatable :: side
     side = body//':'//surface%name//' ('//counted(surface%n_facets, 'facet')//')'
   end function side
 
   !> A short text in a column.
   pure function padded(text)
-    !> The text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The text.
     character(9) :: padded
     padded = text
   end function padded
 
   !> What ties transmit.
   subroutine show_tie_forces(log, tie, force)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Ties (n_ties).
-    type(tied_surfaces_t), intent(in) :: tie(:)
-    !> What they transmit (n_ties).
-    type(tie_force_t), intent(in) :: force(:)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
+    type(tie_force_t), intent(in) :: force(:)  !! What they transmit (n_ties).
     integer :: k
     character(:), allocatable :: more
     do k = 1, min(size(tie), most_shown)

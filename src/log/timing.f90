@@ -6,50 +6,31 @@ module dotyk_log_timing
   implicit none
   private
 
-  !> Time of a stage.
-  type, public :: stage_time_t
-    !> Wall time [s].
-    real(dp) :: wall = 0
+  type, public :: stage_time_t  !! Time of a stage.
+    real(dp) :: wall = 0  !! Wall time [s].
     !> Processor time of this rank, of all its threads, without that of waiting for other ranks in exchanges [s].
     real(dp) :: processor = 0
   end type stage_time_t
 
-  !> Times; the names are those of `/dotyk/timing` in the results file.
-  type, public :: timing_t
-    !> Input and meshes.
-    type(stage_time_t) :: read
-    !> Stiffness and loads.
-    type(stage_time_t) :: assemble
-    !> Fill-reducing ordering and symbolic analysis.
-    type(stage_time_t) :: order
-    !> Factorization.
-    type(stage_time_t) :: factorize
-    !> Contact search.
-    type(stage_time_t) :: search
-    !> The scheme, its estimate of L, and the solution without contact.
-    type(stage_time_t) :: iterate
-    !> Displacements and stresses.
-    type(stage_time_t) :: recover
-    !> Check of the deformed bodies against each other.
-    type(stage_time_t) :: check
-    !> Results file.
-    type(stage_time_t) :: write
-    !> Penalty error and discretization error.
-    type(stage_time_t) :: estimate
-    !> The whole run.
-    type(stage_time_t) :: total
-    !> Peak memory of this rank until bodies were read and shared out [bytes].
-    real(dp) :: memory_of_bodies = 0
+  type, public :: timing_t  !! Times; the names are those of `/dotyk/timing` in the results file.
+    type(stage_time_t) :: read  !! Input and meshes.
+    type(stage_time_t) :: assemble  !! Stiffness and loads.
+    type(stage_time_t) :: order  !! Fill-reducing ordering and symbolic analysis.
+    type(stage_time_t) :: factorize  !! Factorization.
+    type(stage_time_t) :: search  !! Contact search.
+    type(stage_time_t) :: iterate  !! The scheme, its estimate of L, and the solution without contact.
+    type(stage_time_t) :: recover  !! Displacements and stresses.
+    type(stage_time_t) :: check  !! Check of the deformed bodies against each other.
+    type(stage_time_t) :: write  !! Results file.
+    type(stage_time_t) :: estimate  !! Penalty error and discretization error.
+    type(stage_time_t) :: total  !! The whole run.
+    real(dp) :: memory_of_bodies = 0  !! Peak memory of this rank until bodies were read and shared out [bytes].
   end type timing_t
 
-  !> A watch that is read at the end of each stage.
-  type, public :: stopwatch_t
-    !> Date and time of the start, as 2026-01-31T12:00:00+0100.
-    character(24) :: date = ''
-    !> Times at the start of the run.
-    type(stage_time_t), private :: started
-    !> Times at the start of the stage.
-    type(stage_time_t), private :: lap_started
+  type, public :: stopwatch_t  !! A watch that is read at the end of each stage.
+    character(24) :: date = ''  !! Date and time of the start, as 2026-01-31T12:00:00+0100.
+    type(stage_time_t), private :: started  !! Times at the start of the run.
+    type(stage_time_t), private :: lap_started  !! Times at the start of the stage.
   contains
     procedure :: start => stopwatch_start
     procedure :: lap => stopwatch_lap
@@ -69,8 +50,7 @@ contains
   !> End a stage: the time since the last lap is added to it.
   subroutine stopwatch_lap(self, stage)
     class(stopwatch_t), intent(inout) :: self
-    !> Time of the stage.
-    type(stage_time_t), intent(inout) :: stage
+    type(stage_time_t), intent(inout) :: stage  !! Time of the stage.
     type(stage_time_t) :: ended
     ended = now()
     stage%wall = stage%wall + (ended%wall - self%lap_started%wall)

@@ -14,10 +14,8 @@ contains
 
   !> Times of the stages, and how the ranks shared the work. All ranks call it.
   subroutine show_timing(log, timing)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The times.
-    type(timing_t), intent(in) :: timing
+    type(log_t), intent(inout) :: log  !! The log.
+    type(timing_t), intent(in) :: timing  !! The times.
     real(dp) :: processor(11)
     processor = [timing%read%processor, timing%assemble%processor, timing%order%processor, timing%factorize%processor, &
                  timing%search%processor, timing%iterate%processor, timing%recover%processor, &
@@ -33,8 +31,7 @@ contains
 
   !> Names and times of the stages.
   function stages(seconds) result(text)
-    !> The times, the last one of the whole run (11) [s].
-    real(dp), intent(in) :: seconds(:)
+    real(dp), intent(in) :: seconds(:)  !! The times, the last one of the whole run (11) [s].
     character(:), allocatable :: text
     text = 'read '//duration(seconds(1))//', assemble '//duration(seconds(2))//', order '//duration(seconds(3))// &
            ', factorize '//duration(seconds(4))//', search '//duration(seconds(5))//', iterate '// &

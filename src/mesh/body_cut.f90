@@ -22,22 +22,17 @@ module dotyk_mesh_body_cut
   !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut
   !> through a prism has all of it, one across the edge between two faces less [].
   real(dp), parameter :: least_fraction = 0.7_dp
-  !> Sections below this fraction of that by the plane are none [].
-  real(dp), parameter :: nothing = 1.0e-3_dp
-  !> Greatest number of corners of a face.
-  integer, parameter :: max_corners = 4
+  real(dp), parameter :: nothing = 1.0e-3_dp  !! Sections below this fraction of that by the plane are none [].
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a face.
 
 contains
 
   !> The elements ahead of a plane. Single elements beside it that no face joins to the others of their half belong to
   !> the other one.
   subroutine cut_along_plane(whole, point, normal, is_ahead, error)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
-    !> A point of the plane (dimension) [length].
-    real(dp), intent(in) :: point(:)
-    !> Its normal (dimension) [].
-    real(dp), intent(in) :: normal(:)
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
+    real(dp), intent(in) :: point(:)  !! A point of the plane (dimension) [length].
+    real(dp), intent(in) :: normal(:)  !! Its normal (dimension) [].
     !> Whether each element is in the second half, counted through all blocks (n_elements).
     logical, allocatable, intent(out) :: is_ahead(:)
     !> Set where all elements lie on one side, and where a side is in pieces.
@@ -109,16 +104,11 @@ contains
   !> What closes a part of the boundary has its area vector with the other sign: the boundary of the elements behind
   !> the cut, and the boundary behind the plane, facets clipped.
   real(dp) function fraction_of_section(whole, is_ahead, point, normal, extent) result(fraction)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Whether each element is in the second half (n_elements).
-    logical, intent(in) :: is_ahead(:)
-    !> A point of the plane (dimension) [length].
-    real(dp), intent(in) :: point(:)
-    !> Its normal (dimension) [].
-    real(dp), intent(in) :: normal(:)
-    !> Mean extent along the normal of the elements that the plane crosses [length].
-    real(dp), intent(in) :: extent
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
+    logical, intent(in) :: is_ahead(:)  !! Whether each element is in the second half (n_elements).
+    real(dp), intent(in) :: point(:)  !! A point of the plane (dimension) [length].
+    real(dp), intent(in) :: normal(:)  !! Its normal (dimension) [].
+    real(dp), intent(in) :: extent  !! Mean extent along the normal of the elements that the plane crosses [length].
     type(surface_t) :: boundary
     type(element_kind_t) :: kind
     real(dp) :: x(size(point), max_corners), behind(size(point), 2*max_corners), cut, section(-1:1)
@@ -150,14 +140,10 @@ contains
 
     !> The part of a facet behind a plane with the normal.
     subroutine clip(corner, through, part, n)
-      !> Corners (dimension, 2 to 4) [length].
-      real(dp), intent(in) :: corner(:, :)
-      !> A point of the plane (dimension) [length].
-      real(dp), intent(in) :: through(:)
-      !> Corners of the part (dimension, >= n) [length].
-      real(dp), intent(out) :: part(:, :)
-      !> Number of these.
-      integer, intent(out) :: n
+      real(dp), intent(in) :: corner(:, :)  !! Corners (dimension, 2 to 4) [length].
+      real(dp), intent(in) :: through(:)  !! A point of the plane (dimension) [length].
+      real(dp), intent(out) :: part(:, :)  !! Corners of the part (dimension, >= n) [length].
+      integer, intent(out) :: n  !! Number of these.
       real(dp) :: ahead(size(corner, 2))
       integer :: c, next
       do c = 1, size(ahead)
@@ -181,14 +167,10 @@ contains
 
   !> The elements on one side of a surface inside a body: those that are not on the side of its first element.
   subroutine cut_along_surface(mesh, whole, name, is_ahead, error)
-    !> Mesh from which the body was extracted.
-    type(mesh_t), intent(in) :: mesh
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Physical groups of the surface.
-    character(*), intent(in) :: name
-    !> Whether each element is in the second half (n_elements).
-    logical, allocatable, intent(out) :: is_ahead(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
+    character(*), intent(in) :: name  !! Physical groups of the surface.
+    logical, allocatable, intent(out) :: is_ahead(:)  !! Whether each element is in the second half (n_elements).
     !> Set for an unknown name, and where the surface does not divide the body in two.
     type(error_t), allocatable, intent(out) :: error
     type(corner_table_t) :: facets
@@ -216,12 +198,9 @@ contains
 
   !> Pairs of elements that have a face in common.
   subroutine find_neighbours(whole, facets, beside)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Faces that divide elements, by their corners.
-    type(corner_table_t), intent(in) :: facets
-    !> The pairs (2, n).
-    integer, allocatable, intent(out) :: beside(:, :)
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
+    type(corner_table_t), intent(in) :: facets  !! Faces that divide elements, by their corners.
+    integer, allocatable, intent(out) :: beside(:, :)  !! The pairs (2, n).
     type(corner_table_t) :: faces
     type(element_kind_t) :: kind, face
     integer, allocatable :: pairs(:, :)
@@ -255,12 +234,9 @@ contains
 
   !> Pieces of elements of one half that faces join.
   subroutine find_pieces(beside, is_ahead, parent, n_of)
-    !> Pairs of elements with a common face (2, n).
-    integer, intent(in) :: beside(:, :)
-    !> Half of each element (n_elements).
-    logical, intent(in) :: is_ahead(:)
-    !> Lowest element of the piece of each element (n_elements).
-    integer, allocatable, intent(out) :: parent(:)
+    integer, intent(in) :: beside(:, :)  !! Pairs of elements with a common face (2, n).
+    logical, intent(in) :: is_ahead(:)  !! Half of each element (n_elements).
+    integer, allocatable, intent(out) :: parent(:)  !! Lowest element of the piece of each element (n_elements).
     !> Number of elements of the piece of which each element is the lowest, 0 where it is not (n_elements).
     integer, allocatable, intent(out) :: n_of(:)
     integer :: i
@@ -277,12 +253,9 @@ contains
 
   !> The mesh of one half.
   subroutine take_half(whole, chosen, half)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Elements of the half (n_elements).
-    logical, intent(in) :: chosen(:)
-    !> Mesh of the half.
-    type(body_mesh_t), intent(out) :: half
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
+    logical, intent(in) :: chosen(:)  !! Elements of the half (n_elements).
+    type(body_mesh_t), intent(out) :: half  !! Mesh of the half.
     integer, allocatable :: number(:), kept(:)
     integer :: b, e, i, n
     half%file = whole%file
@@ -324,14 +297,11 @@ contains
 
   !> The faces of a half that are inside the whole body.
   subroutine extract_cut(whole, half, name, surface)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: whole
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
     !> Mesh of the half; it may have nodes of order elevation besides those of the whole body.
     type(body_mesh_t), intent(in) :: half
-    !> Name of the surface.
-    character(*), intent(in) :: name
-    !> The surface.
-    type(surface_t), intent(out) :: surface
+    character(*), intent(in) :: name  !! Name of the surface.
+    type(surface_t), intent(out) :: surface  !! The surface.
     type(corner_table_t) :: outside
     type(surface_t) :: boundary
     type(element_kind_t) :: kind

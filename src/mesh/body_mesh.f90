@@ -14,16 +14,11 @@ module dotyk_mesh_body_mesh
   implicit none
   private
 
-  !> Elements and nodes of one body.
-  type, public :: body_mesh_t
-    !> File of the mesh, for messages.
-    character(:), allocatable :: file
-    !> Dimension of space and of the elements.
-    integer :: dimension = 0
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Node tags in the file (n_nodes).
-    integer(int64), allocatable :: node_tag(:)
+  type, public :: body_mesh_t  !! Elements and nodes of one body.
+    character(:), allocatable :: file  !! File of the mesh, for messages.
+    integer :: dimension = 0  !! Dimension of space and of the elements.
+    real(dp), allocatable :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
+    integer(int64), allocatable :: node_tag(:)  !! Node tags in the file (n_nodes).
     !> Index of each node in the mesh, ascending (nodes of the file). Nodes from order elevation follow these and have
     !> no index.
     integer, allocatable :: mesh_node(:)
@@ -33,8 +28,7 @@ module dotyk_mesh_body_mesh
     !> Faces of a rigid body without volume, likewise, oriented outward; then it has no elements. Not allocated for
     !> other bodies (`dotyk_mesh_rigid_surface`).
     type(element_block_t), allocatable :: face(:)
-    !> Whether these faces enclose no volume: they have a side, but no inside.
-    logical :: is_open = .false.
+    logical :: is_open = .false.  !! Whether these faces enclose no volume: they have a side, but no inside.
     !> The elements are quadratic on the straight edges and faces of the linear elements of the file
     !> (`dotyk_mesh_order_elevation`).
     logical :: order_elevated = .false.
@@ -94,8 +88,7 @@ contains
   !> Number of elements of a block of the whole body.
   pure integer function body_mesh_whole_block_size(self, b) result(n)
     class(body_mesh_t), intent(in) :: self
-    !> Index of the block.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! Index of the block.
     n = size(self%block(b)%tag)
     if (allocated(self%whole)) n = self%whole%n_of_block(b)
   end function body_mesh_whole_block_size
@@ -125,8 +118,7 @@ contains
   !> Whether this rank computes a node.
   pure logical function body_mesh_is_own_node(self, node) result(is_own)
     class(body_mesh_t), intent(in) :: self
-    !> Held node.
-    integer, intent(in) :: node
+    integer, intent(in) :: node  !! Held node.
     is_own = .true.
     if (allocated(self%whole)) is_own = self%whole%own_node(node)
   end function body_mesh_is_own_node
@@ -134,8 +126,7 @@ contains
   !> Whether this rank computes an element.
   pure logical function body_mesh_is_own_element(self, element) result(is_own)
     class(body_mesh_t), intent(in) :: self
-    !> Held element, counted through all blocks.
-    integer, intent(in) :: element
+    integer, intent(in) :: element  !! Held element, counted through all blocks.
     is_own = .true.
     if (allocated(self%whole)) is_own = self%whole%own_element(element)
   end function body_mesh_is_own_element
@@ -143,8 +134,7 @@ contains
   !> Numbers in the whole body of some held nodes (n).
   pure function body_mesh_whole_nodes(self, node) result(number)
     class(body_mesh_t), intent(in) :: self
-    !> Held nodes (n).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Held nodes (n).
     integer :: number(size(node))
     number = node
     if (allocated(self%whole)) number = self%whole%node(node)
@@ -153,10 +143,8 @@ contains
   !> Bounding box of the nodes.
   pure subroutine body_mesh_box(self, lo, hi)
     class(body_mesh_t), intent(in) :: self
-    !> Lower corner (dimension) [length].
-    real(dp), intent(out) :: lo(self%dimension)
-    !> Upper corner (dimension) [length].
-    real(dp), intent(out) :: hi(self%dimension)
+    real(dp), intent(out) :: lo(self%dimension)  !! Lower corner (dimension) [length].
+    real(dp), intent(out) :: hi(self%dimension)  !! Upper corner (dimension) [length].
     lo = minval(self%x, dim=2)
     hi = maxval(self%x, dim=2)
   end subroutine body_mesh_box
@@ -177,8 +165,7 @@ contains
   !> Put it into a parcel, or take it out.
   subroutine body_mesh_carry(self, parcel)
     class(body_mesh_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     logical :: has_whole
     call parcel%carry(self%file)
     call parcel%carry(self%dimension)
@@ -197,10 +184,8 @@ contains
 
   !> Put blocks of elements into a parcel, or take them out.
   subroutine carry_blocks(parcel, block)
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
-    !> The blocks, if there are any (n_blocks).
-    type(element_block_t), allocatable, intent(inout) :: block(:)
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    type(element_block_t), allocatable, intent(inout) :: block(:)  !! The blocks, if there are any (n_blocks).
     logical :: has_blocks
     integer :: n(1), b
     has_blocks = allocated(block)
@@ -220,14 +205,10 @@ contains
   !>
   !> Elements of other dimensions are ignored. A body whose elements are all inverted is reoriented.
   subroutine extract_body(mesh, volume_name, dimension, body_mesh, error)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
-    !> Dimension of space: 3, or 2 for plane and axisymmetric analyses.
-    integer, intent(in) :: dimension
-    !> Mesh of the body.
-    type(body_mesh_t), intent(out) :: body_mesh
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
+    integer, intent(in) :: dimension  !! Dimension of space: 3, or 2 for plane and axisymmetric analyses.
+    type(body_mesh_t), intent(out) :: body_mesh  !! Mesh of the body.
     !> Set for an unknown name, an empty group, volumes of a body that have elements in common, coordinates out of
     !> range, nodes off the plane, and repeated elements (exit code 2); for inverted or degenerate elements (exit
     !> code 3).
@@ -255,14 +236,10 @@ contains
 
   !> Copy the elements of some groups, one block for each material and kind.
   subroutine gather_elements(mesh, wanted, dimension, block)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Groups to copy (n_groups).
-    logical, intent(in) :: wanted(:)
-    !> Dimension of the elements.
-    integer, intent(in) :: dimension
-    !> Elements, with node numbers of the mesh (n_blocks).
-    type(element_block_t), allocatable, intent(out) :: block(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    logical, intent(in) :: wanted(:)  !! Groups to copy (n_groups).
+    integer, intent(in) :: dimension  !! Dimension of the elements.
+    type(element_block_t), allocatable, intent(out) :: block(:)  !! Elements, with node numbers of the mesh (n_blocks).
     integer :: n_of_kind(n_element_kinds, n_materials_of(mesh, wanted)), b, i, kind, m, n
     integer :: block_of_kind(n_element_kinds, size(n_of_kind, 2))
     n_of_kind = 0
@@ -301,8 +278,7 @@ contains
 
     !> Whether a block of the mesh has the dimension and belongs to one of the groups.
     pure logical function is_wanted(candidate)
-      !> Block of the mesh.
-      type(element_block_t), intent(in) :: candidate
+      type(element_block_t), intent(in) :: candidate  !! Block of the mesh.
       is_wanted = .false.
       if (kind_dimension(candidate%kind) == dimension) is_wanted = any(wanted(candidate%group))
     end function is_wanted
@@ -310,8 +286,7 @@ contains
 
   !> Number the nodes of the body in the order of the mesh.
   subroutine number_nodes(mesh, body_mesh)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
     !> Mesh of the body; on entry its blocks have node numbers of the mesh.
     type(body_mesh_t), intent(inout) :: body_mesh
     integer, allocatable :: number(:)
@@ -347,12 +322,10 @@ contains
 
   !> Connected components of a body: nodes of one element belong to one component.
   subroutine connected_components(body_mesh, component, n_components)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
     !> Component of each node (n_nodes), numbered in the order of their first nodes.
     integer, intent(out) :: component(:)
-    !> Number of components.
-    integer, intent(out) :: n_components
+    integer, intent(out) :: n_components  !! Number of components.
     integer :: i
     if (allocated(body_mesh%whole)) then
       component = body_mesh%whole%component
@@ -376,10 +349,8 @@ contains
 
   !> Join the nodes of each element.
   subroutine join_nodes(block, parent)
-    !> Elements (n_blocks).
-    type(element_block_t), intent(in) :: block(:)
-    !> A node of lower number in the component of each node, or itself (n_nodes).
-    integer, intent(inout) :: parent(:)
+    type(element_block_t), intent(in) :: block(:)  !! Elements (n_blocks).
+    integer, intent(inout) :: parent(:)  !! A node of lower number in the component of each node, or itself (n_nodes).
     integer :: b, e, i, first, other
     do b = 1, size(block)
       do e = 1, size(block(b)%tag)

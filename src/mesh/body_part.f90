@@ -10,35 +10,24 @@ module dotyk_mesh_body_part
   implicit none
   private
 
-  !> Elements of one block of a part.
-  type, public :: part_elements_t
-    !> Whether the rank owns each element; the others are ghosts (n_elements).
-    logical, allocatable :: own(:)
-    !> Number of each element in its block of the whole body, ascending (n_elements).
-    integer, allocatable :: whole(:)
-    !> Number of elements in the block of the whole body.
-    integer :: n_whole = 0
+  type, public :: part_elements_t  !! Elements of one block of a part.
+    logical, allocatable :: own(:)  !! Whether the rank owns each element; the others are ghosts (n_elements).
+    integer, allocatable :: whole(:)  !! Number of each element in its block of the whole body, ascending (n_elements).
+    integer :: n_whole = 0  !! Number of elements in the block of the whole body.
   end type part_elements_t
 
-  !> The part of one body's mesh that one rank holds.
-  type, public :: body_part_t
-    !> This rank, from 0.
-    integer :: rank = 0
-    !> Number of ranks.
-    integer :: n_ranks = 1
+  type, public :: body_part_t  !! The part of one body's mesh that one rank holds.
+    integer :: rank = 0  !! This rank, from 0.
+    integer :: n_ranks = 1  !! Number of ranks.
     !> Own elements, ghost elements, their nodes and all nodes on the boundary of the body. The blocks are those of the
     !> whole body, maybe empty; elements and nodes are in the order of the whole body.
     type(body_mesh_t) :: mesh
-    !> Elements of the part (n_blocks).
-    type(part_elements_t), allocatable :: elements(:)
-    !> Number of nodes of the whole body.
-    integer :: n_whole_nodes = 0
-    !> Number of each node in the whole body, ascending (n_nodes).
-    integer, allocatable :: whole_node(:)
+    type(part_elements_t), allocatable :: elements(:)  !! Elements of the part (n_blocks).
+    integer :: n_whole_nodes = 0  !! Number of nodes of the whole body.
+    integer, allocatable :: whole_node(:)  !! Number of each node in the whole body, ascending (n_nodes).
     !> Owner of each node: the lowest rank that has an own element with it (n_nodes).
     integer, allocatable :: node_rank(:)
-    !> Number of nodes that this rank owns.
-    integer :: n_own_nodes = 0
+    integer :: n_own_nodes = 0  !! Number of nodes that this rank owns.
     !> The nodes of rank r have the global numbers first_node(r) .. first_node(r + 1) - 1, from 0 (0:n_ranks).
     integer, allocatable :: first_node(:)
     !> Global number of each node, from 0: by owner, and then by the number in the whole body (n_nodes).
@@ -64,12 +53,10 @@ contains
 
   !> Mean of the corners of all elements, and their weights.
   subroutine element_centres(mesh, centre, weight)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     !> Mean of the corners of each element, counted through all blocks (dimension, n_elements) [length].
     real(dp), allocatable, intent(out) :: centre(:, :)
-    !> Number of nodes of each element (n_elements).
-    integer, allocatable, intent(out) :: weight(:)
+    integer, allocatable, intent(out) :: weight(:)  !! Number of nodes of each element (n_elements).
     type(element_kind_t) :: kind
     integer :: b, d, e, n
     allocate (centre(mesh%dimension, mesh%n_elements()), weight(mesh%n_elements()))
@@ -90,14 +77,11 @@ contains
 
   !> Owner of each node: the lowest rank that owns an element with it.
   pure subroutine node_owners(mesh, part_of_element, n_ranks, node_rank)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     !> Owner of each element, from 0, counted through all blocks (n_elements).
     integer, intent(in) :: part_of_element(:)
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Owner of each node; n_ranks where it has no element (n_nodes).
-    integer, allocatable, intent(out) :: node_rank(:)
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, allocatable, intent(out) :: node_rank(:)  !! Owner of each node; n_ranks where it has no element (n_nodes).
     integer :: b, e, n
     allocate (node_rank(mesh%n_nodes()), source=n_ranks)
     n = 0

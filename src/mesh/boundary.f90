@@ -12,8 +12,7 @@ contains
 
   !> All facets of the boundary of a body, oriented outward, sorted by their lowest corners.
   subroutine extract_boundary(mesh, surface)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     !> The boundary; it has no name and no tags, and no parent elements where the rank holds a part of the body.
     type(surface_t), intent(out) :: surface
     type(element_faces_t) :: faces
@@ -57,10 +56,8 @@ contains
 
   !> All faces of a body without volume; they have no parent elements.
   subroutine take_faces(mesh, surface)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The boundary.
-    type(surface_t), intent(inout) :: surface
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(surface_t), intent(inout) :: surface  !! The boundary.
     integer :: b, first, n
     n = sum([(size(mesh%face(b)%tag), b=1, size(mesh%face))])
     surface%n_facets = n

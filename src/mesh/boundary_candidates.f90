@@ -19,41 +19,28 @@ module dotyk_mesh_boundary_candidates
   private
   public :: key_length
 
-  !> Some faces of the elements of a rank.
-  type, public :: face_list_t
-    !> Number of faces; each counts once for each of its elements.
-    integer :: n = 0
-    !> Block of the element of each face (n).
-    integer, allocatable :: block(:)
-    !> Element of each face in its block, of those on this rank (n).
-    integer, allocatable :: element(:)
-    !> Number of each face in its element (n).
-    integer, allocatable :: face(:)
+  type, public :: face_list_t  !! Some faces of the elements of a rank.
+    integer :: n = 0  !! Number of faces; each counts once for each of its elements.
+    integer, allocatable :: block(:)  !! Block of the element of each face (n).
+    integer, allocatable :: element(:)  !! Element of each face in its block, of those on this rank (n).
+    integer, allocatable :: face(:)  !! Number of each face in its element (n).
     !> Faces of one group have the same corners; 0 where other ranks have elements too (n).
     integer, allocatable :: group(:)
-    !> Whether other ranks have elements at each face (n).
-    logical, allocatable :: on_ranks(:)
+    logical, allocatable :: on_ranks(:)  !! Whether other ranks have elements at each face (n).
   end type face_list_t
 
-  !> Faces of one rank that may be on the boundary of the body.
-  type, public :: boundary_candidates_t
-    !> Number of faces.
-    integer :: n = 0
-    !> Block of the element of each face (n).
-    integer, allocatable :: block(:)
-    !> Element of each face in its block, of those on this rank (n).
-    integer, allocatable :: element(:)
-    !> Number of each face in its element (n).
-    integer, allocatable :: face(:)
-    !> What other ranks must know (key_length, any).
-    integer, allocatable :: key(:, :)
+  type, public :: boundary_candidates_t  !! Faces of one rank that may be on the boundary of the body.
+    integer :: n = 0  !! Number of faces.
+    integer, allocatable :: block(:)  !! Block of the element of each face (n).
+    integer, allocatable :: element(:)  !! Element of each face in its block, of those on this rank (n).
+    integer, allocatable :: face(:)  !! Number of each face in its element (n).
+    integer, allocatable :: key(:, :)  !! What other ranks must know (key_length, any).
     !> Root of the connected part of each node: the lowest node of the part, by its number in the whole body; as far as
     !> the elements of this rank tell, and in the whole body after `keep_boundary` (n_nodes).
     integer, allocatable :: root(:)
     !> Parts and pieces of the body that are on this rank alone and have no key: their boundary is empty.
     integer :: n_closed_parts = 0, n_closed_pieces = 0
-    !> Parts and pieces of the body that have a key; known after `keep_boundary`.
-    integer :: n_parts = 0, n_pieces = 0
+    integer :: n_parts = 0, n_pieces = 0  !! Parts and pieces of the body that have a key; known after `keep_boundary`.
     !> Faces of which this rank has several elements, where other ranks may have more or something is wrong; after
     !> `keep_boundary` also what is wrong with other faces on several ranks.
     type(face_list_t) :: inner
@@ -70,14 +57,10 @@ contains
   !> Find the faces that occur once, and the keys.
   subroutine candidates_find(self, mesh, whole_node, n_sharers, rank)
     class(boundary_candidates_t), intent(out) :: self
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of each node in the whole body, ascending (n_nodes).
-    integer, intent(in) :: whole_node(:)
-    !> Number of ranks whose elements have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> This rank, from 0.
-    integer, intent(in) :: rank
+    type(body_mesh_t), intent(in) :: mesh  !! Elements that the rank owns, and their nodes, maybe among others.
+    integer, intent(in) :: whole_node(:)  !! Number of each node in the whole body, ascending (n_nodes).
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks whose elements have each node (n_nodes).
+    integer, intent(in) :: rank  !! This rank, from 0.
     type(element_faces_t) :: faces
     integer, allocatable :: component(:), lowest(:), once(:), several(:), lone(:), piece(:), signature(:)
     logical, allocatable :: told(:), has_element(:), part_told(:), piece_told(:)
@@ -137,12 +120,9 @@ contains
 
   !> Number of corners of a face.
   pure integer function n_corners_of(mesh, block, face) result(n)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> Number of the face in the element.
-    integer, intent(in) :: face
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    integer, intent(in) :: block  !! Block of the element.
+    integer, intent(in) :: face  !! Number of the face in the element.
     type(element_kind_t) :: kind
     kind = element_kind(mesh%block(block)%kind)
     n = corners_of(kind%face_kind(face))
@@ -150,14 +130,10 @@ contains
 
   !> Nodes of a face, corners first (n_nodes of the face).
   pure function nodes_of(mesh, block, element, face) result(node)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> The element in its block.
-    integer, intent(in) :: element
-    !> Number of the face in the element.
-    integer, intent(in) :: face
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    integer, intent(in) :: block  !! Block of the element.
+    integer, intent(in) :: element  !! The element in its block.
+    integer, intent(in) :: face  !! Number of the face in the element.
     integer, allocatable :: node(:)
     type(element_kind_t) :: kind
     kind = element_kind(mesh%block(block)%kind)
@@ -166,12 +142,9 @@ contains
 
   !> Piece of the element of each face: elements that whole faces join, as far as this rank knows.
   subroutine find_pieces(mesh, faces, piece)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Their faces.
-    type(element_faces_t), intent(in) :: faces
-    !> The pieces, numbered from 1 (n_faces).
-    integer, allocatable, intent(out) :: piece(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    type(element_faces_t), intent(in) :: faces  !! Their faces.
+    integer, allocatable, intent(out) :: piece(:)  !! The pieces, numbered from 1 (n_faces).
     integer, allocatable :: parent(:), number(:)
     integer :: b, i, n, offset(size(mesh%block) + 1)
     offset(1) = 0
@@ -199,22 +172,17 @@ contains
 
     !> Element of a face, counted through all blocks.
     pure integer function element_of(face)
-      !> The face.
-      integer, intent(in) :: face
+      integer, intent(in) :: face  !! The face.
       element_of = offset(faces%block(face)) + faces%element(face)
     end function element_of
   end subroutine find_pieces
 
   !> Signatures of the nodes on all faces.
   subroutine sign_faces(mesh, faces, whole_node, signature)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Their faces.
-    type(element_faces_t), intent(in) :: faces
-    !> Number of each node in the whole body (n_nodes).
-    integer, intent(in) :: whole_node(:)
-    !> The signatures (n_faces).
-    integer, allocatable, intent(out) :: signature(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    type(element_faces_t), intent(in) :: faces  !! Their faces.
+    integer, intent(in) :: whole_node(:)  !! Number of each node in the whole body (n_nodes).
+    integer, allocatable, intent(out) :: signature(:)  !! The signatures (n_faces).
     type(element_kind_t) :: kind(size(mesh%block))
     integer :: b, i, m, id, corners(n_element_kinds)
     corners = [(corners_of(i), i=1, n_element_kinds)]
@@ -234,18 +202,12 @@ contains
 
   !> Find the faces of several elements of this rank that other ranks may have, and those that are wrong.
   subroutine find_inner_faces(mesh, faces, signature, n_sharers, several, inner)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Their faces.
-    type(element_faces_t), intent(in) :: faces
-    !> Signature of the nodes on each face (n_faces).
-    integer, intent(in) :: signature(:)
-    !> Number of ranks whose elements have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> Those that other ranks may have, once each (any).
-    integer, allocatable, intent(out) :: several(:)
-    !> All of them, for each of their elements.
-    type(face_list_t), intent(out) :: inner
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    type(element_faces_t), intent(in) :: faces  !! Their faces.
+    integer, intent(in) :: signature(:)  !! Signature of the nodes on each face (n_faces).
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks whose elements have each node (n_nodes).
+    integer, allocatable, intent(out) :: several(:)  !! Those that other ranks may have, once each (any).
+    type(face_list_t), intent(out) :: inner  !! All of them, for each of their elements.
     integer, allocatable :: chosen(:)
     type(element_kind_t) :: kind(size(mesh%block))
     logical, allocatable :: is_chosen(:), is_shared(:)
@@ -278,12 +240,9 @@ contains
   !> Keep the faces that are on the boundary of the body: those whose corners no other face has.
   subroutine candidates_keep_boundary(self, mesh, whole_node, answers)
     class(boundary_candidates_t), intent(inout) :: self
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of each node in the whole body, ascending (n_nodes).
-    integer, intent(in) :: whole_node(:)
-    !> What the directories tell.
-    type(key_answers_t), intent(inout) :: answers
+    type(body_mesh_t), intent(in) :: mesh  !! Elements that the rank owns, and their nodes, maybe among others.
+    integer, intent(in) :: whole_node(:)  !! Number of each node in the whole body, ascending (n_nodes).
+    type(key_answers_t), intent(inout) :: answers  !! What the directories tell.
     type(face_census_t) :: census
     integer, allocatable :: kept(:), face(:)
     integer :: i
@@ -304,16 +263,11 @@ contains
 
   !> Find the faces that are wrong on several ranks, and elements of which other ranks have all faces.
   subroutine take_shared_faces(self, mesh, whole_node, census, face)
-    !> The candidates; `inner` and `enclosed` are completed.
-    type(boundary_candidates_t), intent(inout) :: self
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of each node in the whole body (n_nodes).
-    integer, intent(in) :: whole_node(:)
-    !> Faces of all ranks.
-    type(face_census_t), intent(in) :: census
-    !> Number of each candidate there (n).
-    integer, intent(in) :: face(:)
+    type(boundary_candidates_t), intent(inout) :: self  !! The candidates; `inner` and `enclosed` are completed.
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the rank.
+    integer, intent(in) :: whole_node(:)  !! Number of each node in the whole body (n_nodes).
+    type(face_census_t), intent(in) :: census  !! Faces of all ranks.
+    integer, intent(in) :: face(:)  !! Number of each candidate there (n).
     type(element_kind_t) :: kind
     integer, allocatable :: n_shared(:, :), chosen(:)
     integer :: b, e, i, f, n_faces(size(mesh%block))

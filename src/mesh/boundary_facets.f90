@@ -13,29 +13,19 @@ module dotyk_mesh_boundary_facets
   implicit none
   private
 
-  !> Greatest number of corners of a facet.
-  integer, parameter, public :: max_corners = 4
+  integer, parameter, public :: max_corners = 4  !! Greatest number of corners of a facet.
 
   !> Boundary facets in three components (z = 0 in two dimensions), and what is wrong with interior faces.
   type, public :: boundary_facets_t
-    !> Number of facets.
-    integer :: n = 0
-    !> Number of corners of each facet (n).
-    integer, allocatable :: n_corners(:)
-    !> Nodes at the corners, padded with 0 (max_corners, n).
-    integer, allocatable :: corner(:, :)
-    !> Element of each facet, counted through all blocks (n).
-    integer, allocatable :: element(:)
-    !> Mean of the corners (3, n) [length].
-    real(dp), allocatable :: centre(:, :)
-    !> Unit outward normal (3, n) [].
-    real(dp), allocatable :: normal(:, :)
-    !> Area; length in two dimensions (n) [length^2; length].
-    real(dp), allocatable :: area(:)
-    !> Number of pieces of the body that no face joins.
-    integer :: n_pieces = 0
-    !> What is wrong with faces of several elements.
-    type(face_faults_t) :: faults
+    integer :: n = 0  !! Number of facets.
+    integer, allocatable :: n_corners(:)  !! Number of corners of each facet (n).
+    integer, allocatable :: corner(:, :)  !! Nodes at the corners, padded with 0 (max_corners, n).
+    integer, allocatable :: element(:)  !! Element of each facet, counted through all blocks (n).
+    real(dp), allocatable :: centre(:, :)  !! Mean of the corners (3, n) [length].
+    real(dp), allocatable :: normal(:, :)  !! Unit outward normal (3, n) [].
+    real(dp), allocatable :: area(:)  !! Area; length in two dimensions (n) [length^2; length].
+    integer :: n_pieces = 0  !! Number of pieces of the body that no face joins.
+    type(face_faults_t) :: faults  !! What is wrong with faces of several elements.
   contains
     procedure :: find => facets_find
     procedure :: take_layer => facets_take_layer
@@ -46,8 +36,7 @@ contains
   !> Find the facets.
   subroutine facets_find(self, mesh)
     class(boundary_facets_t), intent(out) :: self
-    !> Mesh of the body; the volumes of its elements are positive.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body; the volumes of its elements are positive.
     type(element_faces_t) :: faces
     type(element_kind_t) :: kind(size(mesh%block))
     ! Faces in the order of the elements; how often each was met so far; the elements before each block.
@@ -104,8 +93,7 @@ contains
 
     !> Signature of the nodes on a face.
     pure integer function signature(i)
-      !> The face.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! The face.
       integer :: id
       id = kind(faces%block(i))%face_kind(faces%face(i))
       signature = id
@@ -117,8 +105,7 @@ contains
 
     !> Position of the first node of a face.
     pure function first_node(i) result(x)
-      !> The face.
-      integer, intent(in) :: i
+      integer, intent(in) :: i  !! The face.
       real(dp) :: x(3)
       x = 0
       associate (node => mesh%block(faces%block(i))%node(:, faces%element(i)), &
@@ -131,8 +118,7 @@ contains
   !> Take the facets of a surface layer, in the order of the elements as well.
   subroutine facets_take_layer(self, layer)
     class(boundary_facets_t), intent(out) :: self
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
     type(element_kind_t) :: kind
     real(dp), allocatable :: place(:)
     integer, allocatable :: order(:)
@@ -169,10 +155,8 @@ contains
 
   !> Make room for facets.
   subroutine reserve(self, n)
-    !> The facets.
-    type(boundary_facets_t), intent(inout) :: self
-    !> Their number.
-    integer, intent(in) :: n
+    type(boundary_facets_t), intent(inout) :: self  !! The facets.
+    integer, intent(in) :: n  !! Their number.
     self%n = n
     allocate (self%n_corners(n), self%corner(max_corners, n), self%element(n), self%centre(3, n), self%normal(3, n), &
               self%area(n))
@@ -180,12 +164,9 @@ contains
 
   !> Faces in the order of the elements.
   subroutine order_by_element(mesh, faces, order)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Faces of all elements.
-    type(element_faces_t), intent(in) :: faces
-    !> Their order (n).
-    integer, allocatable, intent(out) :: order(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(element_faces_t), intent(in) :: faces  !! Faces of all elements.
+    integer, allocatable, intent(out) :: order(:)  !! Their order (n).
     type(element_kind_t) :: kind
     integer :: b, i, offset(size(mesh%block) + 1), n_faces(size(mesh%block))
     offset(1) = 0
@@ -203,12 +184,9 @@ contains
 
   !> Centre, normal and area of a facet.
   subroutine set_geometry(self, mesh, i)
-    !> The facets; facet i is completed.
-    type(boundary_facets_t), intent(inout) :: self
-    !> Mesh with the nodes of the facets.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Facet.
-    integer, intent(in) :: i
+    type(boundary_facets_t), intent(inout) :: self  !! The facets; facet i is completed.
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh with the nodes of the facets.
+    integer, intent(in) :: i  !! Facet.
     real(dp) :: x(3, max_corners), n(3)
     integer :: m
     m = self%n_corners(i)

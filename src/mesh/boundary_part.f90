@@ -8,19 +8,15 @@ module dotyk_mesh_boundary_part
   private
   public :: facets_in_boundary, boundary_part, find_entities
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
 contains
 
   !> Number of each facet of a surface in the boundary of its body.
   subroutine facets_in_boundary(boundary, surface, number)
-    !> Boundary of the body.
-    type(surface_t), intent(in) :: boundary
-    !> A surface of the body.
-    type(surface_t), intent(in) :: surface
-    !> Numbers of its facets in the boundary (surface%n_facets).
-    integer, allocatable, intent(out) :: number(:)
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body.
+    type(surface_t), intent(in) :: surface  !! A surface of the body.
+    integer, allocatable, intent(out) :: number(:)  !! Numbers of its facets in the boundary (surface%n_facets).
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
     integer :: f, entry
@@ -38,12 +34,10 @@ contains
 
   !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
   subroutine find_entities(mesh, number, boundary)
-    !> Mesh from which the body was extracted.
-    type(mesh_t), intent(in) :: mesh
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
     !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
     integer, intent(in) :: number(:)
-    !> Boundary of the body; its entities are set.
-    type(surface_t), intent(inout) :: boundary
+    type(surface_t), intent(inout) :: boundary  !! Boundary of the body; its entities are set.
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
     integer :: b, e, f, n, entry, corner(max_corners)
@@ -69,12 +63,9 @@ contains
 
   !> Some facets of a boundary as a surface.
   subroutine boundary_part(boundary, facet, part)
-    !> Boundary of a body.
-    type(surface_t), intent(in) :: boundary
-    !> Facets of the part (n).
-    integer, intent(in) :: facet(:)
-    !> The part.
-    type(surface_t), intent(out) :: part
+    type(surface_t), intent(in) :: boundary  !! Boundary of a body.
+    integer, intent(in) :: facet(:)  !! Facets of the part (n).
+    type(surface_t), intent(out) :: part  !! The part.
     part%name = 'boundary'
     part%dimension = boundary%dimension
     part%order_elevated = boundary%order_elevated

@@ -13,8 +13,7 @@ module dotyk_mesh_cad_script
   integer, parameter :: along_solid = 12, around_circle = 16
   !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
   integer, parameter :: most_along_solid = 1000
-  !> Solids beyond which names are not read: they are compared with each other.
-  integer, parameter :: most_named = 1000
+  integer, parameter :: most_named = 1000  !! Solids beyond which names are not read: they are compared with each other.
 
 contains
 
@@ -22,10 +21,8 @@ contains
   function cad_script(size, order, of_triangles) result(text)
     !> Size of the elements away from curved faces; not positive: a fraction of each solid [length].
     real(dp), intent(in) :: size
-    !> Order of the elements, 1 or 2.
-    integer, intent(in) :: order
-    !> Whether the file is an STL file.
-    logical, intent(in) :: of_triangles
+    integer, intent(in) :: order  !! Order of the elements, 1 or 2.
+    logical, intent(in) :: of_triangles  !! Whether the file is an STL file.
     character(:), allocatable :: text, beginning, unit
     character, parameter :: lf = new_line('a')
     beginning = ''
@@ -114,8 +111,7 @@ contains
 
   !> What comes before the script for one solid alone.
   function script_of_solid(number) result(text)
-    !> Its number in the file, from 1.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! Its number in the file, from 1.
     character(:), allocatable :: text
     character, parameter :: lf = new_line('a')
     text = 'solid() = Volume{:};'//lf// &

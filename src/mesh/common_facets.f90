@@ -7,17 +7,14 @@ module dotyk_mesh_common_facets
   private
   public :: find_common_facets
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
 contains
 
   !> Facets of a surface that another surface of the same body has, too.
   subroutine find_common_facets(surface, other, is_common)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> The other one.
-    type(surface_t), intent(in) :: other
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(surface_t), intent(in) :: other  !! The other one.
     !> Whether the other one has each facet of the surface (n_facets).
     logical, allocatable, intent(out) :: is_common(:)
     type(corner_table_t) :: table

@@ -4,12 +4,9 @@ module dotyk_mesh_corner_table
   implicit none
   private
 
-  !> Set of entries 1..n, each with its corners.
-  type, public :: corner_table_t
-    !> Number of entries.
-    integer :: n = 0
-    !> Sorted corners of each entry, padded with zeros in front (max_corners, room).
-    integer, allocatable :: key(:, :)
+  type, public :: corner_table_t  !! Set of entries 1..n, each with its corners.
+    integer :: n = 0  !! Number of entries.
+    integer, allocatable :: key(:, :)  !! Sorted corners of each entry, padded with zeros in front (max_corners, room).
     !> Entry in each slot, 0 where it is empty (n_slots); the number of slots is a power of 2.
     integer, allocatable :: slot(:)
   contains
@@ -23,10 +20,8 @@ contains
   !> Empty table.
   subroutine table_init(self, max_corners, room)
     class(corner_table_t), intent(out) :: self
-    !> Greatest number of corners of an entry.
-    integer, intent(in) :: max_corners
-    !> Greatest number of entries.
-    integer, intent(in) :: room
+    integer, intent(in) :: max_corners  !! Greatest number of corners of an entry.
+    integer, intent(in) :: room  !! Greatest number of entries.
     integer :: n_slots
     n_slots = 4
     do while (n_slots < 2*room)
@@ -39,10 +34,8 @@ contains
   !> Add an entry unless it exists.
   subroutine table_add(self, corners, entry)
     class(corner_table_t), intent(inout) :: self
-    !> Corners in any order (number of corners).
-    integer, intent(in) :: corners(:)
-    !> The entry: n if it is new, less if it existed.
-    integer, intent(out) :: entry
+    integer, intent(in) :: corners(:)  !! Corners in any order (number of corners).
+    integer, intent(out) :: entry  !! The entry: n if it is new, less if it existed.
     integer :: key(size(self%key, 1)), slot
     key = sorted(size(key), corners)
     call locate(self, key, slot)
@@ -57,8 +50,7 @@ contains
   !> Entry with given corners, 0 if there is none.
   pure integer function table_find(self, corners) result(entry)
     class(corner_table_t), intent(in) :: self
-    !> Corners in any order (number of corners).
-    integer, intent(in) :: corners(:)
+    integer, intent(in) :: corners(:)  !! Corners in any order (number of corners).
     integer :: slot
     call locate(self, sorted(size(self%key, 1), corners), slot)
     entry = self%slot(slot)
@@ -66,12 +58,9 @@ contains
 
   !> Slot that holds a key, or the empty slot where it belongs.
   pure subroutine locate(table, key, slot)
-    !> Table.
-    type(corner_table_t), intent(in) :: table
-    !> Sorted corners (max_corners).
-    integer, intent(in) :: key(:)
-    !> Slot.
-    integer, intent(out) :: slot
+    type(corner_table_t), intent(in) :: table  !! Table.
+    integer, intent(in) :: key(:)  !! Sorted corners (max_corners).
+    integer, intent(out) :: slot  !! Slot.
     integer(int64), parameter :: mask = int(z'7fffffff', int64)
     integer(int64) :: hash
     integer :: i
@@ -89,12 +78,9 @@ contains
 
   !> Corners in ascending order, padded with zeros in front.
   pure function sorted(m, corners) result(key)
-    !> Length of the key.
-    integer, intent(in) :: m
-    !> Corners (number of corners).
-    integer, intent(in) :: corners(:)
-    !> Key (m).
-    integer :: key(m)
+    integer, intent(in) :: m  !! Length of the key.
+    integer, intent(in) :: corners(:)  !! Corners (number of corners).
+    integer :: key(m)  !! Key (m).
     integer :: i, j
     key(:m - size(corners)) = 0
     do i = m - size(corners) + 1, m

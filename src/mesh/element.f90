@@ -31,8 +31,7 @@ contains
 
   !> Properties of an element kind.
   pure function element_kind(id) result(kind)
-    !> One of `element_line2` .. `element_pyramid14`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! One of `element_line2` .. `element_pyramid14`.
     type(element_kind_t) :: kind
     select case (id)
     case (element_line2, element_line3)
@@ -54,8 +53,7 @@ contains
 
   !> Element kind of an element type of gmsh; 0 if the type is not supported.
   pure integer function kind_of_gmsh_type(gmsh_type) result(id)
-    !> Type number of gmsh.
-    integer, intent(in) :: gmsh_type
+    integer, intent(in) :: gmsh_type  !! Type number of gmsh.
     type(element_kind_t) :: kind
     do id = 1, n_element_kinds
       kind = element_kind(id)
@@ -66,12 +64,9 @@ contains
 
   !> Values of the shape functions at a point of the reference domain.
   pure subroutine shape_functions(kind, xi, values)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Values of the shape functions (n_nodes) [].
-    real(dp), intent(out) :: values(kind_nodes(kind))
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(out) :: values(kind_nodes(kind))  !! Values of the shape functions (n_nodes) [].
     select case (kind)
     case (element_line2)
       call lagrange_values(1, 1, 2, line_node, xi, values)
@@ -106,10 +101,8 @@ contains
 
   !> Gradients of the shape functions at a point of the reference domain.
   pure subroutine shape_gradients(kind, xi, gradients)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     !> Derivatives with respect to xi (dimension, n_nodes) [].
     real(dp), intent(out) :: gradients(kind_dimension(kind), kind_nodes(kind))
     select case (kind)
@@ -146,10 +139,8 @@ contains
 
   !> Reference coordinates of the nodes.
   pure subroutine reference_nodes(kind, xi)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Coordinates (dimension, n_nodes) [].
-    real(dp), intent(out) :: xi(kind_dimension(kind), kind_nodes(kind))
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(out) :: xi(kind_dimension(kind), kind_nodes(kind))  !! Coordinates (dimension, n_nodes) [].
     integer :: n, i
     n = kind_nodes(kind)
     select case (kind)

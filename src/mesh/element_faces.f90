@@ -10,24 +10,17 @@ module dotyk_mesh_element_faces
 
   !> Faces of all elements, sorted by their lowest corners; those with the same lowest corner by their elements.
   type, public :: element_faces_t
-    !> Number of faces; each counts once for each of its elements.
-    integer :: n = 0
-    !> Block of the element of each face (n).
-    integer, allocatable :: block(:)
-    !> Element of each face in its block (n).
-    integer, allocatable :: element(:)
-    !> Number of each face in its element (n).
-    integer, allocatable :: face(:)
-    !> The first of the faces with the same corners, the face itself included (n).
-    integer, allocatable :: first(:)
-    !> At the first of equal faces their number, at the others 0 (n).
-    integer, allocatable :: times(:)
+    integer :: n = 0  !! Number of faces; each counts once for each of its elements.
+    integer, allocatable :: block(:)  !! Block of the element of each face (n).
+    integer, allocatable :: element(:)  !! Element of each face in its block (n).
+    integer, allocatable :: face(:)  !! Number of each face in its element (n).
+    integer, allocatable :: first(:)  !! The first of the faces with the same corners, the face itself included (n).
+    integer, allocatable :: times(:)  !! At the first of equal faces their number, at the others 0 (n).
   contains
     procedure :: find => faces_find
   end type element_faces_t
 
-  !> Corners of a face beside the lowest one.
-  integer, parameter :: n_others = 3
+  integer, parameter :: n_others = 3  !! Corners of a face beside the lowest one.
 
   public :: corners_of
 
@@ -36,8 +29,7 @@ contains
   !> Find the faces of a body.
   subroutine faces_find(self, mesh)
     class(element_faces_t), intent(out) :: self
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     integer, allocatable :: start(:), key(:, :)
     call sort_faces(mesh, start, self%block, self%element, self%face, key)
     self%n = size(self%block)
@@ -46,16 +38,12 @@ contains
 
   !> All faces of all elements, sorted by their lowest corners.
   subroutine sort_faces(mesh, start, block, element, face, key)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     !> Faces with lowest corner v are start(v) .. start(v+1)-1 (n_nodes + 1).
     integer, allocatable, intent(out) :: start(:)
-    !> Block of the element of each face (n_faces).
-    integer, allocatable, intent(out) :: block(:)
-    !> Element of each face in its block (n_faces).
-    integer, allocatable, intent(out) :: element(:)
-    !> Number of each face in its element (n_faces).
-    integer, allocatable, intent(out) :: face(:)
+    integer, allocatable, intent(out) :: block(:)  !! Block of the element of each face (n_faces).
+    integer, allocatable, intent(out) :: element(:)  !! Element of each face in its block (n_faces).
+    integer, allocatable, intent(out) :: face(:)  !! Number of each face in its element (n_faces).
     !> The other corners of each face, ascending, padded with 0 in front (n_others, n_faces).
     integer, allocatable, intent(out) :: key(:, :)
     type(element_kind_t) :: kind
@@ -104,8 +92,7 @@ contains
 
   !> Number of corners of a facet.
   pure integer function corners_of(facet_kind) result(n)
-    !> Element kind of the facet.
-    integer, intent(in) :: facet_kind
+    integer, intent(in) :: facet_kind  !! Element kind of the facet.
     type(element_kind_t) :: kind
     kind = element_kind(facet_kind)
     n = kind%n_corners
@@ -113,12 +100,9 @@ contains
 
   !> Corners of a face without the lowest one, ascending, padded with 0 in front.
   pure subroutine other_corners(corner, low, key)
-    !> Corners (2 to 4).
-    integer, intent(in) :: corner(:)
-    !> The lowest of them.
-    integer, intent(in) :: low
-    !> The others (n_others).
-    integer, intent(out) :: key(n_others)
+    integer, intent(in) :: corner(:)  !! Corners (2 to 4).
+    integer, intent(in) :: low  !! The lowest of them.
+    integer, intent(out) :: key(n_others)  !! The others (n_others).
     integer :: i, j
     key = 0
     do i = 1, size(corner)
@@ -136,14 +120,10 @@ contains
 
   !> Compare the faces of each bucket.
   subroutine compare_faces(start, key, first, times)
-    !> First face of each bucket (n_nodes + 1).
-    integer, intent(in) :: start(:)
-    !> Other corners of each face (n_others, n_faces).
-    integer, intent(in) :: key(:, :)
-    !> The first of the faces with the same corners (n_faces).
-    integer, allocatable, intent(out) :: first(:)
-    !> Their number there, 0 at the others (n_faces).
-    integer, allocatable, intent(out) :: times(:)
+    integer, intent(in) :: start(:)  !! First face of each bucket (n_nodes + 1).
+    integer, intent(in) :: key(:, :)  !! Other corners of each face (n_others, n_faces).
+    integer, allocatable, intent(out) :: first(:)  !! The first of the faces with the same corners (n_faces).
+    integer, allocatable, intent(out) :: times(:)  !! Their number there, 0 at the others (n_faces).
     integer :: v, i, j
     allocate (first(size(key, 2)), times(size(key, 2)), source=0)
     do v = 1, size(start) - 1

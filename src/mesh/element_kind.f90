@@ -5,14 +5,10 @@ module dotyk_mesh_element_kind
   implicit none
   private
 
-  !> Number of element kinds.
-  integer, parameter, public :: n_element_kinds = 18
-  !> Greatest number of nodes of an element.
-  integer, parameter, public :: max_element_nodes = 27
-  !> Greatest number of nodes of a face of an element.
-  integer, parameter, public :: max_facet_nodes = 9
-  !> Greatest number of faces of an element.
-  integer, parameter, public :: max_faces = 6
+  integer, parameter, public :: n_element_kinds = 18  !! Number of element kinds.
+  integer, parameter, public :: max_element_nodes = 27  !! Greatest number of nodes of an element.
+  integer, parameter, public :: max_facet_nodes = 9  !! Greatest number of nodes of a face of an element.
+  integer, parameter, public :: max_faces = 6  !! Greatest number of faces of an element.
 
   integer, parameter, public :: element_line2 = 1    !< straight edge
   integer, parameter, public :: element_line3 = 2    !< quadratic edge
@@ -39,28 +35,17 @@ module dotyk_mesh_element_kind
   integer, parameter, public :: kind_nodes(n_element_kinds) = [2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18, 5, &
                                                                13, 14]
 
-  !> One element kind. The node order is that of gmsh: corners, edges, faces, interior.
-  type, public :: element_kind_t
-    !> Name for messages, as 'tet10'.
-    character(9) :: name = ''
-    !> Type number of gmsh.
-    integer :: gmsh_type = 0
-    !> Cell type of VTK.
-    integer :: vtk_type = 0
-    !> Dimension of the reference domain.
-    integer :: dimension = 0
-    !> Polynomial order, 1 or 2.
-    integer :: order = 0
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Number of corners: nodes 1..n_corners.
-    integer :: n_corners = 0
-    !> The linear kind on the same corners.
-    integer :: corner_kind = 0
-    !> Number of faces (edges in two dimensions, none for lines).
-    integer :: n_faces = 0
-    !> Kind of each face, 0 beyond n_faces (max_faces).
-    integer :: face_kind(max_faces) = 0
+  type, public :: element_kind_t  !! One element kind. The node order is that of gmsh: corners, edges, faces, interior.
+    character(9) :: name = ''  !! Name for messages, as 'tet10'.
+    integer :: gmsh_type = 0  !! Type number of gmsh.
+    integer :: vtk_type = 0  !! Cell type of VTK.
+    integer :: dimension = 0  !! Dimension of the reference domain.
+    integer :: order = 0  !! Polynomial order, 1 or 2.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: n_corners = 0  !! Number of corners: nodes 1..n_corners.
+    integer :: corner_kind = 0  !! The linear kind on the same corners.
+    integer :: n_faces = 0  !! Number of faces (edges in two dimensions, none for lines).
+    integer :: face_kind(max_faces) = 0  !! Kind of each face, 0 beyond n_faces (max_faces).
     !> Local node numbers of each face in the node order of its kind, padded with 0. Faces are oriented outward: the
     !> right-hand normal points out; in two dimensions edges run counter-clockwise, so that the outward normal of
     !> the tangent t is (t_y, -t_x).

@@ -8,21 +8,16 @@ module dotyk_mesh_element_ordering
   private
   public :: morton_order
 
-  !> Bits of the curve per axis: 30 bits of three axes fit in a default integer.
-  integer, parameter :: bits = 10
+  integer, parameter :: bits = 10  !! Bits of the curve per axis: 30 bits of three axes fit in a default integer.
 
 contains
 
   !> Sort elements by the position of their first node on the curve; equal positions keep their order.
   pure subroutine morton_order(dim, x, node, order)
-    !> Number of coordinates, 2 or 3.
-    integer, intent(in) :: dim
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes of the elements (n, n_elements).
-    integer, intent(in) :: node(:, :)
-    !> Index of the k-th element (n_elements).
-    integer, intent(out) :: order(size(node, 2))
+    integer, intent(in) :: dim  !! Number of coordinates, 2 or 3.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: node(:, :)  !! Nodes of the elements (n, n_elements).
+    integer, intent(out) :: order(size(node, 2))  !! Index of the k-th element (n_elements).
     integer, allocatable :: key(:), other(:)
     integer :: start(0:2**bits), low_bits, pass, i, k, d, e
     real(dp) :: low(dim), extent
@@ -59,18 +54,12 @@ contains
 
   !> Positions of elements on the curve through a box.
   pure subroutine morton_keys(dim, x, node, low, extent, key)
-    !> Number of coordinates, 2 or 3.
-    integer, intent(in) :: dim
-    !> Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Nodes of the elements; the first one has the position (n, n_elements).
-    integer, intent(in) :: node(:, :)
-    !> Lower corner of the box (dim) [length].
-    real(dp), intent(in) :: low(dim)
-    !> Longest edge of the box [length].
-    real(dp), intent(in) :: extent
-    !> Position of each element, dim*bits bits (n_elements).
-    integer, intent(out) :: key(:)
+    integer, intent(in) :: dim  !! Number of coordinates, 2 or 3.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body (dim, n_nodes) [length].
+    integer, intent(in) :: node(:, :)  !! Nodes of the elements; the first one has the position (n, n_elements).
+    real(dp), intent(in) :: low(dim)  !! Lower corner of the box (dim) [length].
+    real(dp), intent(in) :: extent  !! Longest edge of the box [length].
+    integer, intent(out) :: key(:)  !! Position of each element, dim*bits bits (n_elements).
     integer :: spread_bits(0:2**bits - 1), i, k, d, e
     real(dp) :: scale
     scale = extent

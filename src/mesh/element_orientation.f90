@@ -14,38 +14,27 @@ module dotyk_mesh_element_orientation
   private
   public :: orient_elements, refuse_orientations, reverse_elements
 
-  !> Greatest number of tags in a message.
-  integer, parameter :: max_listed = 10
+  integer, parameter :: max_listed = 10  !! Greatest number of tags in a message.
 
-  !> Elements of one sign of the Jacobian determinant.
-  type, public :: element_sign_t
-    !> Number of elements.
-    integer(int64) :: n = 0
+  type, public :: element_sign_t  !! Elements of one sign of the Jacobian determinant.
+    integer(int64) :: n = 0  !! Number of elements.
     !> Places of the first of them in the order of the elements (`face_order`), ascending (0 .. max_listed).
     integer(int64), allocatable :: order(:)
-    !> Their tags (0 .. max_listed).
-    integer(int64), allocatable :: tag(:)
+    integer(int64), allocatable :: tag(:)  !! Their tags (0 .. max_listed).
   contains
     procedure :: add => sign_add
   end type element_sign_t
 
-  !> Elements by the sign of their Jacobian determinant.
-  type, public :: orientation_census_t
-    !> Elements of positive volume, and of negative volume.
-    type(element_sign_t) :: positive, negative
-    !> Number of other elements.
-    integer(int64) :: n_degenerate = 0
+  type, public :: orientation_census_t  !! Elements by the sign of their Jacobian determinant.
+    type(element_sign_t) :: positive, negative  !! Elements of positive volume, and of negative volume.
+    integer(int64) :: n_degenerate = 0  !! Number of other elements.
     !> How bad the worst of them is: the ratio of the determinant of the wrong sign to that of the right one, 1 for an
     !> element that vanishes; negative where there is none.
     real(dp) :: badness = -1
-    !> Its place in the order of the elements.
-    integer(int64) :: worst_order = huge(0_int64)
-    !> Its tag and kind.
-    integer(int64) :: worst_tag = 0, worst_kind = 0
-    !> Its least and greatest determinant [length^dimension].
-    real(dp) :: range(2) = 0
-    !> Mean of its corners (3) [length].
-    real(dp) :: middle(3) = 0
+    integer(int64) :: worst_order = huge(0_int64)  !! Its place in the order of the elements.
+    integer(int64) :: worst_tag = 0, worst_kind = 0  !! Its tag and kind.
+    real(dp) :: range(2) = 0  !! Its least and greatest determinant [length^dimension].
+    real(dp) :: middle(3) = 0  !! Mean of its corners (3) [length].
   contains
     procedure :: find => census_find
     procedure :: add => census_add
@@ -56,8 +45,7 @@ contains
   !> Reverse all elements if all volumes are negative; refuse a mixture, and elements whose Jacobian determinant
   !> vanishes or changes its sign.
   subroutine orient_elements(x, block, error)
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
     !> Elements (n_blocks); the nodes of all are permuted if all are inverted.
     type(element_block_t), intent(inout) :: block(:)
     !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
@@ -70,8 +58,7 @@ contains
 
   !> Reverse all elements.
   subroutine reverse_elements(block)
-    !> Elements (n_blocks); their nodes are permuted.
-    type(element_block_t), intent(inout) :: block(:)
+    type(element_block_t), intent(inout) :: block(:)  !! Elements (n_blocks); their nodes are permuted.
     integer :: b
     do b = 1, size(block)
       block(b)%node = block(b)%node(mirror_order(block(b)%kind), :)
@@ -81,10 +68,8 @@ contains
   !> Count elements by their signs.
   subroutine census_find(self, x, block)
     class(orientation_census_t), intent(out) :: self
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Elements (n_blocks).
-    type(element_block_t), intent(in) :: block(:)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
+    type(element_block_t), intent(in) :: block(:)  !! Elements (n_blocks).
     type(element_kind_t) :: kind
     real(dp), allocatable :: smallest(:), largest(:)
     real(dp) :: badness
@@ -118,12 +103,9 @@ contains
 
   !> Count an element, and keep its tag where it is one of the first.
   subroutine count_element(elements, order, tag)
-    !> Elements of the sign; updated.
-    type(element_sign_t), intent(inout) :: elements
-    !> Place of the element in the order of the elements.
-    integer(int64), intent(in) :: order
-    !> Its tag.
-    integer(int64), intent(in) :: tag
+    type(element_sign_t), intent(inout) :: elements  !! Elements of the sign; updated.
+    integer(int64), intent(in) :: order  !! Place of the element in the order of the elements.
+    integer(int64), intent(in) :: tag  !! Its tag.
     elements%n = elements%n + 1
     if (elements%n > max_listed) return
     elements%order = [elements%order, order]
@@ -133,8 +115,7 @@ contains
   !> Add the elements of one sign of another share.
   subroutine sign_add(self, other)
     class(element_sign_t), intent(inout) :: self
-    !> Elements of the same sign.
-    type(element_sign_t), intent(in) :: other
+    type(element_sign_t), intent(in) :: other  !! Elements of the same sign.
     integer, allocatable :: by_place(:)
     self%n = self%n + other%n
     self%order = [self%order, other%order]
@@ -166,10 +147,8 @@ contains
 
   !> Refuse degenerate elements, and a mixture of orientations.
   subroutine refuse_orientations(census, dimension, error)
-    !> Census of the whole body.
-    type(orientation_census_t), intent(in) :: census
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(orientation_census_t), intent(in) :: census  !! Census of the whole body.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
     type(error_t), allocatable, intent(out) :: error
     if (census%n_degenerate > 0) then
@@ -181,10 +160,8 @@ contains
 
   !> Error for degenerate elements, which names the worst.
   subroutine report_degenerate(census, dimension, error)
-    !> Census of the whole body.
-    type(orientation_census_t), intent(in) :: census
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(orientation_census_t), intent(in) :: census  !! Census of the whole body.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Allocated on return: names the worst element and the number of degenerate ones.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
@@ -204,10 +181,8 @@ contains
 
   !> Error for a mixture of orientations, which names the elements of the minority.
   subroutine report_mixture(census, dimension, error)
-    !> Census of the whole body.
-    type(orientation_census_t), intent(in) :: census
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(orientation_census_t), intent(in) :: census  !! Census of the whole body.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Allocated on return: names the elements of the rarer orientation.
     type(error_t), allocatable, intent(out) :: error
     type(element_sign_t) :: rare

@@ -12,8 +12,7 @@ contains
 
   !> Work for a body: entries of its element matrices.
   pure integer(int64) function element_work(mesh) result(work)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     integer :: k
     work = 0
     do k = 1, size(mesh%block)
@@ -23,14 +22,10 @@ contains
 
   !> The rank of each element.
   subroutine rank_elements(mesh, before, work, n_ranks, element_rank)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Work for the bodies before this one, and for all.
-    integer(int64), intent(in) :: before, work
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> From 0, counted through all blocks (n_elements).
-    integer, allocatable, intent(out) :: element_rank(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    integer(int64), intent(in) :: before, work  !! Work for the bodies before this one, and for all.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, allocatable, intent(out) :: element_rank(:)  !! From 0, counted through all blocks (n_elements).
     integer, allocatable :: node(:, :), cost(:), order(:)
     integer(int64) :: done
     integer :: k, e, n

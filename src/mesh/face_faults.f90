@@ -6,64 +6,46 @@ module dotyk_mesh_face_faults
   implicit none
   private
 
-  !> Faults of faces; elements have an order, and the first of each kind is told.
-  type, public :: face_faults_t
-    !> Number of faces of more than two elements.
-    integer :: n_shared = 0
+  type, public :: face_faults_t  !! Faults of faces; elements have an order, and the first of each kind is told.
+    integer :: n_shared = 0  !! Number of faces of more than two elements.
     !> Place of the first of them in the order of the elements (`face_order`); huge where there is none.
     integer(int64) :: shared_order = huge(0_int64)
-    !> A node of it (3) [length].
-    real(dp) :: shared_position(3) = 0
-    !> Number of faces on which two elements have other nodes.
-    integer :: n_mixed = 0
+    real(dp) :: shared_position(3) = 0  !! A node of it (3) [length].
+    integer :: n_mixed = 0  !! Number of faces on which two elements have other nodes.
     !> Place of the first of them in the order of the elements; huge where there is none.
     integer(int64) :: mixed_order = huge(0_int64)
-    !> Tags of its elements.
-    integer(int64) :: mixed(2) = 0
-    !> Whether they have another kind of face each, such as tri6 and tri3.
-    logical :: mixed_kinds = .false.
-    !> A node of it (3) [length].
-    real(dp) :: mixed_position(3) = 0
+    integer(int64) :: mixed(2) = 0  !! Tags of its elements.
+    logical :: mixed_kinds = .false.  !! Whether they have another kind of face each, such as tri6 and tri3.
+    real(dp) :: mixed_position(3) = 0  !! A node of it (3) [length].
   contains
     procedure :: add => faults_add
   end type face_faults_t
 
-  !> Faces of elements; those of one group have the same corners.
-  type, public :: face_occurrences_t
-    !> Group of each face (n).
-    integer, allocatable :: group(:)
-    !> Place of each face in the order of the elements (n).
-    integer(int64), allocatable :: order(:)
-    !> Signature of the nodes on each face, from `face_signature` (n).
-    integer, allocatable :: signature(:)
-    !> Tag of the element of each face (n).
-    integer(int64), allocatable :: tag(:)
-    !> First node of each face (3, n) [length].
-    real(dp), allocatable :: x(:, :)
+  type, public :: face_occurrences_t  !! Faces of elements; those of one group have the same corners.
+    integer, allocatable :: group(:)  !! Group of each face (n).
+    integer(int64), allocatable :: order(:)  !! Place of each face in the order of the elements (n).
+    integer, allocatable :: signature(:)  !! Signature of the nodes on each face, from `face_signature` (n).
+    integer(int64), allocatable :: tag(:)  !! Tag of the element of each face (n).
+    real(dp), allocatable :: x(:, :)  !! First node of each face (3, n) [length].
   end type face_occurrences_t
 
   public :: face_order, face_signature, judge_faces
 
-  !> Signatures end with the kind of the face in this many bits.
-  integer, parameter :: kind_bits = 5
+  integer, parameter :: kind_bits = 5  !! Signatures end with the kind of the face in this many bits.
 
 contains
 
   !> Place of a face in the order of the elements: blocks, elements of the block, faces of the element.
   pure integer(int64) function face_order(block, element, face) result(order)
-    !> Block of the element.
-    integer, intent(in) :: block
-    !> Number of the element in its block of the whole body.
-    integer, intent(in) :: element
-    !> Number of the face in the element.
-    integer, intent(in) :: face
+    integer, intent(in) :: block  !! Block of the element.
+    integer, intent(in) :: element  !! Number of the element in its block of the whole body.
+    integer, intent(in) :: face  !! Number of the face in the element.
     order = ishft(int(block, int64), 40) + 8*int(element, int64) + face
   end function face_order
 
   !> A number that tells the nodes on a face beside its corners: equal where kind and nodes are, in any order of nodes.
   pure integer function face_signature(kind, inner_node) result(signature)
-    !> Element kind of the face.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind of the face.
     !> Nodes of the face that are no corners, by their numbers in the whole body (any).
     integer, intent(in) :: inner_node(:)
     integer(int64), parameter :: factor = 1327217885_int64
@@ -79,8 +61,7 @@ contains
   !> Add the faults of other faces.
   subroutine faults_add(self, other)
     class(face_faults_t), intent(inout) :: self
-    !> Faults of faces with other corners.
-    type(face_faults_t), intent(in) :: other
+    type(face_faults_t), intent(in) :: other  !! Faults of faces with other corners.
     self%n_shared = self%n_shared + other%n_shared
     self%n_mixed = self%n_mixed + other%n_mixed
     if (other%shared_order < self%shared_order) then
@@ -97,10 +78,8 @@ contains
 
   !> Find what is wrong with faces, of which all elements are known.
   subroutine judge_faces(faces, faults)
-    !> The faces.
-    type(face_occurrences_t), intent(in) :: faces
-    !> The faults.
-    type(face_faults_t), intent(out) :: faults
+    type(face_occurrences_t), intent(in) :: faces  !! The faces.
+    type(face_faults_t), intent(out) :: faults  !! The faults.
     integer, allocatable :: by_element(:), order(:)
     integer :: n, k, i, first, times
     n = size(faces%group)
@@ -139,10 +118,8 @@ contains
 
   !> Whether two signatures are of faces of two kinds.
   pure logical function have_other_kinds(a, b)
-    !> First signature.
-    integer, intent(in) :: a
-    !> Second signature.
-    integer, intent(in) :: b
+    integer, intent(in) :: a  !! First signature.
+    integer, intent(in) :: b  !! Second signature.
     have_other_kinds = ibits(a, 0, kind_bits) /= ibits(b, 0, kind_bits)
   end function have_other_kinds
 end module dotyk_mesh_face_faults

@@ -16,21 +16,14 @@ module dotyk_mesh_face_keys
   implicit none
   private
 
-  !> Rows of a key.
-  integer, parameter, public :: key_length = 8
-  !> Greatest number of corners of a face.
-  integer, parameter, public :: max_corners = 4
+  integer, parameter, public :: key_length = 8  !! Rows of a key.
+  integer, parameter, public :: max_corners = 4  !! Greatest number of corners of a face.
 
-  !> What the keys of all ranks tell of each face of some of them.
-  type, public :: face_census_t
-    !> Faces by their corners.
-    type(corner_table_t) :: table
-    !> Number of elements at each face, 3 for more (n_faces).
-    integer, allocatable :: times(:)
-    !> Whether several ranks have elements at each face (n_faces).
-    logical, allocatable :: on_ranks(:)
-    !> Whether ranks have other nodes on each face (n_faces).
-    logical, allocatable :: mixed(:)
+  type, public :: face_census_t  !! What the keys of all ranks tell of each face of some of them.
+    type(corner_table_t) :: table  !! Faces by their corners.
+    integer, allocatable :: times(:)  !! Number of elements at each face, 3 for more (n_faces).
+    logical, allocatable :: on_ranks(:)  !! Whether several ranks have elements at each face (n_faces).
+    logical, allocatable :: mixed(:)  !! Whether ranks have other nodes on each face (n_faces).
   contains
     procedure :: count => census_count
     procedure :: take => census_take
@@ -38,12 +31,9 @@ module dotyk_mesh_face_keys
     procedure :: is_wrong => census_is_wrong
   end type face_census_t
 
-  !> What the directories tell a rank.
-  type, public :: key_answers_t
-    !> Answer to each key of the rank (n_keys).
-    integer, allocatable :: face(:)
-    !> Roots of the parts of the body that have a key, of all ranks.
-    type(linked_tags_t) :: parts
+  type, public :: key_answers_t  !! What the directories tell a rank.
+    integer, allocatable :: face(:)  !! Answer to each key of the rank (n_keys).
+    type(linked_tags_t) :: parts  !! Roots of the parts of the body that have a key, of all ranks.
     !> Pieces that have a face, of all ranks: those of two ranks are one where both have a face.
     type(linked_tags_t) :: pieces
   end type key_answers_t
@@ -57,18 +47,12 @@ contains
 
   !> Key of a face.
   pure function face_key(corner, root, piece, signature, rank, times) result(key)
-    !> Corners by their numbers in the whole body, in any order (2 to 4).
-    integer, intent(in) :: corner(:)
-    !> Root of the part of the body.
-    integer, intent(in) :: root
-    !> Piece on this rank.
-    integer, intent(in) :: piece
-    !> Signature of the nodes on the face, from `face_signature`.
-    integer, intent(in) :: signature
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of elements of this rank at the face.
-    integer, intent(in) :: times
+    integer, intent(in) :: corner(:)  !! Corners by their numbers in the whole body, in any order (2 to 4).
+    integer, intent(in) :: root  !! Root of the part of the body.
+    integer, intent(in) :: piece  !! Piece on this rank.
+    integer, intent(in) :: signature  !! Signature of the nodes on the face, from `face_signature`.
+    integer, intent(in) :: rank  !! This rank, from 0.
+    integer, intent(in) :: times  !! Number of elements of this rank at the face.
     integer :: key(key_length), i
     key = 0
     do i = 1, size(corner)
@@ -80,10 +64,8 @@ contains
 
   !> Key of a node that ranks share although no face tells it.
   pure function node_key(node, root) result(key)
-    !> Number of the node in the whole body.
-    integer, intent(in) :: node
-    !> Root of the part of the body.
-    integer, intent(in) :: root
+    integer, intent(in) :: node  !! Number of the node in the whole body.
+    integer, intent(in) :: root  !! Root of the part of the body.
     integer :: key(key_length)
     key = 0
     key(max_corners:max_corners + 1) = [node, root]
@@ -91,24 +73,20 @@ contains
 
   !> Number of corners of a key.
   pure integer function n_corners(key)
-    !> The key (key_length).
-    integer, intent(in) :: key(:)
+    integer, intent(in) :: key(:)  !! The key (key_length).
     n_corners = count(key(:max_corners) > 0)
   end function n_corners
 
   !> Directory of a key or node: a number of 0 .. n_directories - 1.
   pure integer function directory_of(corner, n_directories) result(directory)
-    !> Corners of the key, ascending, or the node (1 to 4).
-    integer, intent(in) :: corner(:)
-    !> Number of directories.
-    integer, intent(in) :: n_directories
+    integer, intent(in) :: corner(:)  !! Corners of the key, ascending, or the node (1 to 4).
+    integer, intent(in) :: n_directories  !! Number of directories.
     directory = modulo(minval(corner, mask=corner > 0), n_directories)
   end function directory_of
 
   !> Tag of the piece of a key, among those of all ranks.
   pure integer(int64) function piece_tag(key) result(tag)
-    !> The key (key_length).
-    integer, intent(in) :: key(:)
+    integer, intent(in) :: key(:)  !! The key (key_length).
     tag = ishft(int(key(8)/4, int64), 32) + key(6)
   end function piece_tag
 
@@ -116,10 +94,8 @@ contains
   subroutine answer_keys(keys, answer, links)
     !> The keys of its faces, of all ranks in any order; maybe some of nodes (key_length, n).
     integer, intent(in) :: keys(:, :)
-    !> What the rank of each key must know (n).
-    integer, allocatable, intent(out) :: answer(:)
-    !> Pieces that have a face in common.
-    type(tag_links_t), intent(out) :: links
+    integer, allocatable, intent(out) :: answer(:)  !! What the rank of each key must know (n).
+    type(tag_links_t), intent(out) :: links  !! Pieces that have a face in common.
     type(face_census_t) :: census
     integer(int64), allocatable :: piece_at(:)
     integer :: i, face
@@ -138,10 +114,8 @@ contains
 
   !> Nodes of the keys of a rank, and the roots of their parts, once each.
   subroutine list_nodes(keys, node_root)
-    !> The keys (key_length, any).
-    integer, intent(in) :: keys(:, :)
-    !> Node and root (2, n).
-    integer, allocatable, intent(out) :: node_root(:, :)
+    integer, intent(in) :: keys(:, :)  !! The keys (key_length, any).
+    integer, allocatable, intent(out) :: node_root(:, :)  !! Node and root (2, n).
     type(growing_tag_map_t) :: nodes
     integer, allocatable :: root(:)
     integer :: i, j, k
@@ -162,8 +136,7 @@ contains
   subroutine link_nodes(node_root, links)
     !> Nodes with the roots of their parts, from `list_nodes` of all ranks in any order (2, n).
     integer, intent(in) :: node_root(:, :)
-    !> The roots.
-    type(tag_links_t), intent(out) :: links
+    type(tag_links_t), intent(out) :: links  !! The roots.
     type(growing_tag_map_t) :: nodes
     integer, allocatable :: root(:)
     integer :: i, k
@@ -177,12 +150,9 @@ contains
 
   !> Parts and pieces of the keys of a rank, once each.
   subroutine list_tags(keys, parts, pieces)
-    !> The keys (key_length, any).
-    integer, intent(in) :: keys(:, :)
-    !> Roots of the parts (any).
-    integer(int64), allocatable, intent(out) :: parts(:)
-    !> Tags of the pieces that have a face (any).
-    integer(int64), allocatable, intent(out) :: pieces(:)
+    integer, intent(in) :: keys(:, :)  !! The keys (key_length, any).
+    integer(int64), allocatable, intent(out) :: parts(:)  !! Roots of the parts (any).
+    integer(int64), allocatable, intent(out) :: pieces(:)  !! Tags of the pieces that have a face (any).
     type(growing_tag_map_t) :: of_parts, of_pieces
     integer :: i, k
     do i = 1, size(keys, 2)
@@ -197,8 +167,7 @@ contains
   !> Count the elements at faces.
   subroutine census_count(self, keys)
     class(face_census_t), intent(out) :: self
-    !> All keys of these faces, of all ranks (key_length, any).
-    integer, intent(in) :: keys(:, :)
+    integer, intent(in) :: keys(:, :)  !! All keys of these faces, of all ranks (key_length, any).
     integer, allocatable :: first(:)
     integer :: i, m, entry
     call make_room(self, size(keys, 2))
@@ -217,10 +186,8 @@ contains
   !> Take what the directories answer.
   subroutine census_take(self, keys, answer)
     class(face_census_t), intent(out) :: self
-    !> Keys of a rank (key_length, n).
-    integer, intent(in) :: keys(:, :)
-    !> Answers (n).
-    integer, intent(in) :: answer(:)
+    integer, intent(in) :: keys(:, :)  !! Keys of a rank (key_length, n).
+    integer, intent(in) :: answer(:)  !! Answers (n).
     integer :: i, m, entry
     call make_room(self, size(keys, 2))
     do i = 1, size(keys, 2)
@@ -235,10 +202,8 @@ contains
 
   !> Room for faces.
   subroutine make_room(census, n)
-    !> Gets room.
-    type(face_census_t), intent(inout) :: census
-    !> Number of faces at most.
-    integer, intent(in) :: n
+    type(face_census_t), intent(inout) :: census  !! Gets room.
+    integer, intent(in) :: n  !! Number of faces at most.
     call census%table%init(max_corners, n)
     allocate (census%times(n), source=0)
     allocate (census%on_ranks(n), census%mixed(n), source=.false.)
@@ -247,16 +212,14 @@ contains
   !> Number of a face, from its key or corners; 0 where no rank has told it.
   pure integer function census_find(self, corner) result(face)
     class(face_census_t), intent(in) :: self
-    !> Corners by their numbers in the whole body, in any order; maybe some 0 (any).
-    integer, intent(in) :: corner(:)
+    integer, intent(in) :: corner(:)  !! Corners by their numbers in the whole body, in any order; maybe some 0 (any).
     face = self%table%find(pack(corner, corner > 0))
   end function census_find
 
   !> Whether several ranks have a face, and something is wrong with it.
   pure logical function census_is_wrong(self, face) result(is_wrong)
     class(face_census_t), intent(in) :: self
-    !> Number of the face.
-    integer, intent(in) :: face
+    integer, intent(in) :: face  !! Number of the face.
     is_wrong = self%on_ranks(face) .and. (self%times(face) > 2 .or. self%mixed(face))
   end function census_is_wrong
 end module dotyk_mesh_face_keys

@@ -15,20 +15,15 @@ contains
 
   !> Position, unit outward normal and area per reference area at a point of a facet.
   pure subroutine facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
-    !> Element kind of the facet, whose dimension is one less than that of space.
-    integer, intent(in) :: kind
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: kind  !! Element kind of the facet, whose dimension is one less than that of space.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Position (dimension) [length].
-    real(dp), intent(out) :: position(dimension)
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
     !> Unit outward normal; zero where the facet is degenerate (dimension) [].
     real(dp), intent(out) :: normal(dimension)
-    !> Area per reference area [length^2; length in two dimensions].
-    real(dp), intent(out) :: jacobian
+    real(dp), intent(out) :: jacobian  !! Area per reference area [length^2; length in two dimensions].
     real(dp) :: a(3), b(3), n(3)
     call tangents(kind, dimension, x, xi, position, a, b)
     n = cross(a, b)
@@ -39,16 +34,12 @@ contains
 
   !> Position and its derivatives with respect to the reference coordinates.
   pure subroutine facet_tangents(kind, dimension, x, xi, position, tangent)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Position (dimension) [length].
-    real(dp), intent(out) :: position(dimension)
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
     !> Column k is the derivative with respect to xi(k) (dimension, dimension-1) [length].
     real(dp), intent(out) :: tangent(dimension, kind_dimension(kind))
     real(dp) :: a(3), b(3)
@@ -60,20 +51,14 @@ contains
   !> Position and tangents in three components: in two dimensions the second tangent is the unit vector z, so that a x b
   !> is a normal in both.
   pure subroutine tangents(kind, dimension, x, xi, position, a, b)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
     !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Position (dimension) [length].
-    real(dp), intent(out) :: position(dimension)
-    !> Derivative with respect to xi(1) (3) [length].
-    real(dp), intent(out) :: a(3)
-    !> Derivative with respect to xi(2) (3) [length].
-    real(dp), intent(out) :: b(3)
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
+    real(dp), intent(out) :: a(3)  !! Derivative with respect to xi(1) (3) [length].
+    real(dp), intent(out) :: b(3)  !! Derivative with respect to xi(2) (3) [length].
     real(dp) :: value(max_facet_nodes), gradient(2*max_facet_nodes)
     integer :: i
     call shape_functions(kind, xi, value)
@@ -98,16 +83,12 @@ contains
 
   !> Local axes of the surface at a point of a facet; see `frame_of_normal`.
   pure subroutine facet_frame(kind, dimension, x, xi, frame)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Unit vectors as columns (dimension, dimension) [].
-    real(dp), intent(out) :: frame(dimension, dimension)
+    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(out) :: frame(dimension, dimension)  !! Unit vectors as columns (dimension, dimension) [].
     real(dp) :: position(3), normal(3), jacobian
     call facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
     call frame_of_normal(dimension, normal, frame)
@@ -118,10 +99,8 @@ contains
   !> xi is the global x axis projected on the surface, the y axis where that projection vanishes; in three dimensions
   !> eta = n x xi, so that (xi, eta, n) is right-handed. In two dimensions (xi, n) is right-handed on upper sides only.
   pure subroutine frame_of_normal(dimension, normal, frame)
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Unit outward normal (dimension) [].
-    real(dp), intent(in) :: normal(dimension)
+    integer, intent(in) :: dimension  !! Dimension of space.
+    real(dp), intent(in) :: normal(dimension)  !! Unit outward normal (dimension) [].
     !> Unit vectors as columns: xi, eta, n in three dimensions; xi, n in two (dimension, dimension) [].
     real(dp), intent(out) :: frame(dimension, dimension)
     real(dp) :: axis(dimension)
@@ -154,12 +133,9 @@ contains
 
   !> Vector product.
   pure function cross(a, b) result(c)
-    !> First vector (3) [any].
-    real(dp), intent(in) :: a(3)
-    !> Second vector (3) [any].
-    real(dp), intent(in) :: b(3)
-    !> Product (3) [any].
-    real(dp) :: c(3)
+    real(dp), intent(in) :: a(3)  !! First vector (3) [any].
+    real(dp), intent(in) :: b(3)  !! Second vector (3) [any].
+    real(dp) :: c(3)  !! Product (3) [any].
     c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
   end function cross
 end module dotyk_mesh_facet

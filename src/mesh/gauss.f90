@@ -11,14 +11,10 @@ contains
   !>
   !> Newton's method on the Jacobi polynomial P_n^(alpha,0), deflated by the roots already found.
   pure subroutine gauss_jacobi(n, alpha, x, w)
-    !> Number of points.
-    integer, intent(in) :: n
-    !> Exponent of the weight, 0 or above.
-    integer, intent(in) :: alpha
-    !> Points, ascending (n) [].
-    real(dp), intent(out) :: x(n)
-    !> Weights, whose sum is 1/(alpha+1) (n) [].
-    real(dp), intent(out) :: w(n)
+    integer, intent(in) :: n  !! Number of points.
+    integer, intent(in) :: alpha  !! Exponent of the weight, 0 or above.
+    real(dp), intent(out) :: x(n)  !! Points, ascending (n) [].
+    real(dp), intent(out) :: w(n)  !! Weights, whose sum is 1/(alpha+1) (n) [].
     real(dp), parameter :: pi = acos(-1.0_dp)
     integer, parameter :: most_steps = 100
     real(dp) :: t, p, derivative, change, last
@@ -46,16 +42,11 @@ contains
   !> Jacobi polynomial P_n^(alpha,0) and its derivative, by the three-term recurrence (Abramowitz and Stegun 22.7.1,
   !> 22.8.1).
   pure subroutine jacobi(n, alpha, t, p, derivative)
-    !> Degree, 1 or above.
-    integer, intent(in) :: n
-    !> Exponent alpha.
-    integer, intent(in) :: alpha
-    !> Argument, inside (-1,1) [].
-    real(dp), intent(in) :: t
-    !> Value [].
-    real(dp), intent(out) :: p
-    !> Derivative [].
-    real(dp), intent(out) :: derivative
+    integer, intent(in) :: n  !! Degree, 1 or above.
+    integer, intent(in) :: alpha  !! Exponent alpha.
+    real(dp), intent(in) :: t  !! Argument, inside (-1,1) [].
+    real(dp), intent(out) :: p  !! Value [].
+    real(dp), intent(out) :: derivative  !! Derivative [].
     real(dp) :: previous, next, a, two
     integer :: k
     a = alpha

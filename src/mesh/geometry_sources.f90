@@ -13,12 +13,9 @@ module dotyk_mesh_geometry_sources
   implicit none
   private
 
-  !> Files that gmsh reads for a geometry.
-  type, public :: geometry_sources_t
-    !> Number of files.
-    integer :: n = 0
-    !> Their paths; the geometry is the first (room).
-    type(text_t), allocatable :: file(:)
+  type, public :: geometry_sources_t  !! Files that gmsh reads for a geometry.
+    integer :: n = 0  !! Number of files.
+    type(text_t), allocatable :: file(:)  !! Their paths; the geometry is the first (room).
     !> Why the content of the files does not determine the mesh, with file and line, as in "GetEnv in part.geo:3";
     !> not allocated where it does.
     character(:), allocatable :: doubt
@@ -26,16 +23,11 @@ module dotyk_mesh_geometry_sources
     character(:), allocatable :: command
     !> First statement that reads a file by the name in a variable; a doubt where texts are computed.
     character(:), allocatable, private :: variable
-    !> Whether texts are computed somewhere.
-    logical, private :: computes = .false.
-    !> Number of texts in quotes.
-    integer, private :: n_names = 0
-    !> Texts in quotes, each of which may name a file (room).
-    type(text_t), allocatable, private :: name(:)
-    !> Number of directories.
-    integer, private :: n_directories = 0
-    !> Directories that names may be relative to (room).
-    type(text_t), allocatable, private :: directory(:)
+    logical, private :: computes = .false.  !! Whether texts are computed somewhere.
+    integer, private :: n_names = 0  !! Number of texts in quotes.
+    type(text_t), allocatable, private :: name(:)  !! Texts in quotes, each of which may name a file (room).
+    integer, private :: n_directories = 0  !! Number of directories.
+    type(text_t), allocatable, private :: directory(:)  !! Directories that names may be relative to (room).
   contains
     procedure :: find => sources_find
     procedure :: add_to => sources_add_to
@@ -69,10 +61,8 @@ contains
   !> Find the sources of a geometry.
   subroutine sources_find(self, geometry, error)
     class(geometry_sources_t), intent(out) :: self
-    !> Path of the .geo file.
-    character(*), intent(in) :: geometry
-    !> Set if the geometry cannot be read.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: geometry  !! Path of the .geo file.
+    type(error_t), allocatable, intent(out) :: error  !! Set if the geometry cannot be read.
     type(byte_cursor_t) :: cursor
     type(error_t), allocatable :: not_read
     integer :: i
@@ -97,10 +87,8 @@ contains
   !> Add the contents of all sources to a hash.
   subroutine sources_add_to(self, hash, error)
     class(geometry_sources_t), intent(in) :: self
-    !> The hash.
-    type(content_hash_t), intent(inout) :: hash
-    !> Set if a file cannot be read.
-    type(error_t), allocatable, intent(out) :: error
+    type(content_hash_t), intent(inout) :: hash  !! The hash.
+    type(error_t), allocatable, intent(out) :: error  !! Set if a file cannot be read.
     character(:), allocatable :: home
     integer :: i
     do i = 1, self%n
@@ -115,10 +103,8 @@ contains
 
   !> Add the options of the user, which gmsh reads at its start, but for windows and recent files ("General.").
   subroutine add_options(path, hash)
-    !> Path of the file; it need not exist.
-    character(*), intent(in) :: path
-    !> The hash.
-    type(content_hash_t), intent(inout) :: hash
+    character(*), intent(in) :: path  !! Path of the file; it need not exist.
+    type(content_hash_t), intent(inout) :: hash  !! The hash.
     type(byte_cursor_t) :: cursor
     type(error_t), allocatable :: not_read
     character(:), allocatable :: line
@@ -133,12 +119,9 @@ contains
 
   !> Look for names, doubts and commands in a file.
   subroutine scan(self, file, text)
-    !> The sources; completed.
-    type(geometry_sources_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Its content.
-    character(*), intent(in) :: text
+    type(geometry_sources_t), intent(inout) :: self  !! The sources; completed.
+    character(*), intent(in) :: file  !! Path of the file.
+    character(*), intent(in) :: text  !! Its content.
     type(geometry_token_t) :: token, argument
     integer(int64) :: position
     integer :: line
@@ -201,8 +184,7 @@ contains
 
     !> Word and place of a token, as in "GetEnv in part.geo:3".
     function place(token) result(words)
-      !> The token.
-      type(geometry_token_t), intent(in) :: token
+      type(geometry_token_t), intent(in) :: token  !! The token.
       character(:), allocatable :: words
       words = token%text//' in '//file//':'//to_text(token%line)
     end function place
@@ -210,36 +192,29 @@ contains
 
   !> Position of the first letter of a set in a text; 0 where there is none.
   pure integer function scan_set(text, set)
-    !> The text.
-    character(*), intent(in) :: text
-    !> Letters.
-    character(*), intent(in) :: set
+    character(*), intent(in) :: text  !! The text.
+    character(*), intent(in) :: set  !! Letters.
     scan_set = 0
     if (len(text) > 0) scan_set = index(set, text(1:1))
   end function scan_set
 
   !> Keep the first of several remarks.
   subroutine note(remark, text)
-    !> The remark; unchanged where it is allocated.
-    character(:), allocatable, intent(inout) :: remark
-    !> Its text.
-    character(*), intent(in) :: text
+    character(:), allocatable, intent(inout) :: remark  !! The remark; unchanged where it is allocated.
+    character(*), intent(in) :: text  !! Its text.
     if (.not. allocated(remark)) remark = text
   end subroutine note
 
   !> Whether a word is in a list.
   pure logical function is_one_of(word, list)
-    !> The word.
-    character(*), intent(in) :: word
-    !> The list (n).
-    character(*), intent(in) :: list(:)
+    character(*), intent(in) :: word  !! The word.
+    character(*), intent(in) :: list(:)  !! The list (n).
     is_one_of = len(word) > 0 .and. any(list == word)
   end function is_one_of
 
   !> Extension of a path without its point, in lower case; empty where it has none.
   pure function extension(path) result(ending)
-    !> The path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! The path.
     character(:), allocatable :: ending
     integer :: point
     point = index(path, '.', back=.true.)
@@ -249,10 +224,8 @@ contains
 
   !> Add a text in quotes, and the files that it names.
   subroutine add_name(self, name)
-    !> The sources; completed.
-    type(geometry_sources_t), intent(inout) :: self
-    !> Text in quotes.
-    character(*), intent(in) :: name
+    type(geometry_sources_t), intent(inout) :: self  !! The sources; completed.
+    character(*), intent(in) :: name  !! Text in quotes.
     integer :: i
     if (len_trim(name) == 0 .or. index(name, achar(0)) > 0) return
     if (.not. is_new(self%name, self%n_names, name)) return
@@ -268,10 +241,8 @@ contains
 
   !> Add a directory, and the files in it that the texts in quotes name.
   subroutine add_directory(self, directory)
-    !> The sources; completed.
-    type(geometry_sources_t), intent(inout) :: self
-    !> Directory with its slash; empty: the working directory.
-    character(*), intent(in) :: directory
+    type(geometry_sources_t), intent(inout) :: self  !! The sources; completed.
+    character(*), intent(in) :: directory  !! Directory with its slash; empty: the working directory.
     integer :: i, n
     if (.not. is_new(self%directory, self%n_directories, directory)) return
     call append(self%directory, self%n_directories, directory)
@@ -283,10 +254,8 @@ contains
 
   !> Add a file if it exists, the options beside it, and its directory.
   recursive subroutine add_path(self, path)
-    !> The sources; completed.
-    type(geometry_sources_t), intent(inout) :: self
-    !> Path.
-    character(*), intent(in) :: path
+    type(geometry_sources_t), intent(inout) :: self  !! The sources; completed.
+    character(*), intent(in) :: path  !! Path.
     ! The geometry itself is added in any case: its absence is reported.
     if (self%n > 0) then
       if (len(why_no_file(path)) > 0) return
@@ -300,12 +269,9 @@ contains
 
   !> Whether a text is in no list.
   pure logical function is_new(list, n, text)
-    !> Texts (room).
-    type(text_t), intent(in) :: list(:)
-    !> Number of texts in use.
-    integer, intent(in) :: n
-    !> The text.
-    character(*), intent(in) :: text
+    type(text_t), intent(in) :: list(:)  !! Texts (room).
+    integer, intent(in) :: n  !! Number of texts in use.
+    character(*), intent(in) :: text  !! The text.
     integer :: i
     is_new = .false.
     do i = 1, n
@@ -316,12 +282,9 @@ contains
 
   !> Append a text to a list.
   subroutine append(list, n, text)
-    !> Texts (room).
-    type(text_t), allocatable, intent(inout) :: list(:)
-    !> Number of texts in use.
-    integer, intent(inout) :: n
-    !> The text.
-    character(*), intent(in) :: text
+    type(text_t), allocatable, intent(inout) :: list(:)  !! Texts (room).
+    integer, intent(inout) :: n  !! Number of texts in use.
+    character(*), intent(in) :: text  !! The text.
     type(text_t), allocatable :: larger(:)
     integer :: i
     if (n == size(list)) then

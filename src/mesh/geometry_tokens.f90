@@ -10,14 +10,10 @@ module dotyk_mesh_geometry_tokens
   integer, parameter, public :: token_text = 2  !< what is between two single or two double quotes
   integer, parameter, public :: token_mark = 3  !< any other character
 
-  !> One token.
-  type, public :: geometry_token_t
-    !> One of `token_*`.
-    integer :: kind = token_end
-    !> Line of its first character.
-    integer :: line = 0
-    !> Its characters; without the quotes.
-    character(:), allocatable :: text
+  type, public :: geometry_token_t  !! One token.
+    integer :: kind = token_end  !! One of `token_*`.
+    integer :: line = 0  !! Line of its first character.
+    character(:), allocatable :: text  !! Its characters; without the quotes.
   end type geometry_token_t
 
   public :: next_token
@@ -30,14 +26,10 @@ contains
 
   !> The token at a position. A quote ends at the next one of its kind, maybe lines below; there are no escapes.
   subroutine next_token(text, position, line, token)
-    !> The whole text.
-    character(*), intent(in) :: text
-    !> Position; behind the token on return.
-    integer(int64), intent(inout) :: position
-    !> Line of the position.
-    integer, intent(inout) :: line
-    !> The token.
-    type(geometry_token_t), intent(out) :: token
+    character(*), intent(in) :: text  !! The whole text.
+    integer(int64), intent(inout) :: position  !! Position; behind the token on return.
+    integer, intent(inout) :: line  !! Line of the position.
+    type(geometry_token_t), intent(out) :: token  !! The token.
     integer(int64) :: first, length
     call skip_blanks(text, position, line)
     token%line = line
@@ -66,12 +58,9 @@ contains
 
   !> Skip blanks, line ends and comments.
   subroutine skip_blanks(text, position, line)
-    !> The whole text.
-    character(*), intent(in) :: text
-    !> Position; moved.
-    integer(int64), intent(inout) :: position
-    !> Line of the position.
-    integer, intent(inout) :: line
+    character(*), intent(in) :: text  !! The whole text.
+    integer(int64), intent(inout) :: position  !! Position; moved.
+    integer, intent(inout) :: line  !! Line of the position.
     integer(int64) :: length
     do while (position <= len(text, int64))
       length = 1
@@ -95,8 +84,7 @@ contains
 
   !> Number of line feeds in a text.
   pure integer function count_lines(text)
-    !> The text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The text.
     integer(int64) :: i
     count_lines = 0
     do i = 1, len(text, int64)

@@ -18,32 +18,22 @@ module dotyk_mesh_gmsh
   private
   public :: read_gmsh, read_gmsh_text
 
-  !> Format of the file, and the sections read so far.
-  type :: sections_t
-    !> 22 or 41; 0 before $MeshFormat.
-    integer :: version = 0
-    !> $PhysicalNames was read.
-    logical :: names = .false.
-    !> $Entities was read.
-    logical :: entities = .false.
-    !> $Nodes was read.
-    logical :: nodes = .false.
-    !> $Elements was read.
-    logical :: elements = .false.
-    !> Elements in the file, kept or not.
-    integer(int64) :: n_elements = 0
-    !> Position behind '$Nodes' and, in a binary file, its line.
-    integer(int64) :: node_position = 0
+  type :: sections_t  !! Format of the file, and the sections read so far.
+    integer :: version = 0  !! 22 or 41; 0 before $MeshFormat.
+    logical :: names = .false.  !! $PhysicalNames was read.
+    logical :: entities = .false.  !! $Entities was read.
+    logical :: nodes = .false.  !! $Nodes was read.
+    logical :: elements = .false.  !! $Elements was read.
+    integer(int64) :: n_elements = 0  !! Elements in the file, kept or not.
+    integer(int64) :: node_position = 0  !! Position behind '$Nodes' and, in a binary file, its line.
   end type sections_t
 
 contains
 
   !> Read a mesh file, or a selection of it.
   subroutine read_gmsh(file, mesh, error, selection)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Mesh.
-    type(mesh_t), intent(out) :: mesh
+    character(*), intent(in) :: file  !! Path of the file.
+    type(mesh_t), intent(out) :: mesh  !! Mesh.
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
@@ -58,12 +48,9 @@ contains
 
   !> Read a mesh, or a selection of it, from bytes in memory.
   subroutine read_gmsh_text(file, bytes, mesh, error, selection)
-    !> File name, for messages.
-    character(*), intent(in) :: file
-    !> Content of the file.
-    character(*), intent(in) :: bytes
-    !> Mesh.
-    type(mesh_t), intent(out) :: mesh
+    character(*), intent(in) :: file  !! File name, for messages.
+    character(*), intent(in) :: bytes  !! Content of the file.
+    type(mesh_t), intent(out) :: mesh  !! Mesh.
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
@@ -76,15 +63,12 @@ contains
 
   !> Read all sections.
   subroutine read_sections(cursor, mesh, error, selection)
-    !> Cursor at the first byte.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh.
-    type(mesh_t), intent(inout) :: mesh
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor at the first byte.
+    type(mesh_t), intent(inout) :: mesh  !! Mesh.
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     type(mesh_builder_t) :: builder
     type(entities_t) :: entities
     type(sections_t) :: sections
@@ -111,14 +95,10 @@ contains
 
   !> Read one section, from '$Name' to '$EndName'.
   subroutine read_section(cursor, builder, entities, sections)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Geometric entities.
-    type(entities_t), intent(inout) :: entities
-    !> Format and sections read so far.
-    type(sections_t), intent(inout) :: sections
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    type(entities_t), intent(inout) :: entities  !! Geometric entities.
+    type(sections_t), intent(inout) :: sections  !! Format and sections read so far.
     character(:), allocatable :: word
     integer(int64) :: first
     call begin_section(cursor, sections%version, word, first)
@@ -148,18 +128,12 @@ contains
 
   !> Read a section that carries parts of the mesh.
   subroutine read_known_section(cursor, builder, entities, sections, name, first)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Geometric entities.
-    type(entities_t), intent(inout) :: entities
-    !> Format and sections read so far.
-    type(sections_t), intent(inout) :: sections
-    !> Name of the section, as '$Nodes'.
-    character(*), intent(in) :: name
-    !> Position of the section in the file.
-    integer(int64), intent(in) :: first
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    type(entities_t), intent(inout) :: entities  !! Geometric entities.
+    type(sections_t), intent(inout) :: sections  !! Format and sections read so far.
+    character(*), intent(in) :: name  !! Name of the section, as '$Nodes'.
+    integer(int64), intent(in) :: first  !! Position of the section in the file.
     select case (name)
     case ('$PhysicalNames')
       call check_first(cursor, sections%names, first)
@@ -203,10 +177,8 @@ contains
 
   !> Read $PhysicalNames: a count, then dimension, tag and "name" of each group, as text in binary files too.
   subroutine read_names(cursor, builder)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
     character(:), allocatable :: line
     integer(int64) :: n, dimension, tag, first, i
     integer :: opening, closing, group
@@ -234,24 +206,18 @@ contains
 
   !> Check that a section occurs once.
   subroutine check_first(cursor, met, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Whether the section was read before; true on return.
-    logical, intent(inout) :: met
-    !> Position of the section in the file.
-    integer(int64), intent(in) :: position
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    logical, intent(inout) :: met  !! Whether the section was read before; true on return.
+    integer(int64), intent(in) :: position  !! Position of the section in the file.
     if (met) call cursor%fail('this section occurs a second time', position)
     met = .true.
   end subroutine check_first
 
   !> Check that the file has all that a mesh needs.
   subroutine check_complete(cursor, builder, sections)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(in) :: builder
-    !> Format and sections read.
-    type(sections_t), intent(in) :: sections
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(in) :: builder  !! Mesh under construction.
+    type(sections_t), intent(in) :: sections  !! Format and sections read.
     if (cursor%broken) return
     if (cursor%size == 0) then
       call cursor%fail('the file is empty')

@@ -12,17 +12,14 @@ module dotyk_mesh_gmsh_22
 
   !> Upper limit of the number of tags of an element (partitions follow the first three).
   integer, parameter :: max_tags = 1000
-  !> Nodes of the largest known element type.
-  integer, parameter :: max_nodes = 125
+  integer, parameter :: max_nodes = 125  !! Nodes of the largest known element type.
 
 contains
 
   !> Read $Nodes: a count, then tag and coordinates of each node.
   subroutine read_nodes_22(cursor, builder)
-    !> Cursor behind the word '$Nodes'.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; its nodes are set.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind the word '$Nodes'.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; its nodes are set.
     integer(int64), allocatable :: position(:)
     integer(int64) :: n_nodes, first, i
     call read_count_22(cursor, merge(28, 8, cursor%binary), 'nodes', n_nodes)
@@ -43,12 +40,9 @@ contains
   !> Read $Elements: a count, then tag, type, tags (the first is the physical group) and nodes of each element; in
   !> binary files under headers of type, number of elements and number of tags.
   subroutine read_elements_22(cursor, builder, n_elements)
-    !> Cursor behind the word '$Elements'.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; it has the nodes, its blocks are set.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Number of elements in the file, points included.
-    integer(int64), intent(out) :: n_elements
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind the word '$Elements'.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; it has the nodes, its blocks are set.
+    integer(int64), intent(out) :: n_elements  !! Number of elements in the file, points included.
     integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left
     integer(int64) :: first, i
     integer :: node(max_nodes), n_nodes, block, place, partition
@@ -108,20 +102,13 @@ contains
 
   !> Count an element of a selection.
   subroutine count_element(builder, block, type, i, n_elements, partition, place)
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Block of the builder to which the element belongs.
-    integer, intent(in) :: block
-    !> Type number of gmsh.
-    integer, intent(in) :: type
-    !> Number of the element in the file.
-    integer(int64), intent(in) :: i
-    !> Number of elements in the file.
-    integer(int64), intent(in) :: n_elements
-    !> Partition of the element, from 1; 0 where the file is not partitioned.
-    integer, intent(in) :: partition
-    !> Its number among those of the block; 0 where it is not read.
-    integer, intent(out) :: place
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(in) :: block  !! Block of the builder to which the element belongs.
+    integer, intent(in) :: type  !! Type number of gmsh.
+    integer(int64), intent(in) :: i  !! Number of the element in the file.
+    integer(int64), intent(in) :: n_elements  !! Number of elements in the file.
+    integer, intent(in) :: partition  !! Partition of the element, from 1; 0 where the file is not partitioned.
+    integer, intent(out) :: place  !! Its number among those of the block; 0 where it is not read.
     integer(int64) :: first, last
     place = 0
     if (.not. builder%wants(gmsh_type_dimension(type), builder%block(block)%group)) return
@@ -135,14 +122,10 @@ contains
 
   !> Read a count on a line of its own, as text in binary files too, after which binary numbers begin.
   subroutine read_count_22(cursor, least_bytes, what, count)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Fewest bytes of one counted item.
-    integer, intent(in) :: least_bytes
-    !> Name of the items, for messages.
-    character(*), intent(in) :: what
-    !> Count; 0 after a fault.
-    integer(int64), intent(out) :: count
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer, intent(in) :: least_bytes  !! Fewest bytes of one counted item.
+    character(*), intent(in) :: what  !! Name of the items, for messages.
+    integer(int64), intent(out) :: count  !! Count; 0 after a fault.
     integer(int64) :: first
     call cursor%skip_blanks
     first = cursor%position
@@ -154,20 +137,14 @@ contains
 
   !> Read the tags of an element: the physical group, the geometric entity, and others.
   subroutine read_group(cursor, element, position, n_tags, physical, entity, partition)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: element
-    !> Position of the element in the file, for messages.
-    integer(int64), intent(in) :: position
-    !> Number of tags.
-    integer(int64), intent(in) :: n_tags
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer(int64), intent(in) :: element  !! Tag of the element, for messages.
+    integer(int64), intent(in) :: position  !! Position of the element in the file, for messages.
+    integer(int64), intent(in) :: n_tags  !! Number of tags.
     !> Tag of the physical group, 0 if there is none. A minus sign in the file marks reversed orientation.
     integer(int64), intent(out) :: physical
-    !> Tag of the geometric entity, 0 if there is none.
-    integer(int64), intent(out) :: entity
-    !> Partition, from 1; 0 where the mesh is not partitioned.
-    integer, intent(out) :: partition
+    integer(int64), intent(out) :: entity  !! Tag of the geometric entity, 0 if there is none.
+    integer, intent(out) :: partition  !! Partition, from 1; 0 where the mesh is not partitioned.
     integer(int64) :: value, i
     partition = 0
     physical = 0
@@ -190,12 +167,9 @@ contains
 
   !> Read the node tags of an element.
   subroutine read_tags(cursor, n, tag)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Node tags (at least n).
-    integer(int64), intent(inout) :: tag(:)
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer(int64), intent(inout) :: tag(:)  !! Node tags (at least n).
     integer :: i
     do i = 1, n
       call cursor%get_int(tag(i))
@@ -204,22 +178,14 @@ contains
 
   !> Find or add the block of an element type and a physical group.
   subroutine find_block(cursor, builder, type, n_nodes, physical, element, position, block)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Type number of gmsh.
-    integer(int64), intent(in) :: type
-    !> Number of nodes of the type.
-    integer, intent(in) :: n_nodes
-    !> Tag of the physical group.
-    integer(int64), intent(in) :: physical
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: element
-    !> Position of the element in the file, for messages.
-    integer(int64), intent(in) :: position
-    !> Index of the block.
-    integer, intent(out) :: block
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer(int64), intent(in) :: type  !! Type number of gmsh.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the type.
+    integer(int64), intent(in) :: physical  !! Tag of the physical group.
+    integer(int64), intent(in) :: element  !! Tag of the element, for messages.
+    integer(int64), intent(in) :: position  !! Position of the element in the file, for messages.
+    integer, intent(out) :: block  !! Index of the block.
     integer :: kind, group
     block = 0
     call type_kind(cursor, type, element, position, kind)

@@ -12,17 +12,14 @@ module dotyk_mesh_gmsh_41
   private
   public :: read_nodes_41, read_elements_41
 
-  !> Nodes of the largest known element type.
-  integer, parameter :: max_nodes = 125
+  integer, parameter :: max_nodes = 125  !! Nodes of the largest known element type.
 
 contains
 
   !> Read $Nodes: blocks by entity, each with the tags first and the coordinates after them.
   subroutine read_nodes_41(cursor, builder)
-    !> Cursor behind '$Nodes' and, in a binary file, its line.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; its nodes are set.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind '$Nodes' and, in a binary file, its line.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; its nodes are set.
     integer(int64), allocatable :: position(:)
     integer(int64) :: n_nodes, n_blocks, n_read, n, dimension, entity, parametric, ignored, first, i, j
     real(dp) :: parameter
@@ -68,14 +65,10 @@ contains
 
   !> Read $Elements: blocks by entity and type.
   subroutine read_elements_41(cursor, builder, entities, n_elements)
-    !> Cursor behind '$Elements' and, in a binary file, its line.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; it has the nodes, its blocks are set.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Geometric entities.
-    type(entities_t), intent(in) :: entities
-    !> Number of elements in the file, points included.
-    integer(int64), intent(out) :: n_elements
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind '$Elements' and, in a binary file, its line.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; it has the nodes, its blocks are set.
+    type(entities_t), intent(in) :: entities  !! Geometric entities.
+    integer(int64), intent(out) :: n_elements  !! Number of elements in the file, points included.
     type(entity_t) :: entity
     integer(int64) :: n_blocks, n_read, n, dimension, tag, type, first, i
     integer :: n_nodes, kind, block
@@ -121,20 +114,13 @@ contains
 
   !> Read a share of the elements of one block of the file, and skip the others.
   subroutine read_share(cursor, builder, block, entity, n, n_nodes, shared)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Block of the builder that receives the elements, 0 for none.
-    integer, intent(in) :: block
-    !> Geometric entity.
-    type(entity_t), intent(in) :: entity
-    !> Number of elements.
-    integer(int64), intent(in) :: n
-    !> Number of nodes of each element.
-    integer, intent(in) :: n_nodes
-    !> Whether the elements are divided into shares; all are read otherwise.
-    logical, intent(in) :: shared
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(in) :: block  !! Block of the builder that receives the elements, 0 for none.
+    type(entity_t), intent(in) :: entity  !! Geometric entity.
+    integer(int64), intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: n_nodes  !! Number of nodes of each element.
+    logical, intent(in) :: shared  !! Whether the elements are divided into shares; all are read otherwise.
     integer(int64) :: first, last
     integer :: before
     first = 0
@@ -154,8 +140,7 @@ contains
 
     !> Skip elements.
     subroutine skip_elements(m)
-      !> Their number.
-      integer(int64), intent(in) :: m
+      integer(int64), intent(in) :: m  !! Their number.
       if (cursor%binary) then
         call cursor%skip_bytes(8*(n_nodes + 1)*m)
       else
@@ -166,18 +151,12 @@ contains
 
   !> Read the elements of one block of the file.
   subroutine read_block(cursor, builder, block, entity, n, n_nodes, before)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Block of the builder that receives the elements, 0 for none.
-    integer, intent(in) :: block
-    !> Tag of the geometric entity.
-    integer, intent(in) :: entity
-    !> Number of elements.
-    integer(int64), intent(in) :: n
-    !> Number of nodes of each element.
-    integer, intent(in) :: n_nodes
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(in) :: block  !! Block of the builder that receives the elements, 0 for none.
+    integer, intent(in) :: entity  !! Tag of the geometric entity.
+    integer(int64), intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: n_nodes  !! Number of nodes of each element.
     !> Number of elements of the block in the file before these; used only where not all is read.
     integer, intent(in) :: before
     integer(int64) :: tag(max_nodes), element, first, i
@@ -199,8 +178,7 @@ contains
 
   !> The next number, which stays unread: the tag of the first element of a block, for messages.
   integer(int64) function next_tag(cursor) result(tag)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
     integer(int64) :: position
     position = cursor%position
     call cursor%get_size(tag)

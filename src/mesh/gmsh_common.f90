@@ -14,12 +14,9 @@ contains
 
   !> Allocate the nodes, whose number was checked against the size of the file.
   subroutine allocate_nodes(cursor, builder, n_nodes, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Number of nodes.
-    integer(int64), intent(in) :: n_nodes
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer(int64), intent(in) :: n_nodes  !! Number of nodes.
     !> Position of each node in the file, to be filled in (n_nodes).
     integer(int64), allocatable, intent(out) :: position(:)
     if (cursor%broken) return
@@ -28,12 +25,9 @@ contains
 
   !> Index the nodes by their tags, which must be positive and unique.
   subroutine index_nodes(cursor, builder, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Position of each node in the file (n_nodes).
-    integer(int64), intent(in) :: position(:)
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer(int64), intent(in) :: position(:)  !! Position of each node in the file (n_nodes).
     integer :: repeated, i
     if (cursor%broken) return
     do i = 1, size(position)
@@ -48,18 +42,12 @@ contains
 
   !> Indices of the nodes of an element; in the map of used nodes where not all is read.
   subroutine find_nodes(cursor, builder, tag, element, position, node)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Node tags (n).
-    integer(int64), intent(in) :: tag(:)
-    !> Tag of the element, for messages.
-    integer(int64), intent(in) :: element
-    !> Position of the element in the file, for messages.
-    integer(int64), intent(in) :: position
-    !> Node indices (n).
-    integer, intent(out) :: node(:)
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer(int64), intent(in) :: tag(:)  !! Node tags (n).
+    integer(int64), intent(in) :: element  !! Tag of the element, for messages.
+    integer(int64), intent(in) :: position  !! Position of the element in the file, for messages.
+    integer, intent(out) :: node(:)  !! Node indices (n).
     integer :: i
     if (.not. builder%selection%everything) then
       do i = 1, size(tag)
@@ -78,16 +66,11 @@ contains
 
   !> Number of nodes of an element type of gmsh, which must be known even to skip an element.
   subroutine type_nodes(cursor, type, element, position, n_nodes)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Type number of gmsh.
-    integer(int64), intent(in) :: type
-    !> Tag of the (first) element of this type.
-    integer(int64), intent(in) :: element
-    !> Position of the element in the file, for messages.
-    integer(int64), intent(in) :: position
-    !> Number of nodes; 0 after a fault.
-    integer, intent(out) :: n_nodes
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer(int64), intent(in) :: type  !! Type number of gmsh.
+    integer(int64), intent(in) :: element  !! Tag of the (first) element of this type.
+    integer(int64), intent(in) :: position  !! Position of the element in the file, for messages.
+    integer, intent(out) :: n_nodes  !! Number of nodes; 0 after a fault.
     n_nodes = 0
     if (cursor%broken) return
     if (abs(type) < huge(0)) n_nodes = gmsh_type_nodes(int(type))
@@ -98,16 +81,11 @@ contains
 
   !> Element kind of an element that is kept, which must be supported.
   subroutine type_kind(cursor, type, element, position, kind)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Type number of gmsh, a known one.
-    integer(int64), intent(in) :: type
-    !> Tag of the (first) element of this type.
-    integer(int64), intent(in) :: element
-    !> Position of the element in the file, for messages.
-    integer(int64), intent(in) :: position
-    !> Element kind of `dotyk_mesh_element`; 0 after a fault.
-    integer, intent(out) :: kind
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer(int64), intent(in) :: type  !! Type number of gmsh, a known one.
+    integer(int64), intent(in) :: element  !! Tag of the (first) element of this type.
+    integer(int64), intent(in) :: position  !! Position of the element in the file, for messages.
+    integer, intent(out) :: kind  !! Element kind of `dotyk_mesh_element`; 0 after a fault.
     kind = 0
     if (cursor%broken) return
     kind = kind_of_gmsh_type(int(type))
@@ -119,16 +97,11 @@ contains
 
   !> Read the four numbers at the head of $Nodes and $Elements: blocks, items, least and largest tag.
   subroutine read_counts(cursor, least_bytes, what, n_blocks, count)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Fewest bytes of one item.
-    integer, intent(in) :: least_bytes
-    !> Name of the items, for messages.
-    character(*), intent(in) :: what
-    !> Number of blocks; 0 after a fault.
-    integer(int64), intent(out) :: n_blocks
-    !> Number of items; 0 after a fault.
-    integer(int64), intent(out) :: count
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer, intent(in) :: least_bytes  !! Fewest bytes of one item.
+    character(*), intent(in) :: what  !! Name of the items, for messages.
+    integer(int64), intent(out) :: n_blocks  !! Number of blocks; 0 after a fault.
+    integer(int64), intent(out) :: count  !! Number of items; 0 after a fault.
     integer(int64) :: ignored, first
     if (.not. cursor%binary) call cursor%skip_blanks
     first = cursor%position
@@ -145,18 +118,12 @@ contains
 
   !> Check that a block has no more items than are left of those announced.
   subroutine check_block(cursor, what, n, n_read, n_all, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the items, for messages.
-    character(*), intent(in) :: what
-    !> Items of the block.
-    integer(int64), intent(in) :: n
-    !> Items of the previous blocks.
-    integer(int64), intent(in) :: n_read
-    !> Items that are announced.
-    integer(int64), intent(in) :: n_all
-    !> Position of the block in the file.
-    integer(int64), intent(in) :: position
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    character(*), intent(in) :: what  !! Name of the items, for messages.
+    integer(int64), intent(in) :: n  !! Items of the block.
+    integer(int64), intent(in) :: n_read  !! Items of the previous blocks.
+    integer(int64), intent(in) :: n_all  !! Items that are announced.
+    integer(int64), intent(in) :: position  !! Position of the block in the file.
     if (n >= 0 .and. n <= n_all - n_read) return
     call cursor%fail('a block announces '//to_text(n)//' '//what//', where '//to_text(n_all - n_read)//' of '// &
                      to_text(n_all)//' are left', position)

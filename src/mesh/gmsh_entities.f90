@@ -9,52 +9,36 @@ module dotyk_mesh_gmsh_entities
   private
   public :: read_entities_41, read_partitioned_entities_41, find_entity
 
-  !> Physical groups of the entities of one dimension.
-  type :: entity_groups_t
-    !> Index of an entity by its tag.
-    type(tag_map_t) :: index
-    !> Start of the groups of each entity in `group` (n_entities + 1).
-    integer, allocatable :: start(:)
-    !> Group indices, ascending and without repetition for each entity (room).
-    integer, allocatable :: group(:)
+  type :: entity_groups_t  !! Physical groups of the entities of one dimension.
+    type(tag_map_t) :: index  !! Index of an entity by its tag.
+    integer, allocatable :: start(:)  !! Start of the groups of each entity in `group` (n_entities + 1).
+    integer, allocatable :: group(:)  !! Group indices, ascending and without repetition for each entity (room).
     !> Partition of each entity, from 1; 0 where the mesh is not partitioned (n_entities).
     integer, allocatable :: partition(:)
     !> Tag of the entity of which each one is a part, its own where the mesh is not partitioned (n_entities).
     integer, allocatable :: parent(:)
   end type entity_groups_t
 
-  !> Geometric entities by dimension: points, curves, surfaces, volumes.
-  type, public :: entities_t
-    !> Whether $Entities was read.
-    logical :: known = .false.
-    !> Whether the mesh is partitioned: $PartitionedEntities was read.
-    logical :: partitioned = .false.
-    !> Groups by dimension (0:3).
-    type(entity_groups_t) :: dimension(0:3)
-    !> Groups of the parts of entities in partitions, by dimension (0:3).
-    type(entity_groups_t) :: in_partition(0:3)
+  type, public :: entities_t  !! Geometric entities by dimension: points, curves, surfaces, volumes.
+    logical :: known = .false.  !! Whether $Entities was read.
+    logical :: partitioned = .false.  !! Whether the mesh is partitioned: $PartitionedEntities was read.
+    type(entity_groups_t) :: dimension(0:3)  !! Groups by dimension (0:3).
+    type(entity_groups_t) :: in_partition(0:3)  !! Groups of the parts of entities in partitions, by dimension (0:3).
   end type entities_t
 
-  !> What elements have of their entity.
-  type, public :: entity_t
-    !> Tag of the entity in the geometry.
-    integer :: tag = 0
-    !> Partition, from 1; 0 where the mesh is not partitioned.
-    integer :: partition = 0
-    !> Indices of its physical groups, ascending (n_groups).
-    integer, allocatable :: group(:)
+  type, public :: entity_t  !! What elements have of their entity.
+    integer :: tag = 0  !! Tag of the entity in the geometry.
+    integer :: partition = 0  !! Partition, from 1; 0 where the mesh is not partitioned.
+    integer, allocatable :: group(:)  !! Indices of its physical groups, ascending (n_groups).
   end type entity_t
 
 contains
 
   !> Read $Entities: counts by dimension, then tag, box, physical tags and boundary of each entity.
   subroutine read_entities_41(cursor, builder, entities)
-    !> Cursor behind '$Entities' and, in a binary file, its line.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; groups without a name are added.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Geometric entities.
-    type(entities_t), intent(inout) :: entities
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind '$Entities' and, in a binary file, its line.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; groups without a name are added.
+    type(entities_t), intent(inout) :: entities  !! Geometric entities.
     call read_dimensions(cursor, builder, .false., entities%dimension)
     entities%known = .not. cursor%broken
   end subroutine read_entities_41
@@ -64,10 +48,8 @@ contains
   subroutine read_partitioned_entities_41(cursor, builder, entities)
     !> Cursor behind '$PartitionedEntities' and, in a binary file, its line.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; groups without a name are added.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Geometric entities.
-    type(entities_t), intent(inout) :: entities
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; groups without a name are added.
+    type(entities_t), intent(inout) :: entities  !! Geometric entities.
     integer(int64) :: n_partitions, n_ghosts, ignored, i, first
     if (.not. cursor%binary) call cursor%skip_blanks
     first = cursor%position
@@ -84,14 +66,10 @@ contains
 
   !> Read the entities of all dimensions.
   subroutine read_dimensions(cursor, builder, partitioned, groups)
-    !> Cursor at the counts of the entities.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; groups without a name are added.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Whether the entities have parents and partitions.
-    logical, intent(in) :: partitioned
-    !> Physical groups by dimension.
-    type(entity_groups_t), intent(inout) :: groups(0:3)
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor at the counts of the entities.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; groups without a name are added.
+    logical, intent(in) :: partitioned  !! Whether the entities have parents and partitions.
+    type(entity_groups_t), intent(inout) :: groups(0:3)  !! Physical groups by dimension.
     integer(int64) :: count(0:3), first
     integer :: d
     if (.not. cursor%binary) call cursor%skip_blanks
@@ -109,18 +87,12 @@ contains
 
   !> Read the entities of one dimension.
   subroutine read_entities_of_dimension(cursor, builder, dimension, n, partitioned, groups)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Dimension of the entities, 0 to 3.
-    integer, intent(in) :: dimension
-    !> Number of entities.
-    integer, intent(in) :: n
-    !> Whether the entities have parents and partitions.
-    logical, intent(in) :: partitioned
-    !> Physical groups of the entities.
-    type(entity_groups_t), intent(inout) :: groups
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(in) :: dimension  !! Dimension of the entities, 0 to 3.
+    integer, intent(in) :: n  !! Number of entities.
+    logical, intent(in) :: partitioned  !! Whether the entities have parents and partitions.
+    type(entity_groups_t), intent(inout) :: groups  !! Physical groups of the entities.
     integer(int64), allocatable :: tag(:), position(:)
     integer, allocatable :: larger(:)
     integer(int64) :: count, ignored, j, parent_dimension
@@ -176,16 +148,11 @@ contains
 
   !> Read the parent of an entity and its partitions.
   subroutine read_parent(cursor, position, dimension, tag, partition)
-    !> Cursor behind the tag of the entity.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Position of the entity in the file.
-    integer(int64), intent(in) :: position
-    !> Dimension of the parent.
-    integer(int64), intent(out) :: dimension
-    !> Tag of the parent.
-    integer, intent(out) :: tag
-    !> The first partition, from 1; 0 where there is none.
-    integer, intent(out) :: partition
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind the tag of the entity.
+    integer(int64), intent(in) :: position  !! Position of the entity in the file.
+    integer(int64), intent(out) :: dimension  !! Dimension of the parent.
+    integer, intent(out) :: tag  !! Tag of the parent.
+    integer, intent(out) :: partition  !! The first partition, from 1; 0 where there is none.
     integer(int64) :: count, value, j
     call cursor%get_int(dimension)
     call cursor%get_int(value)
@@ -203,18 +170,12 @@ contains
   !> Read the physical groups of one entity, ascending and without repetition. A minus sign in the file marks reversed
   !> orientation.
   subroutine read_groups(cursor, builder, dimension, count, group, n)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Dimension of the entity, 0 to 3.
-    integer, intent(in) :: dimension
-    !> Number of physical tags.
-    integer, intent(in) :: count
-    !> Group indices; the first n are set (at least count).
-    integer, intent(inout) :: group(:)
-    !> Number of groups.
-    integer, intent(out) :: n
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(in) :: dimension  !! Dimension of the entity, 0 to 3.
+    integer, intent(in) :: count  !! Number of physical tags.
+    integer, intent(inout) :: group(:)  !! Group indices; the first n are set (at least count).
+    integer, intent(out) :: n  !! Number of groups.
     integer(int64) :: physical
     integer :: i, j, new
     n = 0
@@ -237,18 +198,12 @@ contains
 
   !> Find the entity of a block of elements; without groups if the file has no entities.
   subroutine find_entity(cursor, entities, dimension, tag, position, entity)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Geometric entities.
-    type(entities_t), intent(in) :: entities
-    !> Dimension of the entity, 0 to 3.
-    integer, intent(in) :: dimension
-    !> Tag of the entity.
-    integer(int64), intent(in) :: tag
-    !> Position of the block that names it.
-    integer(int64), intent(in) :: position
-    !> The entity.
-    type(entity_t), intent(out) :: entity
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(entities_t), intent(in) :: entities  !! Geometric entities.
+    integer, intent(in) :: dimension  !! Dimension of the entity, 0 to 3.
+    integer(int64), intent(in) :: tag  !! Tag of the entity.
+    integer(int64), intent(in) :: position  !! Position of the block that names it.
+    type(entity_t), intent(out) :: entity  !! The entity.
     entity%tag = int(tag)
     allocate (entity%group(0))
     if (entities%partitioned) then
@@ -265,8 +220,7 @@ contains
 
     !> Take the entity from a list; the partition is -1 where it is not there.
     subroutine take(groups)
-      !> Entities of the dimension.
-      type(entity_groups_t), intent(in) :: groups
+      type(entity_groups_t), intent(in) :: groups  !! Entities of the dimension.
       integer :: place
       place = groups%index%find(tag)
       entity%partition = -1

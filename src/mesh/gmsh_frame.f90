@@ -10,21 +10,16 @@ module dotyk_mesh_gmsh_frame
   !> Advice for files of other formats.
   character(*), parameter, public :: conversion_advice = 'convert it with: gmsh -save -format msh41 -o new.msh old.msh'
 
-  !> Version numbers are equal up to this: they have one decimal.
-  real(dp), parameter :: version_tolerance = 1.0e-6_dp
+  real(dp), parameter :: version_tolerance = 1.0e-6_dp  !! Version numbers are equal up to this: they have one decimal.
 
 contains
 
   !> Begin a section: its name.
   subroutine begin_section(cursor, version, name, position)
-    !> Cursor over the bytes of the file, between sections.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> 22 or 41; 0 before $MeshFormat.
-    integer, intent(in) :: version
-    !> Name, as '$Nodes'.
-    character(:), allocatable, intent(out) :: name
-    !> Position of the section in the file.
-    integer(int64), intent(out) :: position
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file, between sections.
+    integer, intent(in) :: version  !! 22 or 41; 0 before $MeshFormat.
+    character(:), allocatable, intent(out) :: name  !! Name, as '$Nodes'.
+    integer(int64), intent(out) :: position  !! Position of the section in the file.
     position = cursor%position
     call cursor%get_word(name)
     if (name(1:1) == '$') then
@@ -39,10 +34,8 @@ contains
 
   !> Kind of a file that is not a mesh, for messages; empty if unknown.
   function content_name(cursor) result(text)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Text, as "is an HDF5 file and ".
-    character(:), allocatable :: text
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    character(:), allocatable :: text  !! Text, as "is an HDF5 file and ".
     character(:), allocatable :: bytes
     call cursor%first_bytes(1024, bytes)
     text = nature_of(bytes)
@@ -51,10 +44,8 @@ contains
 
   !> Read $MeshFormat: version, 0 for text or 1 for binary, size of reals; then the binary integer 1 in a binary file.
   subroutine read_format(cursor, version)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> 22 or 41.
-    integer, intent(inout) :: version
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer, intent(inout) :: version  !! 22 or 41.
     character(:), allocatable :: word
     real(dp) :: number
     integer(int64) :: kind, n_bytes, one, first
@@ -94,10 +85,8 @@ contains
 
   !> Read the end of a section.
   subroutine read_end(cursor, name)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the section, as '$Nodes'.
-    character(*), intent(in) :: name
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    character(*), intent(in) :: name  !! Name of the section, as '$Nodes'.
     character(:), allocatable :: word, end_word
     integer(int64) :: first
     if (cursor%broken) return
@@ -118,12 +107,9 @@ contains
 
   !> Skip a section that is not needed, including its end.
   subroutine skip_section(cursor, name, position)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the section, as '$Periodic'.
-    character(*), intent(in) :: name
-    !> Position of the section in the file.
-    integer(int64), intent(in) :: position
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    character(*), intent(in) :: name  !! Name of the section, as '$Periodic'.
+    integer(int64), intent(in) :: position  !! Position of the section in the file.
     character(:), allocatable :: end_word
     logical :: found
     end_word = '$End'//name(2:)

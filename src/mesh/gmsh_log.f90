@@ -7,17 +7,14 @@ module dotyk_mesh_gmsh_log
   private
   public :: advice, is_complete, read_log
 
-  !> Greatest number of lines of the gmsh log in a message.
-  integer, parameter :: max_lines = 6
+  integer, parameter :: max_lines = 6  !! Greatest number of lines of the gmsh log in a message.
 
 contains
 
   !> What is to be done about errors of gmsh; empty where nothing is known.
   pure function advice(file, errors) result(text)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Errors.
-    character(*), intent(in) :: errors
+    character(*), intent(in) :: file  !! Path of the file.
+    character(*), intent(in) :: errors  !! Errors.
     character(:), allocatable :: text
     text = ''
     if (is_med_file(file) .and. index(errors, 'MED support') > 0) then
@@ -30,12 +27,10 @@ contains
 
   !> Extract errors and counts from the gmsh log.
   subroutine read_log(log, errors, counts)
-    !> Cursor over the log.
-    type(byte_cursor_t), intent(inout) :: log
+    type(byte_cursor_t), intent(inout) :: log  !! Cursor over the log.
     !> The first errors, each on a line of its own, empty where there is none.
     character(:), allocatable, intent(out) :: errors
-    !> The last line that counts nodes and elements.
-    character(:), allocatable, intent(out) :: counts
+    character(:), allocatable, intent(out) :: counts  !! The last line that counts nodes and elements.
     character(:), allocatable :: line
     integer :: n
     errors = ''
@@ -57,10 +52,8 @@ contains
 
   !> Whether a mesh file ends with the end of a section.
   logical function is_complete(file) result(complete)
-    !> Path of the mesh.
-    character(*), intent(in) :: file
-    !> Longer than any '$EndPeriodic' or '$EndElements'.
-    integer, parameter :: tail_length = 32
+    character(*), intent(in) :: file  !! Path of the mesh.
+    integer, parameter :: tail_length = 32  !! Longer than any '$EndPeriodic' or '$EndElements'.
     character(tail_length) :: tail
     integer(int64) :: n_bytes
     integer :: unit, status

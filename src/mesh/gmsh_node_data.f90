@@ -17,12 +17,9 @@ contains
   !> Read the field of a name. Sections of one time step, as those of partitions, are one field; several steps are
   !> refused, for which of them is meant is not known.
   subroutine read_node_data(file, name, values, error)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Name of the field, the first string tag of its sections.
-    character(*), intent(in) :: name
-    !> The values [any].
-    type(node_values_t), intent(out) :: values
+    character(*), intent(in) :: file  !! Path of the file.
+    character(*), intent(in) :: name  !! Name of the field, the first string tag of its sections.
+    type(node_values_t), intent(out) :: values  !! The values [any].
     !> Set for files that cannot be read, without such a field, and for mistakes in it, with file and line.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: cursor
@@ -62,20 +59,13 @@ contains
 
   !> Read a section: string, real and integer tags, which are text in binary files too; then a node and its value each.
   subroutine read_section(cursor, name, position, values, step, found, names)
-    !> Cursor behind '$NodeData'.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the field that is wanted.
-    character(*), intent(in) :: name
-    !> Position of the section in the file.
-    integer(int64), intent(in) :: position
-    !> Values so far [any].
-    type(node_values_t), intent(inout) :: values
-    !> Its time step, where it was found.
-    integer(int64), intent(inout) :: step
-    !> Whether the field was found.
-    logical, intent(inout) :: found
-    !> Names so far, each after a comma.
-    character(:), allocatable, intent(inout) :: names
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind '$NodeData'.
+    character(*), intent(in) :: name  !! Name of the field that is wanted.
+    integer(int64), intent(in) :: position  !! Position of the section in the file.
+    type(node_values_t), intent(inout) :: values  !! Values so far [any].
+    integer(int64), intent(inout) :: step  !! Its time step, where it was found.
+    logical, intent(inout) :: found  !! Whether the field was found.
+    character(:), allocatable, intent(inout) :: names  !! Names so far, each after a comma.
     integer(int64) :: n, tag, integer_tag(3), i
     character(:), allocatable :: line, own
     real(dp) :: value
@@ -134,8 +124,7 @@ contains
 
   !> What a line has between its quotes; the line without them.
   pure function between_quotes(line) result(text)
-    !> The line.
-    character(*), intent(in) :: line
+    character(*), intent(in) :: line  !! The line.
     character(:), allocatable :: text
     integer :: first, last
     first = index(line, '"')

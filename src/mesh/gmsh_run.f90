@@ -22,17 +22,12 @@ module dotyk_mesh_gmsh_run
   private
   public :: mesh_geometry
 
-  !> How geometries are meshed, and what is to be said about one.
-  type, public :: meshing_t
-    !> Whether geometries may start no program and write no file but the mesh.
-    logical :: no_shell = .false.
-    !> Whether the mesh is for this run only: the caller deletes it.
-    logical :: for_once = .false.
-    !> Size of the elements of CAD files, not positive: by each solid [length]; and their order.
-    real(dp) :: size = 0
+  type, public :: meshing_t  !! How geometries are meshed, and what is to be said about one.
+    logical :: no_shell = .false.  !! Whether geometries may start no program and write no file but the mesh.
+    logical :: for_once = .false.  !! Whether the mesh is for this run only: the caller deletes it.
+    real(dp) :: size = 0  !! Size of the elements of CAD files, not positive: by each solid [length]; and their order.
     integer :: order = 2
-    !> Remark for the log; empty where there is none.
-    character(:), allocatable :: remark
+    character(:), allocatable :: remark  !! Remark for the log; empty where there is none.
   end type meshing_t
 
   !> Exit status of the shell for a program that it does not find or cannot run.
@@ -44,12 +39,9 @@ contains
 
   !> Mesh a geometry, unless its mesh is cached.
   subroutine mesh_geometry(geo_file, dimension, msh_file, error, meshing)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Largest dimension of the elements, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Path of the mesh.
-    character(:), allocatable, intent(out) :: msh_file
+    character(*), intent(in) :: geo_file  !! Path of the geometry.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements, 2 or 3.
+    character(:), allocatable, intent(out) :: msh_file  !! Path of the mesh.
     !> Set if the geometry cannot be read or meshed, or starts programs that are forbidden, gmsh is not found, or no
     !> directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
@@ -70,14 +62,10 @@ contains
 
   !> Find the mesh for the present content of a geometry, or make it.
   subroutine find_mesh(geo_file, dimension, meshing, msh_file, error)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Largest dimension of the elements, 2 or 3.
-    integer, intent(in) :: dimension
-    !> What geometries may do; what was found is set.
-    type(meshing_t), intent(inout) :: meshing
-    !> Path of the mesh.
-    character(:), allocatable, intent(out) :: msh_file
+    character(*), intent(in) :: geo_file  !! Path of the geometry.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements, 2 or 3.
+    type(meshing_t), intent(inout) :: meshing  !! What geometries may do; what was found is set.
+    character(:), allocatable, intent(out) :: msh_file  !! Path of the mesh.
     !> Set if the geometry cannot be read or meshed, or starts programs that are forbidden, gmsh is not found, or no
     !> directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
@@ -119,8 +107,7 @@ contains
 
   !> Whether gmsh loses the end of a geometry: of several statements on a last line that has no end it reads the first.
   logical function loses_statements(path) result(loses)
-    !> The file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! The file.
     character(4096) :: tail
     integer(int64) :: n
     integer :: unit, status, first
@@ -140,8 +127,7 @@ contains
 
   !> Number of statements that end on a line: semicolons outside of comments and quoted names.
   pure integer function n_statements(line) result(n)
-    !> The line.
-    character(*), intent(in) :: line
+    character(*), intent(in) :: line  !! The line.
     integer :: i, skipped
     n = 0
     i = 1
@@ -161,26 +147,19 @@ contains
 
   !> Length of a text up to the end of a mark in it; of the whole text where it has none.
   pure integer function up_to(mark, text) result(length)
-    !> The mark.
-    character(*), intent(in) :: mark
-    !> The text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: mark  !! The mark.
+    character(*), intent(in) :: text  !! The text.
     length = len(text)
     if (index(text, mark) > 0) length = index(text, mark) + len(mark) - 1
   end function up_to
 
   !> Path, without extension, of the mesh for the present content of a geometry.
   subroutine name_mesh(geo_file, dimension, sources, script, base, error)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Largest dimension of the elements, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Files of the geometry.
-    type(geometry_sources_t), intent(in) :: sources
-    !> What gmsh reads after it; may be empty.
-    character(*), intent(in) :: script
-    !> Path of the mesh without its extension.
-    character(:), allocatable, intent(out) :: base
+    character(*), intent(in) :: geo_file  !! Path of the geometry.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements, 2 or 3.
+    type(geometry_sources_t), intent(in) :: sources  !! Files of the geometry.
+    character(*), intent(in) :: script  !! What gmsh reads after it; may be empty.
+    character(:), allocatable, intent(out) :: base  !! Path of the mesh without its extension.
     !> Set if a file cannot be read, gmsh is not found, or no directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
     type(content_hash_t) :: hash
@@ -200,14 +179,10 @@ contains
   !> Version of gmsh. The result of the last query is cached in the directory for meshes and used while the executable
   !> is the same file: starting gmsh takes a tenth of a second.
   subroutine find_version(directory, log_file, version, error)
-    !> Directory for meshes, with its slash.
-    character(*), intent(in) :: directory
-    !> Path for output, removed afterwards.
-    character(*), intent(in) :: log_file
-    !> Version.
-    character(:), allocatable, intent(out) :: version
-    !> Set if gmsh is not found or fails.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: directory  !! Directory for meshes, with its slash.
+    character(*), intent(in) :: log_file  !! Path for output, removed afterwards.
+    character(:), allocatable, intent(out) :: version  !! Version.
+    type(error_t), allocatable, intent(out) :: error  !! Set if gmsh is not found or fails.
     type(error_t), allocatable :: ignored
     type(byte_cursor_t) :: note
     character(:), allocatable :: identity, line
@@ -241,12 +216,9 @@ contains
 
   !> Version of gmsh, from the executable.
   subroutine query_version(log_file, version, error)
-    !> Path for its output, removed afterwards.
-    character(*), intent(in) :: log_file
-    !> Version.
-    character(:), allocatable, intent(out) :: version
-    !> Set if gmsh is not found or fails, or on an interrupt.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: log_file  !! Path for its output, removed afterwards.
+    character(:), allocatable, intent(out) :: version  !! Version.
+    type(error_t), allocatable, intent(out) :: error  !! Set if gmsh is not found or fails, or on an interrupt.
     type(byte_cursor_t) :: log
     integer :: status
     call run_command(shell_quoted(executable())//' --version', log_file, status)
@@ -268,20 +240,16 @@ contains
 
   !> Path of the gmsh executable.
   function executable() result(path)
-    !> Path.
-    character(:), allocatable :: path
+    character(:), allocatable :: path  !! Path.
     path = environment_value('DOTYK_GMSH')
     if (len(path) == 0) path = 'gmsh'
   end function executable
 
   !> Run a shell command without input, its output in a file.
   subroutine run_command(command, log_file, status, confined)
-    !> Command.
-    character(*), intent(in) :: command
-    !> Path of the output.
-    character(*), intent(in) :: log_file
-    !> Exit status; that of a program not found where there is no shell.
-    integer, intent(out) :: status
+    character(*), intent(in) :: command  !! Command.
+    character(*), intent(in) :: log_file  !! Path of the output.
+    integer, intent(out) :: status  !! Exit status; that of a program not found where there is no shell.
     !> Whether it is confined to the directory of the output, without other programs; not if absent.
     logical, intent(in), optional :: confined
     character(:), allocatable :: line
@@ -297,18 +265,12 @@ contains
 
   !> Make a mesh; the output of gmsh is kept in `base`.log.
   subroutine run_gmsh(geo_file, dimension, script, base, no_shell, msh_file, error)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Largest dimension of the elements, 2 or 3.
-    integer, intent(in) :: dimension
-    !> What gmsh reads after it; may be empty.
-    character(*), intent(in) :: script
-    !> Path of the cached mesh without its extension.
-    character(*), intent(in) :: base
-    !> Whether gmsh may start no program and write no other file.
-    logical, intent(in) :: no_shell
-    !> Path of the mesh.
-    character(*), intent(in) :: msh_file
+    character(*), intent(in) :: geo_file  !! Path of the geometry.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements, 2 or 3.
+    character(*), intent(in) :: script  !! What gmsh reads after it; may be empty.
+    character(*), intent(in) :: base  !! Path of the cached mesh without its extension.
+    logical, intent(in) :: no_shell  !! Whether gmsh may start no program and write no other file.
+    character(*), intent(in) :: msh_file  !! Path of the mesh.
     !> Set if gmsh fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
@@ -370,16 +332,11 @@ contains
 
   !> What is to be said where gmsh crashed on a CAD file: the solid at which it does so, found by one after another.
   function crash_text(path, dimension, script, temporary, no_shell) result(text)
-    !> Path of the file with the options before it, for the shell.
-    character(*), intent(in) :: path
-    !> Largest dimension of the elements.
-    integer, intent(in) :: dimension
-    !> What gmsh reads after it.
-    character(*), intent(in) :: script
-    !> Path of temporary files without extension.
-    character(*), intent(in) :: temporary
-    !> Whether gmsh may start no program and write no other file.
-    logical, intent(in) :: no_shell
+    character(*), intent(in) :: path  !! Path of the file with the options before it, for the shell.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements.
+    character(*), intent(in) :: script  !! What gmsh reads after it.
+    character(*), intent(in) :: temporary  !! Path of temporary files without extension.
+    logical, intent(in) :: no_shell  !! Whether gmsh may start no program and write no other file.
     character(:), allocatable :: text
     integer :: i, status
     text = new_line('a')//'  gmsh crashed'

@@ -11,14 +11,10 @@ module dotyk_mesh_gmsh_selected_nodes
   private
   public :: skip_nodes, read_selected_nodes
 
-  !> Head of a block of nodes of format 4.1.
-  type :: head_t
-    !> Position in the file.
-    integer(int64) :: position = 0
-    !> Number of nodes.
-    integer(int64) :: n = 0
-    !> Numbers of each node: three coordinates and parameters on the geometry.
-    integer(int64) :: n_reals = 3
+  type :: head_t  !! Head of a block of nodes of format 4.1.
+    integer(int64) :: position = 0  !! Position in the file.
+    integer(int64) :: n = 0  !! Number of nodes.
+    integer(int64) :: n_reals = 3  !! Numbers of each node: three coordinates and parameters on the geometry.
   end type head_t
 
 contains
@@ -27,8 +23,7 @@ contains
   subroutine skip_nodes(cursor, version)
     !> Cursor behind '$Nodes' and, in a binary file of format 4.1, its line; before '$EndNodes' on return.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Format, 22 or 41.
-    integer, intent(in) :: version
+    integer, intent(in) :: version  !! Format, 22 or 41.
     character(*), parameter :: end_word = '$EndNodes'
     type(head_t) :: head
     integer(int64) :: n_blocks, n_nodes, n_read, i, first
@@ -59,10 +54,8 @@ contains
   subroutine read_selected_nodes(cursor, builder, version)
     !> Cursor behind '$Nodes' and, in a binary file of format 4.1, its line.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction; it has the elements, its nodes are set.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Format, 22 or 41.
-    integer, intent(in) :: version
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; it has the elements, its nodes are set.
+    integer, intent(in) :: version  !! Format, 22 or 41.
     integer, allocatable :: number(:)
     integer :: n, k
     if (cursor%broken) return
@@ -85,20 +78,13 @@ contains
 
   !> Number the next node in the order of the file, if an element uses it.
   subroutine number_node(cursor, builder, tag, file_node, position, number, n)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Tag of the node.
-    integer(int64), intent(in) :: tag
-    !> Number of the node in the file.
-    integer(int64), intent(in) :: file_node
-    !> Position of the node in the file.
-    integer(int64), intent(in) :: position
-    !> Index of each node of `used`, 0 before the file has it (used%n).
-    integer, intent(inout) :: number(:)
-    !> Number of nodes so far.
-    integer, intent(inout) :: n
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer(int64), intent(in) :: tag  !! Tag of the node.
+    integer(int64), intent(in) :: file_node  !! Number of the node in the file.
+    integer(int64), intent(in) :: position  !! Position of the node in the file.
+    integer, intent(inout) :: number(:)  !! Index of each node of `used`, 0 before the file has it (used%n).
+    integer, intent(inout) :: n  !! Number of nodes so far.
     integer :: k
     k = builder%used%find(tag)
     if (k == 0) return
@@ -113,14 +99,10 @@ contains
 
   !> Read the nodes of format 2.2.
   subroutine read_nodes_22(cursor, builder, number, n)
-    !> Cursor behind the word '$Nodes'.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Index of each node of `used` (used%n).
-    integer, intent(inout) :: number(:)
-    !> Number of nodes.
-    integer, intent(inout) :: n
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind the word '$Nodes'.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(inout) :: number(:)  !! Index of each node of `used` (used%n).
+    integer, intent(inout) :: n  !! Number of nodes.
     integer(int64) :: n_nodes, tag, first, i
     real(dp) :: x(3)
     integer :: before
@@ -142,14 +124,10 @@ contains
 
   !> Read the nodes of format 4.1: blocks by entity, each with the tags first and the coordinates after them.
   subroutine read_nodes_41(cursor, builder, number, n)
-    !> Cursor behind '$Nodes' and, in a binary file, its line.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(inout) :: builder
-    !> Index of each node of `used` (used%n).
-    integer, intent(inout) :: number(:)
-    !> Number of nodes.
-    integer, intent(inout) :: n
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind '$Nodes' and, in a binary file, its line.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
+    integer, intent(inout) :: number(:)  !! Index of each node of `used` (used%n).
+    integer, intent(inout) :: n  !! Number of nodes.
     type(head_t) :: head
     integer(int64) :: n_nodes, n_blocks, n_read, tag, first, i, j, next
     real(dp) :: ignored
@@ -193,8 +171,7 @@ contains
 
     !> Skip reals.
     subroutine skip_reals(m)
-      !> Their number.
-      integer(int64), intent(in) :: m
+      integer(int64), intent(in) :: m  !! Their number.
       integer(int64) :: r
       if (cursor%binary) then
         call cursor%skip_bytes(8*m)
@@ -208,14 +185,10 @@ contains
 
   !> Read the head of a block of nodes of format 4.1.
   subroutine read_head(cursor, n_read, n_nodes, head)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Nodes of the blocks before; with those of this one on return.
-    integer(int64), intent(inout) :: n_read
-    !> Nodes that are announced.
-    integer(int64), intent(in) :: n_nodes
-    !> The head; no nodes after a fault.
-    type(head_t), intent(out) :: head
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    integer(int64), intent(inout) :: n_read  !! Nodes of the blocks before; with those of this one on return.
+    integer(int64), intent(in) :: n_nodes  !! Nodes that are announced.
+    type(head_t), intent(out) :: head  !! The head; no nodes after a fault.
     integer(int64) :: dimension, entity, parametric
     if (.not. cursor%binary) call cursor%skip_blanks
     head%position = cursor%position
@@ -235,12 +208,9 @@ contains
 
   !> Fault: a node of an element that the file does not have.
   subroutine report_missing(cursor, builder, missing)
-    !> Cursor over the bytes of the file.
-    type(byte_cursor_t), intent(inout) :: cursor
-    !> Mesh under construction.
-    type(mesh_builder_t), intent(in) :: builder
-    !> Number of the node in `used`.
-    integer, intent(in) :: missing
+    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
+    type(mesh_builder_t), intent(in) :: builder  !! Mesh under construction.
+    integer, intent(in) :: missing  !! Number of the node in `used`.
     integer :: b, e
     do b = 1, builder%n_blocks
       do e = 1, builder%block(b)%n

@@ -5,19 +5,13 @@ module dotyk_mesh_gmsh_type
   private
   public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name
 
-  !> Type number of a point, which is never kept.
-  integer, parameter, public :: gmsh_point = 15
+  integer, parameter, public :: gmsh_point = 15  !! Type number of a point, which is never kept.
 
-  !> Element type of gmsh.
-  type :: gmsh_type_t
-    !> Type number.
-    integer :: number
-    !> Number of nodes.
-    integer :: n_nodes
-    !> Dimension.
-    integer :: dimension
-    !> Name, for messages.
-    character(34) :: name
+  type :: gmsh_type_t  !! Element type of gmsh.
+    integer :: number  !! Type number.
+    integer :: n_nodes  !! Number of nodes.
+    integer :: dimension  !! Dimension.
+    character(34) :: name  !! Name, for messages.
   end type gmsh_type_t
 
   !> The types of the gmsh reference manual (section "MSH file format"), except those of order 5 and more.
@@ -60,8 +54,7 @@ contains
 
   !> Index of a type in the table, 0 if it is unknown.
   pure integer function index_of(number) result(index)
-    !> Type number of gmsh.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! Type number of gmsh.
     do index = 1, size(types)
       if (types(index)%number == number) return
     end do
@@ -70,8 +63,7 @@ contains
 
   !> Number of nodes of a type, 0 if it is unknown.
   pure integer function gmsh_type_nodes(number) result(n_nodes)
-    !> Type number of gmsh.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! Type number of gmsh.
     integer :: index
     index = index_of(number)
     n_nodes = 0
@@ -80,8 +72,7 @@ contains
 
   !> Dimension of a type, -1 if it is unknown.
   pure integer function gmsh_type_dimension(number) result(dimension)
-    !> Type number of gmsh.
-    integer, intent(in) :: number
+    integer, intent(in) :: number  !! Type number of gmsh.
     integer :: index
     index = index_of(number)
     dimension = -1
@@ -90,10 +81,8 @@ contains
 
   !> Name of a type.
   pure function gmsh_type_name(number) result(name)
-    !> Type number of gmsh.
-    integer, intent(in) :: number
-    !> Name.
-    character(:), allocatable :: name
+    integer, intent(in) :: number  !! Type number of gmsh.
+    character(:), allocatable :: name  !! Name.
     integer :: index
     index = index_of(number)
     name = 'unknown type'

@@ -11,19 +11,15 @@ module dotyk_mesh_held_part
   private
   public :: hold_part, surface_part, add_neighbours, held_surface, sample_step
 
-  !> Elements of a block that are held as samples of the interior, at most.
-  integer, parameter :: most_samples = 64
+  integer, parameter :: most_samples = 64  !! Elements of a block that are held as samples of the interior, at most.
 
 contains
 
   !> What a rank holds that does not compute the body: samples of its elements, and all nodes that every rank holds.
   subroutine surface_part(mesh, holds, node)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Whether each element is held, through all blocks (n_elements).
-    logical, allocatable, intent(out) :: holds(:)
-    !> Nodes of the boundary and of the held elements, ascending (n).
-    integer, allocatable, intent(out) :: node(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    logical, allocatable, intent(out) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
+    integer, allocatable, intent(out) :: node(:)  !! Nodes of the boundary and of the held elements, ascending (n).
     type(surface_t) :: boundary
     logical, allocatable :: held(:)
     integer, allocatable :: of_boundary(:)
@@ -47,10 +43,8 @@ contains
 
   !> Add all elements that have a node of one that is held.
   pure subroutine add_neighbours(mesh, holds)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Whether each element is held, through all blocks (n_elements).
-    logical, intent(inout) :: holds(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    logical, intent(inout) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
     logical, allocatable :: at(:)
     integer :: b, e, n, pass
     allocate (at(mesh%n_nodes()), source=.false.)
@@ -73,23 +67,18 @@ contains
 
   !> Every so many elements of a block one is a sample of it, from the first one on.
   pure integer function sample_step(n)
-    !> Number of elements of the block.
-    integer, intent(in) :: n
+    integer, intent(in) :: n  !! Number of elements of the block.
     sample_step = 1 + n/most_samples
   end function sample_step
 
   !> Reduce a whole mesh to the part that a rank holds.
   subroutine hold_part(mesh, holds, own_element, own_node, extent, number)
-    !> Mesh of the whole body in, held part out.
-    type(body_mesh_t), intent(inout) :: mesh
-    !> Whether each element is held, through all blocks (n_elements).
-    logical, intent(in) :: holds(:)
-    !> Whether this rank computes it; it is held then (n_elements).
-    logical, intent(in) :: own_element(:)
+    type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the whole body in, held part out.
+    logical, intent(in) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
+    logical, intent(in) :: own_element(:)  !! Whether this rank computes it; it is held then (n_elements).
     !> Whether this rank computes each node; it is a node of a held element then (n_nodes).
     logical, intent(in) :: own_node(:)
-    !> Shortest extent of the body [length].
-    real(dp), intent(in) :: extent
+    real(dp), intent(in) :: extent  !! Shortest extent of the body [length].
     !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
     integer, allocatable, intent(out) :: number(:)
     type(whole_body_t) :: whole
@@ -149,12 +138,9 @@ contains
 
   !> A surface of the whole body in the numbers of the held part; parents that are not held become 0.
   subroutine held_surface(mesh, number, surface)
-    !> Held part.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of each node of the whole body in it, as from `hold_part` (n_nodes).
-    integer, intent(in) :: number(:)
-    !> Surface.
-    type(surface_t), intent(inout) :: surface
+    type(body_mesh_t), intent(in) :: mesh  !! Held part.
+    integer, intent(in) :: number(:)  !! Number of each node of the whole body in it, as from `hold_part` (n_nodes).
+    type(surface_t), intent(inout) :: surface  !! Surface.
     integer, allocatable :: held(:)
     integer :: b, e, f, before
     call renumber(surface%node, number)
@@ -174,10 +160,8 @@ contains
 
   !> Nodes of facets in other numbers.
   pure subroutine renumber(node, number)
-    !> Nodes, padded with 0 (max_facet_nodes, n_facets).
-    integer, intent(inout) :: node(:, :)
-    !> Number of each (n_nodes).
-    integer, intent(in) :: number(:)
+    integer, intent(inout) :: node(:, :)  !! Nodes, padded with 0 (max_facet_nodes, n_facets).
+    integer, intent(in) :: number(:)  !! Number of each (n_nodes).
     integer :: f, i
     do f = 1, size(node, 2)
       do i = 1, size(node, 1)

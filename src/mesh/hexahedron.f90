@@ -26,8 +26,7 @@ contains
 
   !> Properties of a hexahedron.
   pure function hexahedron_kind(id) result(kind)
-    !> `element_hex8`, `element_hex20` or `element_hex27`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_hex8`, `element_hex20` or `element_hex27`.
     type(element_kind_t) :: kind
     integer :: n
     kind%dimension = 3

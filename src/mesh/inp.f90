@@ -19,27 +19,20 @@ module dotyk_mesh_inp
   private
   public :: mesh_of_sets, read_inp
 
-  !> Volume of all elements, where some are in no set.
-  character(*), parameter :: all_elements = 'Eall'
-  !> Greatest number of node sets in a remark.
-  integer, parameter :: most_listed = 5
+  character(*), parameter :: all_elements = 'Eall'  !! Volume of all elements, where some are in no set.
+  integer, parameter :: most_listed = 5  !! Greatest number of node sets in a remark.
 
 contains
 
   !> Read a deck, or a selection of it.
   subroutine read_inp(file, dimension, mesh, remark, error, selection)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> Remark for the log; empty where there is none.
-    character(:), allocatable, intent(out) :: remark
+    character(*), intent(in) :: file  !! Path of the file.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(mesh_t), intent(out) :: mesh  !! Mesh.
+    character(:), allocatable, intent(out) :: remark  !! Remark for the log; empty where there is none.
     !> Set for files that cannot be read and for mistakes in them, with file and line.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     type(inp_state_t) :: state
     remark = ''
     call read_deck(file, state, error)
@@ -48,20 +41,13 @@ contains
 
   !> Mesh of elements with sets: of a deck, or of another file that tells surfaces by sets.
   subroutine mesh_of_sets(file, state, dimension, mesh, remark, error, selection)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> What was read; mistakes are kept there.
-    type(inp_state_t), intent(inout) :: state
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> Remark for the log; empty where there is none.
-    character(:), allocatable, intent(out) :: remark
-    !> Set for mistakes in the file, with its line.
-    type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    character(*), intent(in) :: file  !! Path of the file.
+    type(inp_state_t), intent(inout) :: state  !! What was read; mistakes are kept there.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(mesh_t), intent(out) :: mesh  !! Mesh.
+    character(:), allocatable, intent(out) :: remark  !! Remark for the log; empty where there is none.
+    type(error_t), allocatable, intent(out) :: error  !! Set for mistakes in the file, with its line.
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     type(inp_numbering_t) :: numbering
     type(mesh_builder_t) :: builder
     remark = ''
@@ -85,14 +71,10 @@ contains
 
   !> Add the elements: blocks of one kind and one combination of sets.
   subroutine add_elements(state, numbering, dimension, builder)
-    !> What was read.
-    type(inp_state_t), intent(inout) :: state
-    !> Its numbering.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Mesh under construction; groups and blocks are added.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(inp_state_t), intent(inout) :: state  !! What was read.
+    type(inp_numbering_t), intent(in) :: numbering  !! Its numbering.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; groups and blocks are added.
     ! Groups of the sets by dimension; number of elements, block and elements so far of each combination and kind.
     integer, allocatable :: group(:, :), total(:, :), block(:, :), n(:, :), own(:)
     integer :: e, c, k, s, d, entity
@@ -179,14 +161,10 @@ contains
 
   !> Add the faces of surfaces and node sets.
   subroutine add_surfaces(state, numbering, dimension, builder, remark)
-    !> What was read; mistakes are kept there.
-    type(inp_state_t), intent(inout) :: state
-    !> Its numbering.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Mesh under construction; groups and blocks are added.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(inp_state_t), intent(inout) :: state  !! What was read; mistakes are kept there.
+    type(inp_numbering_t), intent(in) :: numbering  !! Its numbering.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; groups and blocks are added.
     !> What is to be said about node sets; empty where there is nothing.
     character(:), allocatable, intent(out) :: remark
     type(inp_outer_faces_t) :: outer
@@ -227,8 +205,7 @@ contains
 
     !> Add the faces as a group.
     subroutine add_faces(name)
-      !> Name of the group.
-      character(*), intent(in) :: name
+      character(*), intent(in) :: name  !! Name of the group.
       integer :: group, block, kind, k, own(9)
       call builder%add_group(dimension - 1, builder%n_groups + 1, group, name)
       do k = 1, faces%n
@@ -244,10 +221,8 @@ contains
 
   !> Add the nodes: all, or those of the selection.
   subroutine add_nodes(state, builder)
-    !> What was read.
-    type(inp_state_t), intent(in) :: state
-    !> Mesh under construction; its nodes are set.
-    type(mesh_builder_t), intent(inout) :: builder
+    type(inp_state_t), intent(in) :: state  !! What was read.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; its nodes are set.
     integer, allocatable :: number(:)
     integer :: b, e, i, n
     associate (part => state%slot(1)%part)

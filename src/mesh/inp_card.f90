@@ -7,17 +7,13 @@ module dotyk_mesh_inp_card
   private
   public :: next_field, to_integer, get_real_field, without_quotes
 
-  !> Greatest number of parameters of a card.
-  integer, parameter :: max_parameters = 32
+  integer, parameter :: max_parameters = 32  !! Greatest number of parameters of a card.
 
-  !> A keyword card, as `*ELEMENT, TYPE=C3D8, ELSET=part`.
-  type, public :: inp_card_t
+  type, public :: inp_card_t  !! A keyword card, as `*ELEMENT, TYPE=C3D8, ELSET=part`.
     !> Keyword in small letters without blanks and star, as 'endpart'; empty before the first card.
     character(:), allocatable :: keyword
-    !> Number of parameters.
-    integer :: n = 0
-    !> Names of the parameters in small letters without blanks (max_parameters).
-    type(text_t) :: key(max_parameters)
+    integer :: n = 0  !! Number of parameters.
+    type(text_t) :: key(max_parameters)  !! Names of the parameters in small letters without blanks (max_parameters).
     !> Their values as written, without quotes; empty where there is none (max_parameters).
     type(text_t) :: value(max_parameters)
   contains
@@ -31,8 +27,7 @@ contains
   !> Take a card apart.
   subroutine card_parse(self, text)
     class(inp_card_t), intent(inout) :: self
-    !> The card with its continuation lines, from its star on.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! The card with its continuation lines, from its star on.
     character(:), allocatable :: field
     integer :: p, q, equals
     logical :: quoted
@@ -62,8 +57,7 @@ contains
   !> Whether the card has a parameter.
   pure logical function card_has(self, key) result(has)
     class(inp_card_t), intent(in) :: self
-    !> Name of the parameter.
-    character(*), intent(in) :: key
+    character(*), intent(in) :: key  !! Name of the parameter.
     integer :: i
     has = .false.
     do i = 1, self%n
@@ -74,8 +68,7 @@ contains
   !> Value of a parameter; empty where the card has no such parameter.
   pure function card_get(self, key) result(value)
     class(inp_card_t), intent(in) :: self
-    !> Name of the parameter.
-    character(*), intent(in) :: key
+    character(*), intent(in) :: key  !! Name of the parameter.
     character(:), allocatable :: value
     integer :: i
     value = ''
@@ -86,12 +79,10 @@ contains
 
   !> The next field of a data line.
   pure subroutine next_field(text, p, last, first, end)
-    !> Text of the file.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text of the file.
     !> Where the field begins; behind its comma on return, beyond `last` where it is the last one.
     integer(int64), intent(inout) :: p
-    !> Last character of the line.
-    integer(int64), intent(in) :: last
+    integer(int64), intent(in) :: last  !! Last character of the line.
     !> First and last character of the field, without blanks around it; end < first where it is empty.
     integer(int64), intent(out) :: first, end
     integer(int64) :: q
@@ -109,12 +100,9 @@ contains
 
   !> An integer.
   pure subroutine to_integer(text, value, valid)
-    !> Text without blanks around it.
-    character(*), intent(in) :: text
-    !> The integer; 0 where the text is none.
-    integer(int64), intent(out) :: value
-    !> Whether the text is an integer of at most 18 digits.
-    logical, intent(out) :: valid
+    character(*), intent(in) :: text  !! Text without blanks around it.
+    integer(int64), intent(out) :: value  !! The integer; 0 where the text is none.
+    logical, intent(out) :: valid  !! Whether the text is an integer of at most 18 digits.
     integer :: i, digit, start
     value = 0
     start = 1
@@ -132,14 +120,10 @@ contains
 
   !> A real, also with an exponent D as Fortran writes it.
   subroutine get_real_field(text, first, end, value, valid)
-    !> Text of the file; the comma behind the field becomes a blank character.
-    character(*), intent(inout) :: text
-    !> First and last character of the field.
-    integer(int64), intent(in) :: first, end
-    !> The real; 0 for an empty field [any].
-    real(dp), intent(out) :: value
-    !> Whether the field is empty or a finite number.
-    logical, intent(out) :: valid
+    character(*), intent(inout) :: text  !! Text of the file; the comma behind the field becomes a blank character.
+    integer(int64), intent(in) :: first, end  !! First and last character of the field.
+    real(dp), intent(out) :: value  !! The real; 0 for an empty field [any].
+    logical, intent(out) :: valid  !! Whether the field is empty or a finite number.
     integer(int64) :: p
     integer :: exponent
     value = 0
@@ -155,8 +139,7 @@ contains
 
   !> Text without blanks around it, and without other characters below a blank.
   pure function trimmed(text) result(short)
-    !> Any text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Any text.
     character(:), allocatable :: short
     integer :: first, last
     do first = 1, len(text)
@@ -170,8 +153,7 @@ contains
 
   !> Text without blanks.
   pure function without_blanks(text) result(short)
-    !> Any text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Any text.
     character(:), allocatable :: short
     integer :: i
     short = ''
@@ -182,8 +164,7 @@ contains
 
   !> Text without the quotes around it.
   pure function without_quotes(text) result(short)
-    !> Any text.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Any text.
     character(:), allocatable :: short
     short = text
     if (len(text) < 2) return

@@ -10,19 +10,15 @@ module dotyk_mesh_inp_data
   private
   public :: read_data, take_nodes_of
 
-  !> Members of a range beyond which it is a mistake.
-  integer(int64), parameter :: most_members = 10_int64**9
+  integer(int64), parameter :: most_members = 10_int64**9  !! Members of a range beyond which it is a mistake.
 
 contains
 
   !> Read a data line of the present card.
   subroutine read_data(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file; commas behind numbers may become blanks.
-    character(*), intent(inout) :: text
-    !> First and last character of the line that are not blank.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(inout) :: text  !! Text of the file; commas behind numbers may become blanks.
+    integer(int64), intent(in) :: first, last  !! First and last character of the line that are not blank.
     select case (state%purpose)
     case ('node')
       call read_node(state, text, first, last)
@@ -45,12 +41,9 @@ contains
 
   !> An integer that a field must be.
   subroutine need_integer(state, text, value)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> The field.
-    character(*), intent(in) :: text
-    !> The integer; 0 after a mistake.
-    integer(int64), intent(out) :: value
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! The field.
+    integer(int64), intent(out) :: value  !! The integer; 0 after a mistake.
     logical :: valid
     call to_integer(text, value, valid)
     if (.not. valid) call state%fail('expected an integer, found '//shown(text))
@@ -58,14 +51,10 @@ contains
 
   !> A number that a field must be.
   subroutine need_real(state, text, a, b, value)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file; a comma behind the number may become a blank.
-    character(*), intent(inout) :: text
-    !> First and last character of the field.
-    integer(int64), intent(in) :: a, b
-    !> The number.
-    real(dp), intent(out) :: value
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(inout) :: text  !! Text of the file; a comma behind the number may become a blank.
+    integer(int64), intent(in) :: a, b  !! First and last character of the field.
+    real(dp), intent(out) :: value  !! The number.
     logical :: valid
     call get_real_field(text, a, b, value, valid)
     if (.not. valid) call state%fail('expected a finite number, found '//shown(text(a:b)))
@@ -73,12 +62,9 @@ contains
 
   !> Read a node: its number and up to three coordinates.
   subroutine read_node(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(inout) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(inout) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b, tag
     real(dp) :: x(3)
     integer :: k
@@ -101,12 +87,9 @@ contains
 
   !> Read a line of an element, or of several: the number and the nodes of each, on as many lines as are needed.
   subroutine read_element(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(in) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b
     integer :: n, i
     p = first
@@ -141,12 +124,9 @@ contains
 
   !> Add a member to the set of the card.
   subroutine add_to_set(state, tag, line)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Number of the node or element.
-    integer(int64), intent(in) :: tag
-    !> Its line, 0 where a missing one is no mistake.
-    integer(int64), intent(in) :: line
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    integer(int64), intent(in) :: tag  !! Number of the node or element.
+    integer(int64), intent(in) :: line  !! Its line, 0 where a missing one is no mistake.
     associate (part => state%slot(state%at)%part)
       if (state%purpose == 'nset') then
         call add_member(part%node_set(state%index), tag, line)
@@ -158,12 +138,9 @@ contains
 
   !> Read a range: first, last, step.
   subroutine read_range(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(in) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b, value(3), i
     integer :: n
     p = first
@@ -186,12 +163,9 @@ contains
 
   !> Read members: numbers, or sets that are defined above.
   subroutine read_members(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(in) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b, tag
     logical :: valid
     p = first
@@ -213,14 +187,10 @@ contains
 
   !> The number of a node or element: an integer, or that of an instance, as part-1.17.
   subroutine find_number(state, text, tag, valid)
-    !> State of the reader.
-    type(inp_state_t), intent(in) :: state
-    !> The field.
-    character(*), intent(in) :: text
-    !> The number.
-    integer(int64), intent(out) :: tag
-    !> Whether the field is one.
-    logical, intent(out) :: valid
+    type(inp_state_t), intent(in) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! The field.
+    integer(int64), intent(out) :: tag  !! The number.
+    logical, intent(out) :: valid  !! Whether the field is one.
     integer(int64) :: offset
     integer :: dot
     call to_integer(text, tag, valid)
@@ -236,18 +206,12 @@ contains
 
   !> Find a set that must be defined above: of the part, or of the instance that the card names.
   subroutine find_above(state, sets, n, what, key, found)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Sets of the part (room).
-    type(inp_set_t), allocatable, intent(in) :: sets(:)
-    !> Their number.
-    integer, intent(in) :: n
-    !> What it is, for the message.
-    character(*), intent(in) :: what
-    !> Its name in small letters.
-    character(*), intent(in) :: key
-    !> Its index; 0 after a mistake.
-    integer, intent(out) :: found
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    type(inp_set_t), allocatable, intent(in) :: sets(:)  !! Sets of the part (room).
+    integer, intent(in) :: n  !! Their number.
+    character(*), intent(in) :: what  !! What it is, for the message.
+    character(*), intent(in) :: key  !! Its name in small letters.
+    integer, intent(out) :: found  !! Its index; 0 after a mistake.
     found = find_set(sets, n, key)
     if (found == 0 .and. len(state%card%get('instance')) > 0) &
       found = find_set(sets, n, lower(state%card%get('instance'))//'.'//key)
@@ -256,14 +220,10 @@ contains
 
   !> Add the members of another set to that of the card.
   subroutine copy_set(state, sets, n, key)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Sets of the part (room).
-    type(inp_set_t), allocatable, intent(in) :: sets(:)
-    !> Their number.
-    integer, intent(in) :: n
-    !> Name of the other set in small letters.
-    character(*), intent(in) :: key
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    type(inp_set_t), allocatable, intent(in) :: sets(:)  !! Sets of the part (room).
+    integer, intent(in) :: n  !! Their number.
+    character(*), intent(in) :: key  !! Name of the other set in small letters.
     integer(int64), allocatable :: member(:)
     integer :: i, other
     call find_above(state, sets, n, 'set', key, other)
@@ -276,10 +236,8 @@ contains
 
   !> Add the nodes of the elements of a set to the node set of the card.
   subroutine take_nodes_of(state, key)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Name of the element set in small letters.
-    character(*), intent(in) :: key
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: key  !! Name of the element set in small letters.
     type(tag_map_t) :: map
     integer :: set, i, e, k, repeated
     associate (part => state%slot(state%at)%part)
@@ -299,12 +257,9 @@ contains
 
   !> Read an entry of a surface: elements and a face of them, or nodes.
   subroutine read_faces(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(in) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b, number
     character(:), allocatable :: set, label
     integer :: face
@@ -330,12 +285,9 @@ contains
 
   !> Read a temperature of a node or of a set.
   subroutine read_temperature(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(inout) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(inout) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b, tag
     character(:), allocatable :: set
     real(dp) :: value
@@ -363,12 +315,9 @@ contains
 
   !> Read the numbers that place an instance.
   subroutine read_placement(state, text, first, last)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Text of the file.
-    character(*), intent(inout) :: text
-    !> The line.
-    integer(int64), intent(in) :: first, last
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(inout) :: text  !! Text of the file.
+    integer(int64), intent(in) :: first, last  !! The line.
     integer(int64) :: p, a, b
     p = first
     do while (p <= last)

@@ -13,18 +13,13 @@ module dotyk_mesh_inp_element_type
   private
   public :: find_inp_type, face_of_label
 
-  !> One element type.
-  type, public :: inp_type_t
-    !> Element kind of `dotyk_mesh_element`; 0 for a type that is not read.
-    integer :: kind = 0
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Node i of the kind is node order(i) of the type (n_nodes).
-    integer :: order(max_element_nodes) = 0
+  type, public :: inp_type_t  !! One element type.
+    integer :: kind = 0  !! Element kind of `dotyk_mesh_element`; 0 for a type that is not read.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: order(max_element_nodes) = 0  !! Node i of the kind is node order(i) of the type (n_nodes).
   end type inp_type_t
 
-  !> Letters of variants of the same shape.
-  character(*), parameter :: variants = 'rihmstpe'
+  character(*), parameter :: variants = 'rihmstpe'  !! Letters of variants of the same shape.
 
   ! Corners at the ends of the edges that have mid-side nodes, in the order of these nodes.
   integer, parameter :: tet_edge(2, 6) = reshape([1, 2, 2, 3, 3, 1, 1, 4, 2, 4, 3, 4], [2, 6])
@@ -45,8 +40,7 @@ contains
 
   !> Find a type by its name.
   pure type(inp_type_t) function find_inp_type(name) result(type)
-    !> Name in small letters, as c3d20r.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name in small letters, as c3d20r.
     integer :: last
     select case (name)
     case ('t3d2')
@@ -87,8 +81,7 @@ contains
 
     !> Set the kind and the order of the nodes: corners are the same, mid-side nodes are found by their edges.
     pure subroutine set_kind(kind, edge)
-      !> Element kind.
-      integer, intent(in) :: kind
+      integer, intent(in) :: kind  !! Element kind.
       !> Corners of the edges in the order of the mid-side nodes of the type (2, n_edges).
       integer, intent(in) :: edge(:, :)
       real(dp) :: xi(kind_dimension(kind), kind_nodes(kind))
@@ -107,10 +100,8 @@ contains
 
   !> Face of a kind that a label S1, S2, ... names: the one with the same corners; 0 where there is none.
   pure integer function face_of_label(kind, label) result(face)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Number of the label.
-    integer, intent(in) :: label
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: label  !! Number of the label.
     type(element_kind_t) :: properties, of_face
     integer :: corner(4), i
     properties = element_kind(kind)

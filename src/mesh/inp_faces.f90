@@ -11,33 +11,25 @@ module dotyk_mesh_inp_faces
   implicit none
   private
 
-  !> List of faces.
-  type, public :: inp_face_list_t
-    !> Number of faces.
-    integer :: n = 0
-    !> Element of each face, and its number there (room).
-    integer, allocatable :: element(:), face(:)
+  type, public :: inp_face_list_t  !! List of faces.
+    integer :: n = 0  !! Number of faces.
+    integer, allocatable :: element(:), face(:)  !! Element of each face, and its number there (room).
   contains
     procedure :: add => list_add
   end type inp_face_list_t
 
-  !> Faces that belong to one element only, by their first nodes.
-  type, public :: inp_outer_faces_t
-    !> The faces.
-    type(inp_face_list_t) :: list
+  type, public :: inp_outer_faces_t  !! Faces that belong to one element only, by their first nodes.
+    type(inp_face_list_t) :: list  !! The faces.
     !> Start of the faces of each node in `order`: faces are with the least of their nodes (n_nodes + 1).
     integer, allocatable :: start(:)
-    !> Faces by their nodes (list%n).
-    integer, allocatable :: order(:)
-    !> Whether a node is on one of them (n_nodes).
-    logical, allocatable :: on_face(:)
+    integer, allocatable :: order(:)  !! Faces by their nodes (list%n).
+    logical, allocatable :: on_face(:)  !! Whether a node is on one of them (n_nodes).
   contains
     procedure :: find => outer_find
     procedure :: of_nodes => outer_of_nodes
   end type inp_outer_faces_t
 
-  !> Greatest number of corners of a face.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a face.
 
   public :: faces_of_surface, face_nodes
 
@@ -46,10 +38,8 @@ contains
   !> Add a face.
   subroutine list_add(self, element, face)
     class(inp_face_list_t), intent(inout) :: self
-    !> Element.
-    integer, intent(in) :: element
-    !> Number of the face in the kind of the element.
-    integer, intent(in) :: face
+    integer, intent(in) :: element  !! Element.
+    integer, intent(in) :: face  !! Number of the face in the kind of the element.
     if (.not. allocated(self%element)) allocate (self%element(64), self%face(64))
     if (self%n == size(self%element)) then
       self%element = [self%element, self%element]
@@ -62,16 +52,11 @@ contains
 
   !> Nodes of a face.
   subroutine face_nodes(part, numbering, element, face, kind, node)
-    !> The model.
-    type(inp_part_t), intent(in) :: part
-    !> Its numbering.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> Element.
-    integer, intent(in) :: element
-    !> Number of the face.
-    integer, intent(in) :: face
-    !> Kind of the face.
-    integer, intent(out) :: kind
+    type(inp_part_t), intent(in) :: part  !! The model.
+    type(inp_numbering_t), intent(in) :: numbering  !! Its numbering.
+    integer, intent(in) :: element  !! Element.
+    integer, intent(in) :: face  !! Number of the face.
+    integer, intent(out) :: kind  !! Kind of the face.
     !> Its nodes in the order of the kind; the first ones are set (at least n_nodes of the kind).
     integer, intent(inout) :: node(:)
     type(element_kind_t) :: of_element
@@ -85,12 +70,9 @@ contains
   !> Find the faces of all elements of the dimension of space that belong to one element only.
   subroutine outer_find(self, part, numbering, dimension)
     class(inp_outer_faces_t), intent(inout) :: self
-    !> The model.
-    type(inp_part_t), intent(in) :: part
-    !> Its numbering.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(inp_part_t), intent(in) :: part  !! The model.
+    type(inp_numbering_t), intent(in) :: numbering  !! Its numbering.
+    integer, intent(in) :: dimension  !! Dimension of space.
     type(corner_table_t) :: table
     type(element_kind_t) :: kind(n_element_kinds), face
     integer, allocatable :: times(:), element(:), number(:)
@@ -145,18 +127,12 @@ contains
   !> The outer faces all of whose nodes are in a set.
   subroutine outer_of_nodes(self, part, numbering, node, is_member, faces, n_left)
     class(inp_outer_faces_t), intent(in) :: self
-    !> The model.
-    type(inp_part_t), intent(in) :: part
-    !> Its numbering.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> The nodes of the set (n).
-    integer, intent(in) :: node(:)
-    !> Room; all false before and afterwards (n_nodes).
-    logical, intent(inout) :: is_member(:)
-    !> The faces; these are added.
-    type(inp_face_list_t), intent(inout) :: faces
-    !> Number of nodes of the set on outer faces, but on none of these.
-    integer, intent(out) :: n_left
+    type(inp_part_t), intent(in) :: part  !! The model.
+    type(inp_numbering_t), intent(in) :: numbering  !! Its numbering.
+    integer, intent(in) :: node(:)  !! The nodes of the set (n).
+    logical, intent(inout) :: is_member(:)  !! Room; all false before and afterwards (n_nodes).
+    type(inp_face_list_t), intent(inout) :: faces  !! The faces; these are added.
+    integer, intent(out) :: n_left  !! Number of nodes of the set on outer faces, but on none of these.
     integer :: i, k, entry, kind, own(9), n, first
     is_member(node) = .true.
     first = faces%n
@@ -183,18 +159,12 @@ contains
 
   !> Faces of a surface.
   subroutine faces_of_surface(state, numbering, surface, outer, is_member, faces)
-    !> What was read; mistakes are kept there.
-    type(inp_state_t), intent(inout) :: state
-    !> Numbering of the model.
-    type(inp_numbering_t), intent(in) :: numbering
-    !> The surface.
-    type(inp_surface_t), intent(in) :: surface
-    !> Outer faces.
-    type(inp_outer_faces_t), intent(in) :: outer
-    !> Room; all false before and afterwards (n_nodes).
-    logical, intent(inout) :: is_member(:)
-    !> The faces.
-    type(inp_face_list_t), intent(inout) :: faces
+    type(inp_state_t), intent(inout) :: state  !! What was read; mistakes are kept there.
+    type(inp_numbering_t), intent(in) :: numbering  !! Numbering of the model.
+    type(inp_surface_t), intent(in) :: surface  !! The surface.
+    type(inp_outer_faces_t), intent(in) :: outer  !! Outer faces.
+    logical, intent(inout) :: is_member(:)  !! Room; all false before and afterwards (n_nodes).
+    type(inp_face_list_t), intent(inout) :: faces  !! The faces.
     integer, allocatable :: member(:), node(:)
     integer :: i, k, set, face, ignored
     allocate (node(0))
@@ -225,8 +195,7 @@ contains
 
     !> Elements or nodes of an entry.
     subroutine find_members(entry)
-      !> The entry.
-      integer, intent(in) :: entry
+      integer, intent(in) :: entry  !! The entry.
       associate (part => state%slot(1)%part, name => surface%set(entry)%s)
         if (len(name) == 0) then
           if (surface%of_nodes) then

@@ -12,14 +12,10 @@ module dotyk_mesh_inp_instance
   private
   public :: add_instance
 
-  !> Names and offsets of the instances.
-  type, public :: instance_list_t
-    !> Number of instances.
-    integer :: n = 0
-    !> Their names in small letters (room).
-    type(text_t), allocatable :: key(:)
-    !> What is added to the numbers of each (room).
-    integer(int64), allocatable :: offset(:)
+  type, public :: instance_list_t  !! Names and offsets of the instances.
+    integer :: n = 0  !! Number of instances.
+    type(text_t), allocatable :: key(:)  !! Their names in small letters (room).
+    integer(int64), allocatable :: offset(:)  !! What is added to the numbers of each (room).
   contains
     procedure :: add => list_add
     procedure :: offset_of => list_offset_of
@@ -30,10 +26,8 @@ contains
   !> Add an instance.
   subroutine list_add(self, key, step)
     class(instance_list_t), intent(inout) :: self
-    !> Its name in small letters.
-    character(*), intent(in) :: key
-    !> A power of ten above all numbers of the parts.
-    integer(int64), intent(in) :: step
+    character(*), intent(in) :: key  !! Its name in small letters.
+    integer(int64), intent(in) :: step  !! A power of ten above all numbers of the parts.
     type(text_t), allocatable :: larger(:)
     integer(int64), allocatable :: larger_offset(:)
     integer :: i
@@ -55,8 +49,7 @@ contains
   !> What is added to the numbers of an instance; 0 where there is none of the name.
   pure integer(int64) function list_offset_of(self, key) result(offset)
     class(instance_list_t), intent(in) :: self
-    !> Its name in small letters.
-    character(*), intent(in) :: key
+    character(*), intent(in) :: key  !! Its name in small letters.
     integer :: i
     offset = 0
     do i = 1, self%n
@@ -66,18 +59,13 @@ contains
 
   !> Add an instance of a part to the model.
   subroutine add_instance(model, part, name, offset, placement, n_placement)
-    !> The model.
-    type(inp_part_t), intent(inout) :: model
-    !> The part.
-    type(inp_part_t), intent(in) :: part
-    !> Name of the instance.
-    character(*), intent(in) :: name
-    !> What is added to its numbers.
-    integer(int64), intent(in) :: offset
+    type(inp_part_t), intent(inout) :: model  !! The model.
+    type(inp_part_t), intent(in) :: part  !! The part.
+    character(*), intent(in) :: name  !! Name of the instance.
+    integer(int64), intent(in) :: offset  !! What is added to its numbers.
     !> Translation; two points of the axis and the angle of a rotation after it (10) [length; degrees].
     real(dp), intent(in) :: placement(:)
-    !> How many of these are given; more than 3 where there is a rotation.
-    integer, intent(in) :: n_placement
+    integer, intent(in) :: n_placement  !! How many of these are given; more than 3 where there is a rotation.
     real(dp) :: rotation(3, 3), x(3)
     integer(int64) :: node(27)
     integer :: i, j, k, set
@@ -123,10 +111,8 @@ contains
 
     !> Copy the members of a set.
     subroutine copy_members(from, to)
-      !> Set of the part.
-      type(inp_set_t), intent(in) :: from
-      !> Set of the model.
-      type(inp_set_t), intent(inout) :: to
+      type(inp_set_t), intent(in) :: from  !! Set of the part.
+      type(inp_set_t), intent(inout) :: to  !! Set of the model.
       do j = 1, from%n
         call add_member(to, from%member(j) + offset, from%line(j))
       end do

@@ -9,18 +9,13 @@ module dotyk_mesh_inp_numbering
   implicit none
   private
 
-  !> The mesh by indices.
-  type, public :: inp_numbering_t
-    !> Indices of nodes and elements by their numbers.
-    type(tag_map_t) :: node_of_tag, element_of_tag
-    !> Nodes of the elements, from `first` of the part on (n).
-    integer, allocatable :: node(:)
-    !> Dimension of each element (n_elements).
-    integer, allocatable :: dimension(:)
+  type, public :: inp_numbering_t  !! The mesh by indices.
+    type(tag_map_t) :: node_of_tag, element_of_tag  !! Indices of nodes and elements by their numbers.
+    integer, allocatable :: node(:)  !! Nodes of the elements, from `first` of the part on (n).
+    integer, allocatable :: dimension(:)  !! Dimension of each element (n_elements).
     !> Combination of element sets to which each element belongs, from 1 (n_elements).
     integer, allocatable :: combination(:)
-    !> Number of combinations; the first is that of no set.
-    integer :: n_combinations = 1
+    integer :: n_combinations = 1  !! Number of combinations; the first is that of no set.
     !> The combination with one set less, and that set; 0 for the first (room).
     integer, allocatable :: parent(:), set(:)
   contains
@@ -34,10 +29,8 @@ contains
   !> Find the indices.
   subroutine numbering_find(self, state, dimension)
     class(inp_numbering_t), intent(inout) :: self
-    !> What was read; mistakes are kept there.
-    type(inp_state_t), intent(inout) :: state
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(inp_state_t), intent(inout) :: state  !! What was read; mistakes are kept there.
+    integer, intent(in) :: dimension  !! Dimension of space.
     integer :: repeated, e, k
     associate (part => state%slot(1)%part)
       if (part%n_nodes > 0) call self%node_of_tag%init(part%node_tag(:part%n_nodes), repeated)
@@ -82,14 +75,10 @@ contains
   !> Indices of the members of a set, with those that do not exist left out.
   subroutine numbering_members(self, state, set, of_nodes, index)
     class(inp_numbering_t), intent(in) :: self
-    !> What was read; a member that does not exist is kept as a mistake.
-    type(inp_state_t), intent(inout) :: state
-    !> The set.
-    type(inp_set_t), intent(in) :: set
-    !> Whether its members are nodes.
-    logical, intent(in) :: of_nodes
-    !> The indices (n).
-    integer, allocatable, intent(out) :: index(:)
+    type(inp_state_t), intent(inout) :: state  !! What was read; a member that does not exist is kept as a mistake.
+    type(inp_set_t), intent(in) :: set  !! The set.
+    logical, intent(in) :: of_nodes  !! Whether its members are nodes.
+    integer, allocatable, intent(out) :: index(:)  !! The indices (n).
     integer :: i, n, k
     allocate (index(set%n))
     n = 0
@@ -114,12 +103,9 @@ contains
 
   !> Combinations of sets: each set divides those that there are into elements with and without it.
   subroutine combine_sets(self, state, part)
-    !> The numbering.
     class(inp_numbering_t), intent(inout) :: self
-    !> What was read; mistakes are kept there.
-    type(inp_state_t), intent(inout) :: state
-    !> The model.
-    type(inp_part_t), intent(in) :: part
+    type(inp_state_t), intent(inout) :: state  !! What was read; mistakes are kept there.
+    type(inp_part_t), intent(in) :: part  !! The model.
     ! The combination with the present set, and for which set that was found last; by combination.
     integer, allocatable :: successor(:), found_for(:), member(:), last_set(:)
     integer :: s, i, e, c
@@ -149,8 +135,7 @@ contains
 
   !> Double the room of lists.
   subroutine double_room(a, b, c, d)
-    !> The lists (room); zeros are added.
-    integer, allocatable, intent(inout) :: a(:), b(:), c(:), d(:)
+    integer, allocatable, intent(inout) :: a(:), b(:), c(:), d(:)  !! The lists (room); zeros are added.
     integer, allocatable :: zero(:)
     allocate (zero(size(a)), source=0)
     a = [a, zero]
@@ -162,8 +147,7 @@ contains
   !> Sets of a combination, ascending (n_sets).
   pure function numbering_sets_of(self, combination) result(set)
     class(inp_numbering_t), intent(in) :: self
-    !> The combination.
-    integer, intent(in) :: combination
+    integer, intent(in) :: combination  !! The combination.
     integer, allocatable :: set(:)
     integer :: c
     allocate (set(0))

@@ -5,64 +5,41 @@ module dotyk_mesh_inp_part
   implicit none
   private
 
-  !> Set of nodes or elements.
-  type, public :: inp_set_t
-    !> Name as the deck first writes it, and in small letters.
-    character(:), allocatable :: name, key
-    !> Number of members.
-    integer :: n = 0
-    !> Their numbers (room).
-    integer(int64), allocatable :: member(:)
-    !> Line of each member, 0 where a missing one is no mistake (room).
-    integer(int64), allocatable :: line(:)
+  type, public :: inp_set_t  !! Set of nodes or elements.
+    character(:), allocatable :: name, key  !! Name as the deck first writes it, and in small letters.
+    integer :: n = 0  !! Number of members.
+    integer(int64), allocatable :: member(:)  !! Their numbers (room).
+    integer(int64), allocatable :: line(:)  !! Line of each member, 0 where a missing one is no mistake (room).
   end type inp_set_t
 
-  !> Surface: faces of elements, or the nodes of faces.
-  type, public :: inp_surface_t
-    !> Name as the deck writes it, and in small letters.
-    character(:), allocatable :: name, key
-    !> Whether nodes are given.
-    logical :: of_nodes = .false.
-    !> Number of entries.
-    integer :: n = 0
-    !> Set of each entry in small letters, empty for a number (room).
-    type(text_t), allocatable :: set(:)
-    !> Element or node of each entry, where it is a number (room).
-    integer(int64), allocatable :: number(:)
-    !> Face of each entry: 1 for S1 and so on, 0 for the outer faces (room).
-    integer, allocatable :: face(:)
-    !> Line of each entry (room).
-    integer(int64), allocatable :: line(:)
+  type, public :: inp_surface_t  !! Surface: faces of elements, or the nodes of faces.
+    character(:), allocatable :: name, key  !! Name as the deck writes it, and in small letters.
+    logical :: of_nodes = .false.  !! Whether nodes are given.
+    integer :: n = 0  !! Number of entries.
+    type(text_t), allocatable :: set(:)  !! Set of each entry in small letters, empty for a number (room).
+    integer(int64), allocatable :: number(:)  !! Element or node of each entry, where it is a number (room).
+    integer, allocatable :: face(:)  !! Face of each entry: 1 for S1 and so on, 0 for the outer faces (room).
+    integer(int64), allocatable :: line(:)  !! Line of each entry (room).
   end type inp_surface_t
 
   !> Lines are numbers of `max_files` times the line plus the number of the file.
   integer(int64), parameter, public :: max_files = 100000
 
-  !> A part, or the whole mesh.
-  type, public :: inp_part_t
-    !> Name of the part in small letters.
-    character(:), allocatable :: key
-    !> Number of nodes and elements.
-    integer :: n_nodes = 0, n_elements = 0
-    !> Numbers of the nodes (room).
-    integer(int64), allocatable :: node_tag(:)
-    !> Their coordinates (3, room) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Their lines (room).
-    integer(int64), allocatable :: node_line(:)
-    !> Numbers, kinds and lines of the elements (room).
-    integer(int64), allocatable :: element_tag(:), element_line(:)
+  type, public :: inp_part_t  !! A part, or the whole mesh.
+    character(:), allocatable :: key  !! Name of the part in small letters.
+    integer :: n_nodes = 0, n_elements = 0  !! Number of nodes and elements.
+    integer(int64), allocatable :: node_tag(:)  !! Numbers of the nodes (room).
+    real(dp), allocatable :: x(:, :)  !! Their coordinates (3, room) [length].
+    integer(int64), allocatable :: node_line(:)  !! Their lines (room).
+    integer(int64), allocatable :: element_tag(:), element_line(:)  !! Numbers, kinds and lines of the elements (room).
     integer, allocatable :: kind(:)
     !> Geometric entities of the elements; not allocated where the file tells none (n_elements).
     integer, allocatable :: entity(:)
-    !> First node of each element in `connectivity` (room + 1).
-    integer, allocatable :: first(:)
+    integer, allocatable :: first(:)  !! First node of each element in `connectivity` (room + 1).
     !> Nodes of the elements by their numbers, in the order of the kinds (room).
     integer(int64), allocatable :: connectivity(:)
-    !> Number of node sets, element sets and surfaces.
-    integer :: n_node_sets = 0, n_element_sets = 0, n_surfaces = 0
-    !> Sets of nodes and of elements, and surfaces (room).
-    type(inp_set_t), allocatable :: node_set(:), element_set(:)
+    integer :: n_node_sets = 0, n_element_sets = 0, n_surfaces = 0  !! Number of node sets, element sets and surfaces.
+    type(inp_set_t), allocatable :: node_set(:), element_set(:)  !! Sets of nodes and of elements, and surfaces (room).
     type(inp_surface_t), allocatable :: surface(:)
   contains
     procedure :: add_node => part_add_node
@@ -78,12 +55,9 @@ contains
   !> Add a node.
   subroutine part_add_node(self, tag, x, line)
     class(inp_part_t), intent(inout) :: self
-    !> Its number.
-    integer(int64), intent(in) :: tag
-    !> Its place (3) [length].
-    real(dp), intent(in) :: x(3)
-    !> Its line.
-    integer(int64), intent(in) :: line
+    integer(int64), intent(in) :: tag  !! Its number.
+    real(dp), intent(in) :: x(3)  !! Its place (3) [length].
+    integer(int64), intent(in) :: line  !! Its line.
     real(dp), allocatable :: larger(:, :)
     integer :: n
     n = self%n_nodes + 1
@@ -104,14 +78,10 @@ contains
   !> Add an element.
   subroutine part_add_element(self, tag, kind, node, line)
     class(inp_part_t), intent(inout) :: self
-    !> Its number.
-    integer(int64), intent(in) :: tag
-    !> Its kind.
-    integer, intent(in) :: kind
-    !> Its nodes by their numbers, in the order of the kind (n_nodes).
-    integer(int64), intent(in) :: node(:)
-    !> Its line.
-    integer(int64), intent(in) :: line
+    integer(int64), intent(in) :: tag  !! Its number.
+    integer, intent(in) :: kind  !! Its kind.
+    integer(int64), intent(in) :: node(:)  !! Its nodes by their numbers, in the order of the kind (n_nodes).
+    integer(int64), intent(in) :: line  !! Its line.
     integer, allocatable :: larger(:)
     integer :: n, m
     n = self%n_elements + 1
@@ -142,10 +112,8 @@ contains
   !> Add a surface.
   subroutine part_add_surface(self, name, key, of_nodes)
     class(inp_part_t), intent(inout) :: self
-    !> Name as the deck writes it, and in small letters.
-    character(*), intent(in) :: name, key
-    !> Whether nodes are given.
-    logical, intent(in) :: of_nodes
+    character(*), intent(in) :: name, key  !! Name as the deck writes it, and in small letters.
+    logical, intent(in) :: of_nodes  !! Whether nodes are given.
     type(inp_surface_t), allocatable :: larger(:)
     integer :: i
     if (.not. allocated(self%surface)) allocate (self%surface(16))
@@ -182,12 +150,9 @@ contains
 
   !> Index of a set, 0 if there is none of the name.
   pure integer function find_set(sets, n, key) result(index)
-    !> Sets (room).
-    type(inp_set_t), allocatable, intent(in) :: sets(:)
-    !> Their number.
-    integer, intent(in) :: n
-    !> Name in small letters.
-    character(*), intent(in) :: key
+    type(inp_set_t), allocatable, intent(in) :: sets(:)  !! Sets (room).
+    integer, intent(in) :: n  !! Their number.
+    character(*), intent(in) :: key  !! Name in small letters.
     do index = n, 1, -1
       if (sets(index)%key == key) return
     end do
@@ -196,14 +161,10 @@ contains
 
   !> Index of a set; it is added if there is none of the name.
   subroutine add_set(sets, n, name, key, index)
-    !> Sets (room).
-    type(inp_set_t), allocatable, intent(inout) :: sets(:)
-    !> Their number.
-    integer, intent(inout) :: n
-    !> Name as the deck writes it, and in small letters.
-    character(*), intent(in) :: name, key
-    !> The index.
-    integer, intent(out) :: index
+    type(inp_set_t), allocatable, intent(inout) :: sets(:)  !! Sets (room).
+    integer, intent(inout) :: n  !! Their number.
+    character(*), intent(in) :: name, key  !! Name as the deck writes it, and in small letters.
+    integer, intent(out) :: index  !! The index.
     type(inp_set_t), allocatable :: larger(:)
     integer :: i
     index = find_set(sets, n, key)
@@ -229,12 +190,9 @@ contains
 
   !> Add a member to a set.
   subroutine add_member(set, tag, line)
-    !> The set.
-    type(inp_set_t), intent(inout) :: set
-    !> Number of the node or element.
-    integer(int64), intent(in) :: tag
-    !> Its line, 0 where a missing one is no mistake.
-    integer(int64), intent(in) :: line
+    type(inp_set_t), intent(inout) :: set  !! The set.
+    integer(int64), intent(in) :: tag  !! Number of the node or element.
+    integer(int64), intent(in) :: line  !! Its line, 0 where a missing one is no mistake.
     set%n = set%n + 1
     call make_room(set%member, set%n)
     call make_room(set%line, set%n)
@@ -244,16 +202,11 @@ contains
 
   !> Add an entry to a surface.
   subroutine add_entry(surface, set, number, face, line)
-    !> The surface.
-    type(inp_surface_t), intent(inout) :: surface
-    !> Set in small letters, empty for a number.
-    character(*), intent(in) :: set
-    !> Element or node, where it is a number.
-    integer(int64), intent(in) :: number
-    !> Face, 0 for the outer faces.
-    integer, intent(in) :: face
-    !> Its line.
-    integer(int64), intent(in) :: line
+    type(inp_surface_t), intent(inout) :: surface  !! The surface.
+    character(*), intent(in) :: set  !! Set in small letters, empty for a number.
+    integer(int64), intent(in) :: number  !! Element or node, where it is a number.
+    integer, intent(in) :: face  !! Face, 0 for the outer faces.
+    integer(int64), intent(in) :: line  !! Its line.
     type(text_t), allocatable :: larger(:)
     integer, allocatable :: larger_face(:)
     integer :: n, i
@@ -278,10 +231,8 @@ contains
 
   !> Make room for items.
   subroutine make_room(list, n)
-    !> List (room); it at least doubles when it grows.
-    integer(int64), allocatable, intent(inout) :: list(:)
-    !> Number of items that it must hold.
-    integer, intent(in) :: n
+    integer(int64), allocatable, intent(inout) :: list(:)  !! List (room); it at least doubles when it grows.
+    integer, intent(in) :: n  !! Number of items that it must hold.
     integer(int64), allocatable :: larger(:)
     if (.not. allocated(list)) allocate (list(max(n, 64)))
     if (n <= size(list)) return

@@ -18,21 +18,17 @@ module dotyk_mesh_inp_reader
   private
   public :: read_deck
 
-  !> Nested files beyond which one includes itself.
-  integer, parameter :: most_nested = 20
+  integer, parameter :: most_nested = 20  !! Nested files beyond which one includes itself.
 
 contains
 
   !> Read a deck.
   subroutine read_deck(file, state, error, field)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> What was read.
-    type(inp_state_t), intent(out) :: state
+    character(*), intent(in) :: file  !! Path of the file.
+    type(inp_state_t), intent(out) :: state  !! What was read.
     !> Set for files that cannot be read and for mistakes in them, with file and line.
     type(error_t), allocatable, intent(out) :: error
-    !> Name of a field of temperatures, which is read too; none if absent.
-    character(*), intent(in), optional :: field
+    character(*), intent(in), optional :: field  !! Name of a field of temperatures, which is read too; none if absent.
     call state%start
     if (present(field)) then
       allocate (state%temperature)
@@ -47,14 +43,10 @@ contains
 
   !> Read one file.
   recursive subroutine read_file(state, path, depth, error)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> 1 for the deck, more for a file that is included.
-    integer, intent(in) :: depth
-    !> Set where a file cannot be read, or is none of the format.
-    type(error_t), allocatable, intent(out) :: error
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: path  !! Path of the file.
+    integer, intent(in) :: depth  !! 1 for the deck, more for a file that is included.
+    type(error_t), allocatable, intent(out) :: error  !! Set where a file cannot be read, or is none of the format.
     type(byte_window_t) :: bytes
     character(:), allocatable :: card, include
     integer(int64) :: p, first, last, number
@@ -100,10 +92,8 @@ contains
 
   !> Refuse a file that does not begin as a deck.
   subroutine refuse_content(state, bytes)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> The file.
-    type(byte_window_t), intent(inout) :: bytes
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    type(byte_window_t), intent(inout) :: bytes  !! The file.
     character(:), allocatable :: beginning, nature
     call bytes%first_bytes(1024, beginning)
     nature = nature_of(beginning)
@@ -113,14 +103,10 @@ contains
 
   !> Read a file that the present line names: beside the deck.
   recursive subroutine read_include(state, name, depth, error)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> Its name.
-    character(*), intent(in) :: name
-    !> Depth of the file that names it.
-    integer, intent(in) :: depth
-    !> Set where it cannot be read; the message names the line.
-    type(error_t), allocatable, intent(out) :: error
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: name  !! Its name.
+    integer, intent(in) :: depth  !! Depth of the file that names it.
+    type(error_t), allocatable, intent(out) :: error  !! Set where it cannot be read; the message names the line.
     character(:), allocatable :: path, place
     path = name
     if (path(1:1) /= '/') path = directory_of(state%file(1)%s)//path
@@ -135,12 +121,9 @@ contains
 
   !> The next line of a text.
   pure subroutine find_line(text, p, size, first, last)
-    !> Text.
-    character(*), intent(in) :: text
-    !> First character of the line; that of the next line on return.
-    integer(int64), intent(inout) :: p
-    !> Length of the text.
-    integer(int64), intent(in) :: size
+    character(*), intent(in) :: text  !! Text.
+    integer(int64), intent(inout) :: p  !! First character of the line; that of the next line on return.
+    integer(int64), intent(in) :: size  !! Length of the text.
     !> First and last character that are not blank; last < first in an empty line.
     integer(int64), intent(out) :: first, last
     integer(int64) :: end
@@ -158,12 +141,9 @@ contains
 
   !> Begin a card.
   subroutine begin_card(state, text, include)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> The card.
-    character(*), intent(in) :: text
-    !> File that is to be read next; empty for none.
-    character(:), allocatable, intent(out) :: include
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! The card.
+    character(:), allocatable, intent(out) :: include  !! File that is to be read next; empty for none.
     type(inp_card_t) :: card
     call card%parse(text)
     include = ''
@@ -218,10 +198,8 @@ contains
 
   !> Note a keyword that is not read.
   subroutine note(state, text)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
-    !> The keyword.
-    character(*), intent(in) :: text
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
+    character(*), intent(in) :: text  !! The keyword.
     if (index(', '//state%not_read//',', ', '//text//',') > 0) return
     if (len(state%not_read) > 0) state%not_read = state%not_read//', '
     state%not_read = state%not_read//text
@@ -229,8 +207,7 @@ contains
 
   !> A keyword in capital letters.
   pure function capital(keyword) result(text)
-    !> Keyword in small letters.
-    character(*), intent(in) :: keyword
+    character(*), intent(in) :: keyword  !! Keyword in small letters.
     character(len(keyword)) :: text
     integer :: i
     text = keyword
@@ -241,8 +218,7 @@ contains
 
   !> Begin elements: find their type.
   subroutine begin_elements(state)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
     character(:), allocatable :: name
     name = state%card%get('type')
     state%purpose = 'element'
@@ -262,8 +238,7 @@ contains
 
   !> Begin temperatures, which are read where a field of them is wanted.
   subroutine begin_temperatures(state)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
     character(:), allocatable :: fault
     logical :: wanted
     wanted = allocated(state%temperature)
@@ -280,8 +255,7 @@ contains
 
   !> Begin a set of nodes or elements.
   subroutine begin_set(state)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
     character(:), allocatable :: keyword, instance
     keyword = state%card%keyword
     state%purpose = keyword
@@ -300,8 +274,7 @@ contains
 
   !> Begin a surface.
   subroutine begin_surface(state)
-    !> State of the reader.
-    type(inp_state_t), intent(inout) :: state
+    type(inp_state_t), intent(inout) :: state  !! State of the reader.
     character(:), allocatable :: name, type
     integer :: i
     name = state%card%get('name')

@@ -11,30 +11,21 @@ module dotyk_mesh_inp_state
   implicit none
   private
 
-  !> A part, in a slot so that it can be moved.
-  type, public :: inp_slot_t
-    !> The part.
-    type(inp_part_t), allocatable :: part
+  type, public :: inp_slot_t  !! A part, in a slot so that it can be moved.
+    type(inp_part_t), allocatable :: part  !! The part.
   end type inp_slot_t
 
-  !> The state.
-  type, public :: inp_state_t
+  type, public :: inp_state_t  !! The state.
     !> The model, what is outside of parts with the instances of the parts, then the parts (room); their number.
     type(inp_slot_t), allocatable :: slot(:)
     integer :: n_slots = 0
-    !> The part to which cards belong.
-    integer :: at = 1
-    !> Instances of the parts.
-    type(instance_list_t) :: instances
-    !> Files (room), and their number.
-    type(text_t), allocatable :: file(:)
+    integer :: at = 1  !! The part to which cards belong.
+    type(instance_list_t) :: instances  !! Instances of the parts.
+    type(text_t), allocatable :: file(:)  !! Files (room), and their number.
     integer :: n_files = 0
-    !> Keywords that are not read, each once, separated by commas.
-    character(:), allocatable :: not_read
-    !> Whether gmsh wrote the file: its truss elements are edges of plane meshes.
-    logical :: by_gmsh = .false.
-    !> Message of the first mistake, not allocated where there is none.
-    character(:), allocatable :: fault
+    character(:), allocatable :: not_read  !! Keywords that are not read, each once, separated by commas.
+    logical :: by_gmsh = .false.  !! Whether gmsh wrote the file: its truss elements are edges of plane meshes.
+    character(:), allocatable :: fault  !! Message of the first mistake, not allocated where there is none.
     !> The present card, what its data lines are for ('' to skip them), and the line that is read.
     type(inp_card_t) :: card
     character(:), allocatable :: purpose
@@ -44,14 +35,11 @@ module dotyk_mesh_inp_state
     integer :: n_values = 0
     integer(int64) :: value(max_element_nodes + 1) = 0
     integer(int64) :: first_line = 0
-    !> Set or surface of the card, 0 for none; what is added to the numbers of its members.
-    integer :: index = 0
+    integer :: index = 0  !! Set or surface of the card, 0 for none; what is added to the numbers of its members.
     integer(int64) :: offset = 0
-    !> Numbers that place an instance, and how many.
-    real(dp) :: placement(10) = 0
+    real(dp) :: placement(10) = 0  !! Numbers that place an instance, and how many.
     integer :: n_placement = 0
-    !> Temperatures; not allocated where only the mesh is read.
-    type(inp_temperature_t), allocatable :: temperature
+    type(inp_temperature_t), allocatable :: temperature  !! Temperatures; not allocated where only the mesh is read.
   contains
     procedure :: start => state_start
     procedure :: place => state_place
@@ -77,8 +65,7 @@ contains
   !> 'file:line' of a line.
   function state_place(self, line) result(place)
     class(inp_state_t), intent(in) :: self
-    !> Line, with its file.
-    integer(int64), intent(in) :: line
+    integer(int64), intent(in) :: line  !! Line, with its file.
     character(:), allocatable :: place
     place = self%file(int(mod(line, max_files)))%s//':'//to_text(line/max_files)
   end function state_place
@@ -86,16 +73,14 @@ contains
   !> Keep a mistake with the present line, if it is the first.
   subroutine state_fail(self, message)
     class(inp_state_t), intent(inout) :: self
-    !> Message.
-    character(*), intent(in) :: message
+    character(*), intent(in) :: message  !! Message.
     if (.not. allocated(self%fault)) self%fault = self%place(self%line)//': '//message
   end subroutine state_fail
 
   !> Add a file.
   subroutine state_add_file(self, path)
     class(inp_state_t), intent(inout) :: self
-    !> Its path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Its path.
     type(text_t), allocatable :: larger(:)
     integer :: i
     if (self%n_files == size(self%file)) then
@@ -112,8 +97,7 @@ contains
   !> Add a part, to which the cards after it belong.
   subroutine state_add_part(self, key)
     class(inp_state_t), intent(inout) :: self
-    !> Its name in small letters.
-    character(*), intent(in) :: key
+    character(*), intent(in) :: key  !! Its name in small letters.
     type(inp_slot_t), allocatable :: larger(:)
     integer :: i
     if (.not. allocated(self%slot)) allocate (self%slot(8))
@@ -133,8 +117,7 @@ contains
   !> Set that the card names, in the present part; it is added where there is none.
   subroutine state_open_set(self, parameter)
     class(inp_state_t), intent(inout) :: self
-    !> 'nset' or 'elset'.
-    character(*), intent(in) :: parameter
+    character(*), intent(in) :: parameter  !! 'nset' or 'elset'.
     character(:), allocatable :: name
     name = self%card%get(parameter)
     associate (part => self%slot(self%at)%part)
@@ -160,8 +143,7 @@ contains
 
   !> Add the instance whose card and data were read.
   subroutine end_instance(self)
-    !> The state.
-    type(inp_state_t), intent(inout) :: self
+    type(inp_state_t), intent(inout) :: self  !! The state.
     character(:), allocatable :: name, part
     integer(int64) :: step
     integer :: i

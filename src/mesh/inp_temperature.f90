@@ -15,21 +15,16 @@ module dotyk_mesh_inp_temperature
   !> Names of fields.
   character(*), parameter :: initial_name = 'initial_temperature', given_name = 'temperature', step_name = ' step '
 
-  !> The field that is wanted, and what was read of it.
-  type, public :: inp_temperature_t
-    !> Its name.
-    character(:), allocatable, private :: name
+  type, public :: inp_temperature_t  !! The field that is wanted, and what was read of it.
+    character(:), allocatable, private :: name  !! Its name.
     !> Number of steps so far, and how many have *TEMPERATURE; whether the present one has, and is a perturbation.
     integer, private :: step = 0, n_with = 0
     logical, private :: has = .false., is_perturbation = .false.
     !> Whether the data of the present card are part of the field; whether they are initial temperatures.
     logical, private :: wanted = .false., is_initial = .false.
-    !> Whether the step of the field was met.
-    logical, private :: met = .false.
-    !> Names of the fields of the deck, each after a comma.
-    character(:), allocatable, private :: names
-    !> Initial temperatures, and those of steps [temperature].
-    type(node_values_t), private :: initial, given
+    logical, private :: met = .false.  !! Whether the step of the field was met.
+    character(:), allocatable, private :: names  !! Names of the fields of the deck, each after a comma.
+    type(node_values_t), private :: initial, given  !! Initial temperatures, and those of steps [temperature].
   contains
     procedure :: init => temperature_init
     procedure :: begin_step => temperature_begin_step
@@ -43,8 +38,7 @@ contains
   !> Begin without any.
   subroutine temperature_init(self, name)
     class(inp_temperature_t), intent(inout) :: self
-    !> Name of the field.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name of the field.
     self%name = name
     self%names = ''
   end subroutine temperature_init
@@ -52,8 +46,7 @@ contains
   !> Begin a step.
   subroutine temperature_begin_step(self, card)
     class(inp_temperature_t), intent(inout) :: self
-    !> The card *STEP.
-    type(inp_card_t), intent(in) :: card
+    type(inp_card_t), intent(in) :: card  !! The card *STEP.
     self%step = self%step + 1
     self%has = .false.
     self%is_perturbation = card%has('perturbation')
@@ -63,12 +56,9 @@ contains
   !> Begin a card of temperatures; its data lines are to be taken where they are part of the field.
   subroutine temperature_begin_card(self, card, wanted, fault)
     class(inp_temperature_t), intent(inout) :: self
-    !> The card.
-    type(inp_card_t), intent(in) :: card
-    !> Whether its data lines are part of the field.
-    logical, intent(out) :: wanted
-    !> What cannot be read; empty where all can.
-    character(:), allocatable, intent(out) :: fault
+    type(inp_card_t), intent(in) :: card  !! The card.
+    logical, intent(out) :: wanted  !! Whether its data lines are part of the field.
+    character(:), allocatable, intent(out) :: fault  !! What cannot be read; empty where all can.
     type(node_values_t) :: none
     fault = ''
     self%is_initial = card%keyword == 'initialconditions'
@@ -91,8 +81,7 @@ contains
 
     !> Note a name.
     subroutine note(text)
-      !> The name.
-      character(*), intent(in) :: text
+      character(*), intent(in) :: text  !! The name.
       if (index(self%names//', ', ', '//quoted(text)//', ') == 0) self%names = self%names//', '//quoted(text)
     end subroutine note
   end subroutine temperature_begin_card
@@ -100,10 +89,8 @@ contains
   !> Take the temperature of a node.
   subroutine temperature_take(self, node, value)
     class(inp_temperature_t), intent(inout) :: self
-    !> Number of the node.
-    integer(int64), intent(in) :: node
-    !> Temperature [temperature].
-    real(dp), intent(in) :: value
+    integer(int64), intent(in) :: node  !! Number of the node.
+    real(dp), intent(in) :: value  !! Temperature [temperature].
     if (self%is_initial) then
       call self%initial%set(node, value)
     else
@@ -114,10 +101,8 @@ contains
   !> The field.
   subroutine temperature_finish(self, file, values, error)
     class(inp_temperature_t), intent(in) :: self
-    !> Path of the deck.
-    character(*), intent(in) :: file
-    !> The values [temperature].
-    type(node_values_t), intent(out) :: values
+    character(*), intent(in) :: file  !! Path of the deck.
+    type(node_values_t), intent(out) :: values  !! The values [temperature].
     !> Set where the deck has no such field, or several that may be meant.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: names
@@ -147,8 +132,7 @@ contains
 
   !> Name of the field of a step.
   pure function name_of_step(step) result(name)
-    !> The step, from 1; 0 before the first one.
-    integer, intent(in) :: step
+    integer, intent(in) :: step  !! The step, from 1; 0 before the first one.
     character(:), allocatable :: name
     name = given_name
     if (step > 0) name = given_name//step_name//to_text(step)

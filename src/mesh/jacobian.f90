@@ -7,8 +7,7 @@ module dotyk_mesh_jacobian
   private
   public :: jacobian_range, mirror_order
 
-  !> Loops over fewer elements are faster on one thread.
-  integer, parameter :: min_parallel = 1000
+  integer, parameter :: min_parallel = 1000  !! Loops over fewer elements are faster on one thread.
 
   !> A determinant below this fraction of diameter**dimension of the element counts as zero.
   real(dp), parameter :: zero_determinant = 1.0e-14_dp
@@ -22,22 +21,14 @@ contains
   !>
   !> For elements that are affine images of the reference domain one point suffices.
   subroutine jacobian_range(kind, n, node, d, n_nodes, x, smallest, largest)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Number of elements.
-    integer, intent(in) :: n
-    !> Nodes of the elements (kind_nodes(kind), n).
-    integer, intent(in) :: node(kind_nodes(kind), n)
-    !> Dimension of space and of the kind.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n_nodes
-    !> Nodal coordinates (d, n_nodes) [length].
-    real(dp), intent(in) :: x(d, n_nodes)
-    !> Smallest determinant; 0 where it is round-off (n) [length^d].
-    real(dp), intent(out) :: smallest(n)
-    !> Largest determinant, likewise (n) [length^d].
-    real(dp), intent(out) :: largest(n)
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: node(kind_nodes(kind), n)  !! Nodes of the elements (kind_nodes(kind), n).
+    integer, intent(in) :: d  !! Dimension of space and of the kind.
+    integer, intent(in) :: n_nodes  !! Number of nodes.
+    real(dp), intent(in) :: x(d, n_nodes)  !! Nodal coordinates (d, n_nodes) [length].
+    real(dp), intent(out) :: smallest(n)  !! Smallest determinant; 0 where it is round-off (n) [length^d].
+    real(dp), intent(out) :: largest(n)  !! Largest determinant, likewise (n) [length^d].
     type(element_kind_t) :: info
     real(dp), allocatable :: gradient(:, :, :), barycentric(:, :)
     real(dp) :: xe(3, max_element_nodes), det, diameter
@@ -74,14 +65,11 @@ contains
 
   !> Gradients at the points where the determinant is evaluated, and the affine image of the reference domain.
   subroutine sampling(info, kind, gradient, base, barycentric)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: info
-    !> Element kind.
-    integer, intent(in) :: kind
+    type(element_kind_t), intent(in) :: info  !! Properties of the element kind.
+    integer, intent(in) :: kind  !! Element kind.
     !> Gradients at quadrature points, then at nodes, 0 beyond the dimension (3, n_nodes, n_points) [].
     real(dp), allocatable, intent(out) :: gradient(:, :, :)
-    !> Corners that span the affine image (4); the last is 1 in two dimensions.
-    integer, intent(out) :: base(4)
+    integer, intent(out) :: base(4)  !! Corners that span the affine image (4); the last is 1 in two dimensions.
     !> Weights of these corners in the position of each node (4, n_nodes) [].
     real(dp), allocatable, intent(out) :: barycentric(:, :)
     real(dp), allocatable :: points(:, :), weights(:)
@@ -123,10 +111,8 @@ contains
 
     !> Gradients of the shape functions at a point.
     subroutine gradients_at(xi, values)
-      !> Reference coordinates (dimension) [].
-      real(dp), intent(in) :: xi(:)
-      !> Gradients (dimension, n_nodes) [].
-      real(dp), intent(out) :: values(:, :)
+      real(dp), intent(in) :: xi(:)  !! Reference coordinates (dimension) [].
+      real(dp), intent(out) :: values(:, :)  !! Gradients (dimension, n_nodes) [].
       real(dp) :: found(info%dimension, info%n_nodes)
       call shape_gradients(kind, xi, found)
       values = found
@@ -135,16 +121,11 @@ contains
 
   !> Whether all nodes are at their positions under an affine map of the reference domain.
   pure logical function is_affine(nn, xe, base, barycentric, tolerance)
-    !> Number of nodes.
-    integer, intent(in) :: nn
-    !> Corners that span the affine image (4).
-    integer, intent(in) :: base(4)
-    !> Nodal coordinates (3, nn) [length].
-    real(dp), intent(in) :: xe(3, nn)
-    !> Weights of these corners (4, nn) [].
-    real(dp), intent(in) :: barycentric(4, nn)
-    !> Greatest deviation [length].
-    real(dp), intent(in) :: tolerance
+    integer, intent(in) :: nn  !! Number of nodes.
+    integer, intent(in) :: base(4)  !! Corners that span the affine image (4).
+    real(dp), intent(in) :: xe(3, nn)  !! Nodal coordinates (3, nn) [length].
+    real(dp), intent(in) :: barycentric(4, nn)  !! Weights of these corners (4, nn) [].
+    real(dp), intent(in) :: tolerance  !! Greatest deviation [length].
     real(dp) :: corner(3, 4), deviation(3)
     integer :: i, k
     is_affine = .false.
@@ -163,14 +144,10 @@ contains
 
   !> Jacobian determinant [length^d].
   pure real(dp) function determinant(d, nn, xe, gradient) result(det)
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: nn
-    !> Nodal coordinates, the third 0 in two dimensions (3, nn) [length].
-    real(dp), intent(in) :: xe(3, nn)
-    !> Gradients of the shape functions, likewise (3, nn) [].
-    real(dp), intent(in) :: gradient(3, nn)
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: nn  !! Number of nodes.
+    real(dp), intent(in) :: xe(3, nn)  !! Nodal coordinates, the third 0 in two dimensions (3, nn) [length].
+    real(dp), intent(in) :: gradient(3, nn)  !! Gradients of the shape functions, likewise (3, nn) [].
     real(dp) :: a(3), b(3), c(3)
     integer :: i
     a = 0
@@ -190,10 +167,8 @@ contains
   !> Every reference domain of two or three dimensions is symmetric in its first two coordinates: nodes that swap under
   !> the exchange of these coordinates are exchanged.
   pure function mirror_order(kind) result(order)
-    !> Element kind, not a line.
-    integer, intent(in) :: kind
-    !> Permutation (n_nodes).
-    integer :: order(kind_nodes(kind))
+    integer, intent(in) :: kind  !! Element kind, not a line.
+    integer :: order(kind_nodes(kind))  !! Permutation (n_nodes).
     real(dp) :: nodes(kind_dimension(kind), kind_nodes(kind)), image(kind_dimension(kind))
     integer :: i, j
     call reference_nodes(kind, nodes)

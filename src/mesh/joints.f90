@@ -18,51 +18,39 @@ module dotyk_mesh_joints
   implicit none
   private
 
-  !> How the parts of a body hang together.
-  type, public :: joints_t
-    !> Number of unconnected parts.
-    integer :: n_parts = 1
+  type, public :: joints_t  !! How the parts of a body hang together.
+    integer :: n_parts = 1  !! Number of unconnected parts.
     !> Number of pieces that no whole face joins; larger than `n_parts` where edges or corners join some.
     integer :: n_pieces = 1
-    !> What joins no parts although it seems to; not allocated where all is well.
-    character(:), allocatable :: crack
+    character(:), allocatable :: crack  !! What joins no parts although it seems to; not allocated where all is well.
     !> Why elements overlap or do not match, which nobody can mean; not allocated where all is well.
     character(:), allocatable :: fault
-    !> Slit that hardly is one; not allocated where there is none.
-    character(:), allocatable :: slit
+    character(:), allocatable :: slit  !! Slit that hardly is one; not allocated where there is none.
   contains
     procedure :: find => joints_find
     procedure :: find_in_layer => joints_find_in_layer
     procedure :: carry => joints_carry
   end type joints_t
 
-  !> Findings of the comparison of facets.
-  type :: findings_t
-    !> Whether a facet lies on another one, with other nodes (n).
-    logical, allocatable :: touches(:)
-    !> Whether a facet is inside another part (n).
-    logical, allocatable :: overlaps(:)
-    !> Whether a facet is close to another one (n).
-    logical, allocatable :: close(:)
-    !> Greatest depth of an overlap, and greatest width of a slit [length].
-    real(dp) :: depth = 0, width = 0
+  type :: findings_t  !! Findings of the comparison of facets.
+    logical, allocatable :: touches(:)  !! Whether a facet lies on another one, with other nodes (n).
+    logical, allocatable :: overlaps(:)  !! Whether a facet is inside another part (n).
+    logical, allocatable :: close(:)  !! Whether a facet is close to another one (n).
+    real(dp) :: depth = 0, width = 0  !! Greatest depth of an overlap, and greatest width of a slit [length].
   end type findings_t
 
   !> Facets touch, and nodes coincide, at this fraction of the size of elements and facets; what is nearer than the
   !> second is a slit that may not be meant; parts overlap up to the third, as they do where polygons stand for one arc.
   real(dp), parameter :: touching = 1.0e-6_dp, slit_width = 1.0e-3_dp, deepest = 0.2_dp
-  !> Facets face each other where the cosine of their normals is below this.
-  real(dp), parameter :: facing = -0.5_dp
-  !> Points of a facet: its centre, and this far from it to each corner.
-  real(dp), parameter :: towards_corner = 0.9_dp
+  real(dp), parameter :: facing = -0.5_dp  !! Facets face each other where the cosine of their normals is below this.
+  real(dp), parameter :: towards_corner = 0.9_dp  !! Points of a facet: its centre, and this far from it to each corner.
 
 contains
 
   !> Look how the parts of a body hang together.
   subroutine joints_find(self, mesh)
     class(joints_t), intent(out) :: self
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     type(boundary_facets_t) :: facets
     real(dp) :: shortest(mesh%n_nodes())
     integer :: component(mesh%n_nodes())
@@ -76,12 +64,10 @@ contains
   !> The same for a body of which each rank has a share of the elements only.
   subroutine joints_find_in_layer(self, layer, shortest, faults)
     class(joints_t), intent(out) :: self
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
     !> Shortest edge at each node of the layer: the least of all ranks, from `find_layer_edges` (n_nodes) [length].
     real(dp), intent(in) :: shortest(:)
-    !> What is known of the faces of all ranks.
-    type(share_faults_t), intent(in) :: faults
+    type(share_faults_t), intent(in) :: faults  !! What is known of the faces of all ranks.
     type(boundary_facets_t) :: facets
     self%n_parts = faults%n_parts
     self%n_pieces = faults%n_pieces
@@ -92,16 +78,11 @@ contains
 
   !> Judge the findings.
   subroutine judge(self, mesh, facets, component, shortest)
-    !> The joints; the texts are set.
     class(joints_t), intent(inout) :: self
-    !> Mesh with the nodes of the facets.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Boundary facets.
-    type(boundary_facets_t), intent(in) :: facets
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Shortest edge at each node (n_nodes) [length].
-    real(dp), intent(in) :: shortest(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh with the nodes of the facets.
+    type(boundary_facets_t), intent(in) :: facets  !! Boundary facets.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    real(dp), intent(in) :: shortest(:)  !! Shortest edge at each node (n_nodes) [length].
     type(findings_t) :: found
     integer :: pair(2), n_pairs
     character(:), allocatable :: unit
@@ -145,8 +126,7 @@ contains
 
     !> The first, middle and last of some facets.
     function places(chosen) result(text)
-      !> Whether a facet is meant (n).
-      logical, intent(in) :: chosen(:)
+      logical, intent(in) :: chosen(:)  !! Whether a facet is meant (n).
       character(:), allocatable :: text
       integer :: all(count(chosen)), i, k
       all = pack([(i, i=1, size(chosen))], chosen)
@@ -160,16 +140,11 @@ contains
 
   !> Compare all pairs of facets that are near each other and face each other.
   subroutine compare_facets(mesh, facets, component, shortest, found)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Boundary facets.
-    type(boundary_facets_t), intent(in) :: facets
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Shortest edge at each node (n_nodes) [length].
-    real(dp), intent(in) :: shortest(:)
-    !> Findings; completed.
-    type(findings_t), intent(inout) :: found
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(boundary_facets_t), intent(in) :: facets  !! Boundary facets.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    real(dp), intent(in) :: shortest(:)  !! Shortest edge at each node (n_nodes) [length].
+    type(findings_t), intent(inout) :: found  !! Findings; completed.
     real(dp), allocatable :: lo(:, :), hi(:, :), size_of(:)
     integer, allocatable :: order(:)
     real(dp) :: x(3, max_corners), h, thinnest
@@ -206,22 +181,15 @@ contains
 
   !> Compare points of facet i with facet j.
   subroutine compare(mesh, facets, i, j, component, h, thinnest, found)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Boundary facets.
-    type(boundary_facets_t), intent(in) :: facets
-    !> Facet whose points are taken.
-    integer, intent(in) :: i
-    !> Facet on which they may lie.
-    integer, intent(in) :: j
-    !> Connected component of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> Size of the smaller facet [length].
-    real(dp), intent(in) :: h
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(boundary_facets_t), intent(in) :: facets  !! Boundary facets.
+    integer, intent(in) :: i  !! Facet whose points are taken.
+    integer, intent(in) :: j  !! Facet on which they may lie.
+    integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
+    real(dp), intent(in) :: h  !! Size of the smaller facet [length].
     !> The same, or the shortest edge of the elements there where that is less [length].
     real(dp), intent(in) :: thinnest
-    !> Findings; completed.
-    type(findings_t), intent(inout) :: found
+    type(findings_t), intent(inout) :: found  !! Findings; completed.
     real(dp) :: x(3, max_corners), y(3, max_corners), p(3), gap
     integer :: k, n
     n = facets%n_corners(i)
@@ -256,14 +224,10 @@ contains
 
   !> Whether a point lies over a convex facet.
   pure logical function is_over(n, x, normal, p)
-    !> Number of corners.
-    integer, intent(in) :: n
-    !> Corners (3, max_corners) [length].
-    real(dp), intent(in) :: x(3, max_corners)
-    !> Unit normal (3) [].
-    real(dp), intent(in) :: normal(3)
-    !> The point (3) [length].
-    real(dp), intent(in) :: p(3)
+    integer, intent(in) :: n  !! Number of corners.
+    real(dp), intent(in) :: x(3, max_corners)  !! Corners (3, max_corners) [length].
+    real(dp), intent(in) :: normal(3)  !! Unit normal (3) [].
+    real(dp), intent(in) :: p(3)  !! The point (3) [length].
     real(dp) :: edge(3)
     integer :: k
     is_over = .false.
@@ -281,14 +245,10 @@ contains
 
   !> Corners of a facet in three components.
   pure subroutine corners_of(mesh, facets, i, x)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Boundary facets.
-    type(boundary_facets_t), intent(in) :: facets
-    !> Facet.
-    integer, intent(in) :: i
-    !> Corners, padded with 0 (3, max_corners) [length].
-    real(dp), intent(out) :: x(3, max_corners)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(boundary_facets_t), intent(in) :: facets  !! Boundary facets.
+    integer, intent(in) :: i  !! Facet.
+    real(dp), intent(out) :: x(3, max_corners)  !! Corners, padded with 0 (3, max_corners) [length].
     integer :: n
     n = facets%n_corners(i)
     x = 0
@@ -297,16 +257,11 @@ contains
 
   !> Find nodes at the same place. Only such on the boundary can be: the elements between others would have no volume.
   subroutine find_coincident_nodes(mesh, facets, shortest, n_pairs, first)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Boundary facets.
-    type(boundary_facets_t), intent(in) :: facets
-    !> Shortest edge at each node (n_nodes) [length].
-    real(dp), intent(in) :: shortest(:)
-    !> Number of pairs.
-    integer, intent(out) :: n_pairs
-    !> The first pair (2).
-    integer, intent(out) :: first(2)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(boundary_facets_t), intent(in) :: facets  !! Boundary facets.
+    real(dp), intent(in) :: shortest(:)  !! Shortest edge at each node (n_nodes) [length].
+    integer, intent(out) :: n_pairs  !! Number of pairs.
+    integer, intent(out) :: first(2)  !! The first pair (2).
     ! A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it.
     real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
     real(dp), allocatable :: along(:), tolerance(:)
@@ -340,8 +295,7 @@ contains
 
   !> Coordinates, for messages.
   pure function position_text(x) result(text)
-    !> Coordinates (dimension) [length].
-    real(dp), intent(in) :: x(:)
+    real(dp), intent(in) :: x(:)  !! Coordinates (dimension) [length].
     character(:), allocatable :: text
     integer :: k
     text = '('//to_text(x(1), 4)
@@ -354,8 +308,7 @@ contains
   !> Put what was found into a parcel, or take it out.
   subroutine joints_carry(self, parcel)
     class(joints_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%n_parts)
     call parcel%carry(self%n_pieces)
     call parcel%carry(self%crack)

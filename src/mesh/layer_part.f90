@@ -13,14 +13,10 @@ contains
 
   !> What the rank goes on with.
   subroutine hold_layer_part(body_part, component, layer, part)
-    !> Own elements, ghosts, samples, and all nodes of the boundary.
-    type(body_part_t), intent(inout) :: body_part
-    !> Connected part of the body of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> The surface.
-    type(surface_layer_t), intent(in) :: layer
-    !> The same.
-    type(body_mesh_t), intent(out) :: part
+    type(body_part_t), intent(inout) :: body_part  !! Own elements, ghosts, samples, and all nodes of the boundary.
+    integer, intent(in) :: component(:)  !! Connected part of the body of each node (n_nodes).
+    type(surface_layer_t), intent(in) :: layer  !! The surface.
+    type(body_mesh_t), intent(out) :: part  !! The same.
     type(surface_t) :: boundary
     integer :: b
     part = body_part%mesh
@@ -45,12 +41,9 @@ contains
 
   !> A surface in the numbers of the part; parents that are not held become 0.
   pure subroutine held_surface_of_layer(layer, part, surface)
-    !> The surface of the volume.
-    type(surface_layer_t), intent(in) :: layer
-    !> The part.
-    type(body_mesh_t), intent(in) :: part
-    !> Surface in the numbers of the layer in, of the part out.
-    type(surface_t), intent(inout) :: surface
+    type(surface_layer_t), intent(in) :: layer  !! The surface of the volume.
+    type(body_mesh_t), intent(in) :: part  !! The part.
+    type(surface_t), intent(inout) :: surface  !! Surface in the numbers of the layer in, of the part out.
     integer, allocatable :: held(:)
     integer :: b, f, i, before, place
     held = places_in(part%whole%node, layer%whole%node)
@@ -75,10 +68,8 @@ contains
 
   !> Place of each number of a list in another one; 0 where that does not have it.
   pure function places_in(list, wanted) result(place)
-    !> Ascending (n).
-    integer, intent(in) :: list(:)
-    !> Ascending (m).
-    integer, intent(in) :: wanted(:)
+    integer, intent(in) :: list(:)  !! Ascending (n).
+    integer, intent(in) :: wanted(:)  !! Ascending (m).
     integer :: place(size(wanted)), i, k
     place = 0
     k = 1

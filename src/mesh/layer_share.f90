@@ -12,34 +12,22 @@ module dotyk_mesh_layer_share
   implicit none
   private
 
-  !> The share of one rank in a layer, as plain arrays.
-  type, public :: layer_share_t
-    !> Whole numbers (any).
-    integer(int64), allocatable :: number(:)
-    !> Coordinates (any) [length].
-    real(dp), allocatable :: x(:)
+  type, public :: layer_share_t  !! The share of one rank in a layer, as plain arrays.
+    integer(int64), allocatable :: number(:)  !! Whole numbers (any).
+    real(dp), allocatable :: x(:)  !! Coordinates (any) [length].
   end type layer_share_t
 
-  !> Numbers of the elements and nodes of one rank in the whole body.
-  type, public :: whole_numbers_t
-    !> Number of nodes of the whole body.
-    integer :: n_nodes = 0
-    !> Number of each node in the whole body, ascending (n_nodes of the rank).
-    integer, allocatable :: node(:)
-    !> Elements (n_blocks).
-    type(element_numbers_t), allocatable :: block(:)
-    !> The rank that owns the elements.
-    integer :: rank = 0
-    !> Owner of each node (n_nodes of the rank).
-    integer, allocatable :: node_rank(:)
-    !> Global number of each node, by owner, from 0 (n_nodes of the rank).
-    integer, allocatable :: global_node(:)
+  type, public :: whole_numbers_t  !! Numbers of the elements and nodes of one rank in the whole body.
+    integer :: n_nodes = 0  !! Number of nodes of the whole body.
+    integer, allocatable :: node(:)  !! Number of each node in the whole body, ascending (n_nodes of the rank).
+    type(element_numbers_t), allocatable :: block(:)  !! Elements (n_blocks).
+    integer :: rank = 0  !! The rank that owns the elements.
+    integer, allocatable :: node_rank(:)  !! Owner of each node (n_nodes of the rank).
+    integer, allocatable :: global_node(:)  !! Global number of each node, by owner, from 0 (n_nodes of the rank).
   end type whole_numbers_t
 
-  !> Elements of one block.
-  type, public :: element_numbers_t
-    !> Number of elements of the whole body.
-    integer :: n_elements = 0
+  type, public :: element_numbers_t  !! Elements of one block.
+    integer :: n_elements = 0  !! Number of elements of the whole body.
     !> Number of each element in its block of the whole body, ascending (n_elements of the rank).
     integer, allocatable :: element(:)
   end type element_numbers_t
@@ -56,18 +44,13 @@ contains
 
   !> Pack the share of a rank.
   subroutine pack_layer(mesh, whole, boundary, inner_tag, diameter, share)
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Faces of these elements on the boundary of the body.
-    type(boundary_candidates_t), intent(in) :: boundary
+    type(body_mesh_t), intent(in) :: mesh  !! Elements that the rank owns, and their nodes, maybe among others.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    type(boundary_candidates_t), intent(in) :: boundary  !! Faces of these elements on the boundary of the body.
     !> Tags of surface elements of the file that are faces of these elements, and not on the boundary (any).
     integer(int64), intent(in) :: inner_tag(:)
-    !> Greatest extent of the whole body [length].
-    real(dp), intent(in) :: diameter
-    !> The share.
-    type(layer_share_t), intent(out) :: share
+    real(dp), intent(in) :: diameter  !! Greatest extent of the whole body [length].
+    type(layer_share_t), intent(out) :: share  !! The share.
     logical, allocatable :: has(:, :), at(:)
     integer :: i
     call no_elements(mesh, has)
@@ -80,34 +63,23 @@ contains
 
   !> A mark for each element, none of them set.
   subroutine no_elements(mesh, has)
-    !> Elements.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The marks (the greatest number of elements of a block, n_blocks).
-    logical, allocatable, intent(out) :: has(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements.
+    logical, allocatable, intent(out) :: has(:, :)  !! The marks (the greatest number of elements of a block, n_blocks).
     integer :: b
     allocate (has(max(0, maxval([(size(mesh%block(b)%tag), b=1, size(mesh%block))])), size(mesh%block)), source=.false.)
   end subroutine no_elements
 
   !> Pack elements with their nodes, other nodes, and facets.
   subroutine pack_items(mesh, whole, has, other, boundary, n_facets, inner_tag, diameter, share)
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Elements to pack (the greatest number of elements of a block, n_blocks).
-    logical, intent(in) :: has(:, :)
-    !> Nodes to pack beside those of the elements (n_nodes).
-    logical, intent(in) :: other(:)
-    !> Faces of elements.
-    type(boundary_candidates_t), intent(in) :: boundary
-    !> Number of facets to pack: all or none.
-    integer, intent(in) :: n_facets
-    !> Tags of inner facets (any).
-    integer(int64), intent(in) :: inner_tag(:)
-    !> Greatest extent of the whole body [length].
-    real(dp), intent(in) :: diameter
-    !> The share.
-    type(layer_share_t), intent(out) :: share
+    type(body_mesh_t), intent(in) :: mesh  !! Elements that the rank owns, and their nodes, maybe among others.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    logical, intent(in) :: has(:, :)  !! Elements to pack (the greatest number of elements of a block, n_blocks).
+    logical, intent(in) :: other(:)  !! Nodes to pack beside those of the elements (n_nodes).
+    type(boundary_candidates_t), intent(in) :: boundary  !! Faces of elements.
+    integer, intent(in) :: n_facets  !! Number of facets to pack: all or none.
+    integer(int64), intent(in) :: inner_tag(:)  !! Tags of inner facets (any).
+    real(dp), intent(in) :: diameter  !! Greatest extent of the whole body [length].
+    type(layer_share_t), intent(out) :: share  !! The share.
     logical, allocatable :: at(:)
     integer, allocatable :: chosen(:)
     integer :: b, e, i, n, n_elements, n_numbers, n_file
@@ -159,16 +131,14 @@ contains
 
     !> Add whole numbers.
     subroutine add(values)
-      !> The numbers (any).
-      integer, intent(in) :: values(:)
+      integer, intent(in) :: values(:)  !! The numbers (any).
       share%number(n + 1:n + size(values)) = values
       n = n + size(values)
     end subroutine add
 
     !> Add a tag.
     subroutine add_long(value)
-      !> The tag.
-      integer(int64), intent(in) :: value
+      integer(int64), intent(in) :: value  !! The tag.
       n = n + 1
       share%number(n) = value
     end subroutine add_long
@@ -176,10 +146,8 @@ contains
 
   !> Number of facets, elements, nodes and inner facets in all shares.
   subroutine count_items(number, n)
-    !> Whole numbers of the shares (any).
-    integer(int64), intent(in) :: number(:)
-    !> The counts.
-    integer, intent(out) :: n(4)
+    integer(int64), intent(in) :: number(:)  !! Whole numbers of the shares (any).
+    integer, intent(out) :: n(4)  !! The counts.
     integer :: first
     n = 0
     first = 0
@@ -191,10 +159,8 @@ contains
 
   !> Whole numbers of a share.
   integer function share_length(number, first) result(length)
-    !> Whole numbers of the shares (any).
-    integer(int64), intent(in) :: number(:)
-    !> Numbers before the share.
-    integer, intent(in) :: first
+    integer(int64), intent(in) :: number(:)  !! Whole numbers of the shares (any).
+    integer, intent(in) :: first  !! Numbers before the share.
     integer :: b, i, n_blocks
     n_blocks = int(number(first + 5))
     length = head_length + 3*n_blocks + 3*int(number(first + 1))

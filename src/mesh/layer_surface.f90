@@ -20,21 +20,16 @@ module dotyk_mesh_layer_surface
   private
   public :: extract_layer_surface, layer_surface_names, layer_boundary, find_inner_facets
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
 contains
 
   !> Tags of the surface elements of a file that are faces of elements of a rank and not on the boundary of the body.
   subroutine find_inner_facets(mesh, body_mesh, boundary, tag)
-    !> Mesh from which the elements were extracted.
-    type(mesh_t), intent(in) :: mesh
-    !> Elements that the rank owns, and their nodes.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> Faces of these elements on the boundary of the body.
-    type(boundary_candidates_t), intent(in) :: boundary
-    !> The tags (any).
-    integer(int64), allocatable, intent(out) :: tag(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the elements were extracted.
+    type(body_mesh_t), intent(in) :: body_mesh  !! Elements that the rank owns, and their nodes.
+    type(boundary_candidates_t), intent(in) :: boundary  !! Faces of these elements on the boundary of the body.
+    integer(int64), allocatable, intent(out) :: tag(:)  !! The tags (any).
     type(corner_table_t) :: table
     type(surface_t) :: surface
     type(element_kind_t) :: kind
@@ -72,12 +67,9 @@ contains
 
   !> Number in a layer of each node of a mesh; 0 where the layer has no such node.
   subroutine layer_numbers(mesh, layer, number)
-    !> Mesh with the surface elements.
-    type(mesh_t), intent(in) :: mesh
-    !> Surface layer.
-    type(surface_layer_t), intent(in) :: layer
-    !> The numbers (n_nodes of the mesh).
-    integer, allocatable, intent(out) :: number(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh with the surface elements.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer.
+    integer, allocatable, intent(out) :: number(:)  !! The numbers (n_nodes of the mesh).
     integer, allocatable :: in_file(:)
     integer :: i
     in_file = pack([(i, i=1, size(layer%in_file))], layer%in_file)
@@ -87,12 +79,9 @@ contains
 
   !> Number of each node of a mesh in a list of tags; 0 where the list does not have it.
   pure subroutine numbers_by_tag(mesh, tag, number)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Node tags, each once (n).
-    integer(int64), intent(in) :: tag(:)
-    !> The numbers (n_nodes of the mesh).
-    integer, allocatable, intent(out) :: number(:)
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    integer(int64), intent(in) :: tag(:)  !! Node tags, each once (n).
+    integer, allocatable, intent(out) :: number(:)  !! The numbers (n_nodes of the mesh).
     type(tag_map_t) :: map
     integer :: i, repeated
     call map%init(tag, repeated)
@@ -104,14 +93,11 @@ contains
 
   !> Facets of a body that a name stands for, as `extract_surface` finds them.
   subroutine extract_layer_surface(mesh, layer, surface_name, surface, error)
-    !> Mesh with the surface elements.
-    type(mesh_t), intent(in) :: mesh
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
+    type(mesh_t), intent(in) :: mesh  !! Mesh with the surface elements.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
     !> Name of the physical groups; with wildcards the union of those that it matches.
     character(*), intent(in) :: surface_name
-    !> Facets in the order of the file, in the numbers of the layer.
-    type(surface_t), intent(out) :: surface
+    type(surface_t), intent(out) :: surface  !! Facets in the order of the file, in the numbers of the layer.
     !> Set for an unknown name, a group without facets on the body, and facets inside the body.
     type(error_t), allocatable, intent(out) :: error
     type(corner_table_t) :: table
@@ -139,16 +125,11 @@ contains
 
   !> Refuse surfaces inside the body.
   subroutine check_inner(mesh, layer, wanted, surface_name, error)
-    !> Mesh with the surface elements.
-    type(mesh_t), intent(in) :: mesh
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
-    !> Physical groups of the surface (n_groups).
-    logical, intent(in) :: wanted(:)
-    !> Name of the surface.
-    character(*), intent(in) :: surface_name
-    !> Set if an element of the groups is inside the body.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! Mesh with the surface elements.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
+    logical, intent(in) :: wanted(:)  !! Physical groups of the surface (n_groups).
+    character(*), intent(in) :: surface_name  !! Name of the surface.
+    type(error_t), allocatable, intent(out) :: error  !! Set if an element of the groups is inside the body.
     type(tag_map_t) :: inner
     integer(int64) :: first
     integer :: b, e, n, repeated
@@ -169,14 +150,11 @@ contains
 
   !> Facets of a boundary that coincide with those of a table.
   subroutine take_parents(boundary, table, surface, parents)
-    !> Boundary of the body.
-    type(surface_t), intent(in) :: boundary
-    !> Facets by their corners.
-    type(corner_table_t), intent(in) :: table
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body.
+    type(corner_table_t), intent(in) :: table  !! Facets by their corners.
     !> Surface; it gets one facet for each entry of the table, 0 for those that are not on the boundary.
     type(surface_t), intent(inout) :: surface
-    !> 1 for the facets on the boundary, otherwise 0 (n_facets).
-    integer, allocatable, intent(out) :: parents(:)
+    integer, allocatable, intent(out) :: parents(:)  !! 1 for the facets on the boundary, otherwise 0 (n_facets).
     type(element_kind_t) :: kind
     integer :: f, n, entry
     n = table%n
@@ -197,12 +175,9 @@ contains
 
   !> Names of the physical groups that have a facet on a body.
   subroutine layer_surface_names(mesh, layer, names)
-    !> Mesh with the surface elements.
-    type(mesh_t), intent(in) :: mesh
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
-    !> Names (n_names).
-    type(text_t), allocatable, intent(out) :: names(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh with the surface elements.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
+    type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
     integer, allocatable :: number(:)
     call layer_numbers(mesh, layer, number)
     call name_surfaces(mesh, layer%mesh%dimension, number > 0, names)
@@ -210,12 +185,9 @@ contains
 
   !> The whole boundary of a body with the geometric entities of its facets.
   subroutine layer_boundary(mesh, layer, boundary)
-    !> Mesh with the surface elements.
-    type(mesh_t), intent(in) :: mesh
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
-    !> The boundary, in the numbers of the layer.
-    type(surface_t), intent(out) :: boundary
+    type(mesh_t), intent(in) :: mesh  !! Mesh with the surface elements.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
+    type(surface_t), intent(out) :: boundary  !! The boundary, in the numbers of the layer.
     integer, allocatable :: number(:)
     call layer_numbers(mesh, layer, number)
     boundary = layer%boundary

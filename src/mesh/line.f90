@@ -5,15 +5,13 @@ module dotyk_mesh_line
   private
   public :: line_kind
 
-  !> Coordinates of the nodes.
-  integer, parameter, public :: line_node(1, 3) = reshape([-1, 1, 0], [1, 3])
+  integer, parameter, public :: line_node(1, 3) = reshape([-1, 1, 0], [1, 3])  !! Coordinates of the nodes.
 
 contains
 
   !> Properties of a line.
   pure function line_kind(id) result(kind)
-    !> `element_line2` or `element_line3`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_line2` or `element_line3`.
     type(element_kind_t) :: kind
     kind%dimension = 1
     kind%n_nodes = kind_nodes(id)

@@ -6,10 +6,8 @@ module dotyk_mesh_linked_tags
   implicit none
   private
 
-  !> Sets of tags.
-  type, public :: linked_tags_t
-    !> The tags.
-    type(growing_tag_map_t), private :: tags
+  type, public :: linked_tags_t  !! Sets of tags.
+    type(growing_tag_map_t), private :: tags  !! The tags.
     !> Parent of each tag, itself at a root, which has the lowest tag of its set (n).
     integer, allocatable, private :: parent(:)
   contains
@@ -18,16 +16,11 @@ module dotyk_mesh_linked_tags
     procedure :: lowest => linked_lowest
   end type linked_tags_t
 
-  !> Links, each of them once.
-  type, public :: tag_links_t
-    !> The links, the lower tag first (2, room); the first n are set.
-    integer(int64), allocatable :: link(:, :)
-    !> Number of links.
-    integer :: n = 0
-    !> The links as tags.
-    type(growing_tag_map_t), private :: known
-    !> The tags that have links.
-    type(growing_tag_map_t), private :: tags
+  type, public :: tag_links_t  !! Links, each of them once.
+    integer(int64), allocatable :: link(:, :)  !! The links, the lower tag first (2, room); the first n are set.
+    integer :: n = 0  !! Number of links.
+    type(growing_tag_map_t), private :: known  !! The links as tags.
+    type(growing_tag_map_t), private :: tags  !! The tags that have links.
   contains
     procedure :: add => links_add
   end type tag_links_t
@@ -37,10 +30,8 @@ contains
   !> Join tags.
   subroutine linked_init(self, tag, link)
     class(linked_tags_t), intent(out) :: self
-    !> The tags, maybe several times (any).
-    integer(int64), intent(in) :: tag(:)
-    !> Tags that belong together, two by two (2, any).
-    integer(int64), intent(in) :: link(:, :)
+    integer(int64), intent(in) :: tag(:)  !! The tags, maybe several times (any).
+    integer(int64), intent(in) :: link(:, :)  !! Tags that belong together, two by two (2, any).
     integer :: i, k(2), a, b
     allocate (self%parent(size(tag) + 2*size(link, 2)))
     self%parent = [(i, i=1, size(self%parent))]
@@ -71,8 +62,7 @@ contains
   !> Lowest tag of the set of a tag; the tag where it is not known.
   integer(int64) function linked_lowest(self, tag) result(lowest)
     class(linked_tags_t), intent(inout) :: self
-    !> The tag.
-    integer(int64), intent(in) :: tag
+    integer(int64), intent(in) :: tag  !! The tag.
     integer :: k
     lowest = tag
     k = self%tags%find(tag)
@@ -82,10 +72,8 @@ contains
   !> Add a link, unless it is known or joins a tag with itself.
   subroutine links_add(self, a, b)
     class(tag_links_t), intent(inout) :: self
-    !> First tag.
-    integer(int64), intent(in) :: a
-    !> Second tag.
-    integer(int64), intent(in) :: b
+    integer(int64), intent(in) :: a  !! First tag.
+    integer(int64), intent(in) :: b  !! Second tag.
     integer(int64), allocatable :: more(:, :)
     integer :: i, j, k
     if (a == b) return

@@ -8,50 +8,31 @@ module dotyk_mesh_mesh_builder
   implicit none
   private
 
-  !> Block of elements with room for more.
-  type :: growing_block_t
-    !> Element kind of `dotyk_mesh_element`.
-    integer :: kind = 0
-    !> Number of elements so far.
-    integer :: n = 0
-    !> Node indices (n_nodes of the kind, room).
-    integer, allocatable :: node(:, :)
-    !> Element tags (room).
-    integer(int64), allocatable :: tag(:)
-    !> Geometric entities (room).
-    integer, allocatable :: entity(:)
-    !> Indices of physical groups, ascending (n_groups).
-    integer, allocatable :: group(:)
-    !> Number of elements in the file so far, read or not.
-    integer :: n_in_file = 0
-    !> Number of each element among them; allocated where not all are read (room).
-    integer, allocatable :: place(:)
+  type :: growing_block_t  !! Block of elements with room for more.
+    integer :: kind = 0  !! Element kind of `dotyk_mesh_element`.
+    integer :: n = 0  !! Number of elements so far.
+    integer, allocatable :: node(:, :)  !! Node indices (n_nodes of the kind, room).
+    integer(int64), allocatable :: tag(:)  !! Element tags (room).
+    integer, allocatable :: entity(:)  !! Geometric entities (room).
+    integer, allocatable :: group(:)  !! Indices of physical groups, ascending (n_groups).
+    integer :: n_in_file = 0  !! Number of elements in the file so far, read or not.
+    integer, allocatable :: place(:)  !! Number of each element among them; allocated where not all are read (room).
   end type growing_block_t
 
-  !> Mesh under construction.
-  type, public :: mesh_builder_t
-    !> What is read of the file.
-    type(mesh_selection_t) :: selection
+  type, public :: mesh_builder_t  !! Mesh under construction.
+    type(mesh_selection_t) :: selection  !! What is read of the file.
     !> Nodes that the elements use, where not all is read; elements have the numbers of this map until `use_nodes`.
     type(growing_tag_map_t) :: used
     !> Number of each node among those of the file, where not all is read (n_nodes).
     integer, allocatable :: file_node(:)
-    !> Number of nodes of the file.
-    integer :: n_file_nodes = 0
-    !> Number of physical groups so far.
-    integer :: n_groups = 0
-    !> Number of blocks so far.
-    integer :: n_blocks = 0
-    !> Nodal coordinates (3, n_nodes) [length].
-    real(dp), allocatable :: x(:, :)
-    !> Node tags (n_nodes).
-    integer(int64), allocatable :: node_tag(:)
-    !> Node index by tag.
-    type(tag_map_t) :: node_of_tag
-    !> Physical groups (room).
-    type(physical_group_t), allocatable :: group(:)
-    !> Blocks (room).
-    type(growing_block_t), allocatable :: block(:)
+    integer :: n_file_nodes = 0  !! Number of nodes of the file.
+    integer :: n_groups = 0  !! Number of physical groups so far.
+    integer :: n_blocks = 0  !! Number of blocks so far.
+    real(dp), allocatable :: x(:, :)  !! Nodal coordinates (3, n_nodes) [length].
+    integer(int64), allocatable :: node_tag(:)  !! Node tags (n_nodes).
+    type(tag_map_t) :: node_of_tag  !! Node index by tag.
+    type(physical_group_t), allocatable :: group(:)  !! Physical groups (room).
+    type(growing_block_t), allocatable :: block(:)  !! Blocks (room).
   contains
     procedure :: add_group => builder_add_group
     procedure :: add_block => builder_add_block
@@ -67,14 +48,10 @@ contains
   !> Index of the physical group of a dimension and tag; it is added if it does not exist.
   subroutine builder_add_group(self, dimension, tag, index, name)
     class(mesh_builder_t), intent(inout) :: self
-    !> Dimension of its elements, 0 to 3.
-    integer, intent(in) :: dimension
-    !> Tag in the file.
-    integer, intent(in) :: tag
-    !> Index of the group.
-    integer, intent(out) :: index
-    !> Name of an added group; the digits of the tag if absent or blank.
-    character(*), intent(in), optional :: name
+    integer, intent(in) :: dimension  !! Dimension of its elements, 0 to 3.
+    integer, intent(in) :: tag  !! Tag in the file.
+    integer, intent(out) :: index  !! Index of the group.
+    character(*), intent(in), optional :: name  !! Name of an added group; the digits of the tag if absent or blank.
     type(physical_group_t), allocatable :: larger(:)
     integer :: i
     do index = 1, self%n_groups
@@ -103,14 +80,10 @@ contains
   !> Index of the block of a kind whose elements belong to given groups; it is added if it does not exist.
   subroutine builder_add_block(self, kind, n_nodes, group, index)
     class(mesh_builder_t), intent(inout) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Number of nodes of the kind.
-    integer, intent(in) :: n_nodes
-    !> Indices of physical groups, ascending (n_groups).
-    integer, intent(in) :: group(:)
-    !> Index of the block.
-    integer, intent(out) :: index
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the kind.
+    integer, intent(in) :: group(:)  !! Indices of physical groups, ascending (n_groups).
+    integer, intent(out) :: index  !! Index of the block.
     type(growing_block_t), allocatable :: larger(:)
     integer :: i
     do index = 1, self%n_blocks
@@ -143,10 +116,8 @@ contains
   !> Whether elements are read.
   pure logical function builder_wants(self, dimension, group) result(wants)
     class(mesh_builder_t), intent(in) :: self
-    !> Dimension of the elements.
-    integer, intent(in) :: dimension
-    !> Indices of their physical groups (n_groups).
-    integer, intent(in) :: group(:)
+    integer, intent(in) :: dimension  !! Dimension of the elements.
+    integer, intent(in) :: group(:)  !! Indices of their physical groups (n_groups).
     integer :: i
     wants = self%selection%everything .or. &
             dimension == self%selection%dimension - 1 .and. .not. self%selection%counts_only
@@ -159,10 +130,8 @@ contains
   !> Reserve room in a block.
   subroutine builder_reserve(self, index, n_more)
     class(mesh_builder_t), intent(inout) :: self
-    !> Index of the block.
-    integer, intent(in) :: index
-    !> Number of further elements; the room at least doubles when it grows.
-    integer, intent(in) :: n_more
+    integer, intent(in) :: index  !! Index of the block.
+    integer, intent(in) :: n_more  !! Number of further elements; the room at least doubles when it grows.
     integer(int64) :: room
     associate (block => self%block(index))
       if (block%n + n_more <= size(block%tag)) return
@@ -174,14 +143,10 @@ contains
   !> Add an element, for which room is reserved.
   subroutine builder_add_element(self, index, tag, entity, node, place)
     class(mesh_builder_t), intent(inout) :: self
-    !> Index of the block.
-    integer, intent(in) :: index
-    !> Tag of the element.
-    integer(int64), intent(in) :: tag
-    !> Geometric entity of the element, 0 if unknown.
-    integer, intent(in) :: entity
-    !> Node indices of the element (n_nodes of the kind).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: index  !! Index of the block.
+    integer(int64), intent(in) :: tag  !! Tag of the element.
+    integer, intent(in) :: entity  !! Geometric entity of the element, 0 if unknown.
+    integer, intent(in) :: node(:)  !! Node indices of the element (n_nodes of the kind).
     !> Number of the element among those of the block in the file; used only where not all is read.
     integer, intent(in) :: place
     integer :: n
@@ -196,8 +161,7 @@ contains
   !> Give the nodes that were read to the elements, where not all is read.
   subroutine builder_use_nodes(self, number)
     class(mesh_builder_t), intent(inout) :: self
-    !> Index of each node of `used` (used%n).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! Index of each node of `used` (used%n).
     integer :: b, e
     do b = 1, self%n_blocks
       do e = 1, self%block(b)%n
@@ -209,8 +173,7 @@ contains
   !> Move the contents to a mesh; the builder is empty afterwards.
   subroutine builder_finish(self, mesh)
     class(mesh_builder_t), intent(inout) :: self
-    !> Mesh; `file` is unchanged.
-    type(mesh_t), intent(inout) :: mesh
+    type(mesh_t), intent(inout) :: mesh  !! Mesh; `file` is unchanged.
     integer :: i
     call move_alloc(self%x, mesh%x)
     call move_alloc(self%node_tag, mesh%node_tag)
@@ -240,10 +203,8 @@ contains
 
   !> Change the room of a block.
   subroutine resize(block, room)
-    !> Block.
-    type(growing_block_t), intent(inout) :: block
-    !> New room, at least the number of elements.
-    integer, intent(in) :: room
+    type(growing_block_t), intent(inout) :: block  !! Block.
+    integer, intent(in) :: room  !! New room, at least the number of elements.
     integer, allocatable :: node(:, :), entity(:), place(:)
     integer(int64), allocatable :: tag(:)
     if (size(block%tag) == room) return

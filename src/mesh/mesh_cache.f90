@@ -13,10 +13,8 @@ contains
 
   !> Directory for the meshes of a geometry; it is created if it does not exist.
   subroutine find_cache(geo_file, directory, error)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Path of the directory, with its slash.
-    character(:), allocatable, intent(out) :: directory
+    character(*), intent(in) :: geo_file  !! Path of the geometry.
+    character(:), allocatable, intent(out) :: directory  !! Path of the directory, with its slash.
     !> Set, with the exit code `exit_not_written`, if there is no directory that only this user, or the owner of the
     !> geometry, can write.
     type(error_t), allocatable, intent(out) :: error
@@ -43,10 +41,8 @@ contains
   !> Cache directory of the user: in XDG_CACHE_HOME, in the home directory, or in the directory of temporary files,
   !> where everybody can make directories.
   subroutine find_user_cache(directory, trusted)
-    !> Path of the directory, without slash.
-    character(:), allocatable, intent(out) :: directory
-    !> Whether it can be used.
-    logical, intent(out) :: trusted
+    character(:), allocatable, intent(out) :: directory  !! Path of the directory, without slash.
+    logical, intent(out) :: trusted  !! Whether it can be used.
     character(:), allocatable :: cache, home
     cache = environment_value('XDG_CACHE_HOME')
     home = environment_value('HOME')

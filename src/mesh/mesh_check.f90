@@ -23,10 +23,8 @@ contains
   !> Check that coordinates are finite, and neither they nor the size of the body too large or too small to compute
   !> with.
   subroutine check_size(x, tag, error)
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Node tags (n_nodes).
-    integer(int64), intent(in) :: tag(:)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
+    integer(int64), intent(in) :: tag(:)  !! Node tags (n_nodes).
     !> Set for the first node out of range, or for a body that is too small.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
@@ -40,8 +38,7 @@ contains
 
   !> The first node whose coordinates cannot be computed with; 0 if there is none.
   pure integer function first_out_of_range(x) result(first)
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
     do first = 1, size(x, 2)
       if (any(is_too_large(x(:, first)))) return
     end do
@@ -50,12 +47,9 @@ contains
 
   !> Error for a node out of range.
   subroutine refuse_position(x, tag, error)
-    !> Its coordinates (dimension) [length].
-    real(dp), intent(in) :: x(:)
-    !> Its tag.
-    integer(int64), intent(in) :: tag
-    !> Allocated on return.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(:)  !! Its coordinates (dimension) [length].
+    integer(int64), intent(in) :: tag  !! Its tag.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return.
     if (all(ieee_is_finite(x))) then
       call set_error(error, 'node '//to_text(tag)//' is too far away, at '//position_text(x)//'; '//size_rule)
     else
@@ -65,22 +59,17 @@ contains
 
   !> Refuse a body that is too small to compute with.
   subroutine refuse_small(edge, error)
-    !> Longest edge of the box of its nodes [length].
-    real(dp), intent(in) :: edge
-    !> Set for a body that is too small.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: edge  !! Longest edge of the box of its nodes [length].
+    type(error_t), allocatable, intent(out) :: error  !! Set for a body that is too small.
     if (edge >= smallest_number) return
     call set_error(error, 'the body is too small, its longest edge is '//to_text(edge)//'; '//size_rule)
   end subroutine refuse_small
 
   !> Check that all nodes have the same z, for a plane analysis.
   subroutine check_plane(x, tag, error)
-    !> Nodal coordinates (3, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Node tags (n_nodes).
-    integer(int64), intent(in) :: tag(:)
-    !> Set if a node is off the plane of the first node.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (3, n_nodes) [length].
+    integer(int64), intent(in) :: tag(:)  !! Node tags (n_nodes).
+    type(error_t), allocatable, intent(out) :: error  !! Set if a node is off the plane of the first node.
     integer :: worst
     worst = maxloc(abs(x(3, :) - x(3, 1)), dim=1)
     call refuse_off_plane(x(:, [1, worst]), tag([1, worst]), norm2(maxval(x(:2, :), dim=2) - minval(x(:2, :), dim=2)), &
@@ -89,14 +78,10 @@ contains
 
   !> Refuse a body of which a node is off the plane.
   subroutine refuse_off_plane(x, tag, diagonal, error)
-    !> The first node, and the one that is farthest from its plane (3, 2) [length].
-    real(dp), intent(in) :: x(3, 2)
-    !> Their tags.
-    integer(int64), intent(in) :: tag(2)
-    !> Diagonal of the box of all nodes in the plane [length].
-    real(dp), intent(in) :: diagonal
-    !> Set if the node is off the plane.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: x(3, 2)  !! The first node, and the one that is farthest from its plane (3, 2) [length].
+    integer(int64), intent(in) :: tag(2)  !! Their tags.
+    real(dp), intent(in) :: diagonal  !! Diagonal of the box of all nodes in the plane [length].
+    type(error_t), allocatable, intent(out) :: error  !! Set if the node is off the plane.
     if (abs(x(3, 2) - x(3, 1)) <= plane_tolerance*diagonal) return
     call set_error(error, 'node '//to_text(tag(2))//' at '//position_text(x(:, 2))//' and node '//to_text(tag(1))// &
                    ' at '//position_text(x(:, 1))// &
@@ -105,10 +90,8 @@ contains
 
   !> Check that no element is repeated, which would double its stiffness.
   subroutine check_repeated_elements(block, error)
-    !> Elements (n_blocks).
-    type(element_block_t), intent(in) :: block(:)
-    !> Set if two elements of a kind have the same corners.
-    type(error_t), allocatable, intent(out) :: error
+    type(element_block_t), intent(in) :: block(:)  !! Elements (n_blocks).
+    type(error_t), allocatable, intent(out) :: error  !! Set if two elements of a kind have the same corners.
     integer :: b, e
     integer(int64) :: tag(2)
     call find_repeated(block, b, e, tag)
@@ -117,14 +100,10 @@ contains
 
   !> The first element that has the same corners as one before it.
   subroutine find_repeated(block, b, e, tag)
-    !> Elements (n_blocks).
-    type(element_block_t), intent(in) :: block(:)
-    !> Block of the element; 0 where no element is repeated.
-    integer, intent(out) :: b
-    !> The element in its block.
-    integer, intent(out) :: e
-    !> Tags of the one before it and of the element.
-    integer(int64), intent(out) :: tag(2)
+    type(element_block_t), intent(in) :: block(:)  !! Elements (n_blocks).
+    integer, intent(out) :: b  !! Block of the element; 0 where no element is repeated.
+    integer, intent(out) :: e  !! The element in its block.
+    integer(int64), intent(out) :: tag(2)  !! Tags of the one before it and of the element.
     integer :: kind, k, other
     ! Blocks of one kind have different materials.
     do k = 1, size(block)
@@ -138,8 +117,7 @@ contains
 
     !> Search some blocks of one kind.
     subroutine search(chosen)
-      !> The blocks.
-      integer, intent(in) :: chosen(:)
+      integer, intent(in) :: chosen(:)  !! The blocks.
       ! Elements with the same lowest corner form a chain: first(corner), then next(element).
       integer, allocatable :: first(:), next(:), of_block(:), of_element(:)
       type(element_kind_t) :: properties
@@ -173,12 +151,9 @@ contains
 
   !> Error for two elements with the same corners.
   subroutine refuse_repeated(kind, tag, error)
-    !> Kind of the elements.
-    integer, intent(in) :: kind
-    !> Their tags.
-    integer(int64), intent(in) :: tag(2)
-    !> Allocated on return.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: kind  !! Kind of the elements.
+    integer(int64), intent(in) :: tag(2)  !! Their tags.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated on return.
     type(element_kind_t) :: element
     element = element_kind(kind)
     call set_error(error, 'elements '//to_text(tag(1))//' and '//to_text(tag(2))//' ('//trim(element%name)// &
@@ -187,12 +162,9 @@ contains
 
   !> Whether two lists of distinct numbers are permutations of each other.
   pure logical function same_set(n, a, b)
-    !> Length of the lists.
-    integer, intent(in) :: n
-    !> First list (n).
-    integer, intent(in) :: a(n)
-    !> Second list (n).
-    integer, intent(in) :: b(n)
+    integer, intent(in) :: n  !! Length of the lists.
+    integer, intent(in) :: a(n)  !! First list (n).
+    integer, intent(in) :: b(n)  !! Second list (n).
     integer :: i
     same_set = sum(a) == sum(b)
     do i = 1, n
@@ -202,10 +174,8 @@ contains
 
   !> Coordinates, for messages.
   pure function position_text(x) result(text)
-    !> Coordinates (dimension) [length].
-    real(dp), intent(in) :: x(:)
-    !> Text.
-    character(:), allocatable :: text
+    real(dp), intent(in) :: x(:)  !! Coordinates (dimension) [length].
+    character(:), allocatable :: text  !! Text.
     integer :: k
     text = '('//to_text(x(1))
     do k = 2, size(x)

@@ -6,10 +6,8 @@ module dotyk_mesh_mesh_selection
   implicit none
   private
 
-  !> What is read of a mesh file.
-  type, public :: mesh_selection_t
-    !> Whether all is read; the other components have no meaning then.
-    logical :: everything = .true.
+  type, public :: mesh_selection_t  !! What is read of a mesh file.
+    logical :: everything = .true.  !! Whether all is read; the other components have no meaning then.
     !> Dimension of the volumes: that of space. Elements of lower dimension than surfaces are not read.
     integer :: dimension = 3
     !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
@@ -17,8 +15,7 @@ module dotyk_mesh_mesh_selection
     !> Number of shares into which the elements of the volumes are divided: partitions of a partitioned file (`gmsh
     !> -part N`), or else elements that follow each other.
     integer :: n_shares = 1
-    !> The share that is read, from 0.
-    integer :: share = 0
+    integer :: share = 0  !! The share that is read, from 0.
     !> Whether the elements of the volumes are counted only (`n_in_file` of their blocks): nothing else is read.
     logical :: counts_only = .false.
   contains
@@ -31,8 +28,7 @@ contains
   !> Whether the elements of a physical group of the dimension of space are read.
   pure logical function selection_has_volume(self, name) result(has)
     class(mesh_selection_t), intent(in) :: self
-    !> Name of the group.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name of the group.
     integer :: i
     has = .false.
     do i = 1, size(self%volume)
@@ -43,14 +39,10 @@ contains
   !> The share of n elements that follow each other in the file: those after number `first` up to number `last`.
   pure subroutine selection_limits(self, n, partition, first, last)
     class(mesh_selection_t), intent(in) :: self
-    !> Number of elements.
-    integer(int64), intent(in) :: n
-    !> Their partition, from 1; 0 where the file is not partitioned.
-    integer, intent(in) :: partition
-    !> Number of the elements before the share.
-    integer(int64), intent(out) :: first
-    !> The last element of the share.
-    integer(int64), intent(out) :: last
+    integer(int64), intent(in) :: n  !! Number of elements.
+    integer, intent(in) :: partition  !! Their partition, from 1; 0 where the file is not partitioned.
+    integer(int64), intent(out) :: first  !! Number of the elements before the share.
+    integer(int64), intent(out) :: last  !! The last element of the share.
     if (self%counts_only) then
       first = 0
       last = 0

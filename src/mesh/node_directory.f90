@@ -9,22 +9,16 @@ module dotyk_mesh_node_directory
   implicit none
   private
 
-  !> The nodes of one range.
-  type, public :: node_directory_t
-    !> Number of nodes of the file before the range.
-    integer :: before = 0
+  type, public :: node_directory_t  !! The nodes of one range.
+    integer :: before = 0  !! Number of nodes of the file before the range.
     !> Owner of each node: the lowest rank that has it; n_ranks where no rank has it (n_range).
     integer, allocatable :: owner(:)
-    !> Number of each node in the whole body (n_range).
-    integer, allocatable :: whole(:)
-    !> Global number of each node, by owner, from 0 (n_range).
-    integer, allocatable :: global(:)
+    integer, allocatable :: whole(:)  !! Number of each node in the whole body (n_range).
+    integer, allocatable :: global(:)  !! Global number of each node, by owner, from 0 (n_range).
     !> Ranks that have node i are sharer(start(i)) .. sharer(start(i + 1) - 1), ascending (n_range + 1).
     integer, allocatable :: start(:)
-    !> The ranks (any).
-    integer, allocatable :: sharer(:)
-    !> Number of nodes of each owner in the range, to be exchanged (0:n_ranks-1).
-    integer, allocatable :: counts(:)
+    integer, allocatable :: sharer(:)  !! The ranks (any).
+    integer, allocatable :: counts(:)  !! Number of nodes of each owner in the range, to be exchanged (0:n_ranks-1).
     !> The nodes of rank r have the global numbers first_node(r) .. first_node(r + 1) - 1 (0:n_ranks).
     integer, allocatable :: first_node(:)
   contains
@@ -40,23 +34,17 @@ contains
 
   !> Number of nodes of the file before the range of a rank.
   pure integer function range_start(rank, n_ranks, n_file_nodes) result(before)
-    !> The rank, from 0; n_ranks for the end.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Number of nodes of the file.
-    integer, intent(in) :: n_file_nodes
+    integer, intent(in) :: rank  !! The rank, from 0; n_ranks for the end.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, intent(in) :: n_file_nodes  !! Number of nodes of the file.
     before = int(int(n_file_nodes, int64)*rank/n_ranks)
   end function range_start
 
   !> Where the nodes of each directory begin in an ascending list.
   pure subroutine directory_starts(file_node, n_ranks, n_file_nodes, first)
-    !> Nodes by their numbers in the file, ascending (n).
-    integer, intent(in) :: file_node(:)
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Number of nodes of the file.
-    integer, intent(in) :: n_file_nodes
+    integer, intent(in) :: file_node(:)  !! Nodes by their numbers in the file, ascending (n).
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, intent(in) :: n_file_nodes  !! Number of nodes of the file.
     !> Nodes first(r) .. first(r + 1) - 1 belong to the directory of rank r (0:n_ranks).
     integer, allocatable, intent(out) :: first(:)
     integer :: r, i
@@ -74,16 +62,11 @@ contains
   !> Take the nodes that ranks have.
   subroutine directory_register(self, rank, n_ranks, n_file_nodes, file_node, n_from)
     class(node_directory_t), intent(out) :: self
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Number of nodes of the file.
-    integer, intent(in) :: n_file_nodes
-    !> Nodes of this range that the ranks have, rank after rank (any).
-    integer, intent(in) :: file_node(:)
-    !> How many of them are from each rank (0:n_ranks-1).
-    integer, intent(in) :: n_from(0:)
+    integer, intent(in) :: rank  !! This rank, from 0.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    integer, intent(in) :: n_file_nodes  !! Number of nodes of the file.
+    integer, intent(in) :: file_node(:)  !! Nodes of this range that the ranks have, rank after rank (any).
+    integer, intent(in) :: n_from(0:)  !! How many of them are from each rank (0:n_ranks-1).
     integer :: i, k, r, n
     self%before = range_start(rank, n_ranks, n_file_nodes)
     n = range_start(rank + 1, n_ranks, n_file_nodes) - self%before
@@ -117,12 +100,9 @@ contains
   !> Number the nodes, with what the other directories have counted.
   subroutine directory_set_offsets(self, n_before, n_of_owner, n_in_lower)
     class(node_directory_t), intent(inout) :: self
-    !> Nodes of each owner in lower directories (0:n_ranks-1).
-    integer, intent(in) :: n_before(0:)
-    !> Nodes of each owner in all directories (0:n_ranks-1).
-    integer, intent(in) :: n_of_owner(0:)
-    !> Nodes of all owners in lower directories.
-    integer, intent(in) :: n_in_lower
+    integer, intent(in) :: n_before(0:)  !! Nodes of each owner in lower directories (0:n_ranks-1).
+    integer, intent(in) :: n_of_owner(0:)  !! Nodes of each owner in all directories (0:n_ranks-1).
+    integer, intent(in) :: n_in_lower  !! Nodes of all owners in lower directories.
     integer :: next(0:size(n_before) - 1), r, i, whole
     allocate (self%first_node(0:size(next)), self%whole(size(self%owner)), self%global(size(self%owner)), source=0)
     do r = 0, size(next) - 1
@@ -142,8 +122,7 @@ contains
   !> Numbers and owners of nodes.
   pure subroutine directory_answer(self, file_node, reply)
     class(node_directory_t), intent(in) :: self
-    !> Nodes of this range (n).
-    integer, intent(in) :: file_node(:)
+    integer, intent(in) :: file_node(:)  !! Nodes of this range (n).
     !> Number in the whole body, owner and global number of each (3, n).
     integer, allocatable, intent(out) :: reply(:, :)
     integer :: k
@@ -158,12 +137,9 @@ contains
   !> Ranks that have nodes.
   pure subroutine directory_answer_sharers(self, file_node, n_sharers, sharer)
     class(node_directory_t), intent(in) :: self
-    !> Nodes of this range (n).
-    integer, intent(in) :: file_node(:)
-    !> Number of ranks that have each (n).
-    integer, allocatable, intent(out) :: n_sharers(:)
-    !> The ranks, ascending, node after node (any).
-    integer, allocatable, intent(out) :: sharer(:)
+    integer, intent(in) :: file_node(:)  !! Nodes of this range (n).
+    integer, allocatable, intent(out) :: n_sharers(:)  !! Number of ranks that have each (n).
+    integer, allocatable, intent(out) :: sharer(:)  !! The ranks, ascending, node after node (any).
     integer :: k, n
     n_sharers = self%start(file_node - self%before + 1) - self%start(file_node - self%before)
     allocate (sharer(sum(n_sharers)))

@@ -17,12 +17,9 @@ contains
 
   !> Read a field: an array of the points of a .vtu file, $NodeData of a .msh file, temperatures of a deck.
   subroutine read_node_field(file, name, values, error)
-    !> Path of the mesh.
-    character(*), intent(in) :: file
-    !> Name of the field.
-    character(*), intent(in) :: name
-    !> The values by the tags of the nodes [any].
-    type(node_values_t), intent(out) :: values
+    character(*), intent(in) :: file  !! Path of the mesh.
+    character(*), intent(in) :: name  !! Name of the field.
+    type(node_values_t), intent(out) :: values  !! The values by the tags of the nodes [any].
     !> Set where the file cannot be read, has no such field, or is of another kind.
     type(error_t), allocatable, intent(out) :: error
     type(inp_state_t) :: state

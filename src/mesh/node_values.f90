@@ -5,10 +5,8 @@ module dotyk_mesh_node_values
   implicit none
   private
 
-  !> The values.
-  type, public :: node_values_t
-    !> Nodes that have one.
-    type(growing_tag_map_t) :: node
+  type, public :: node_values_t  !! The values.
+    type(growing_tag_map_t) :: node  !! Nodes that have one.
     !> Values by the indices of the nodes; the first `node%n` are in use (room) [any].
     real(dp), allocatable, private :: value(:)
   contains
@@ -22,10 +20,8 @@ contains
   !> Set the value of a node.
   subroutine node_values_set(self, tag, value)
     class(node_values_t), intent(inout) :: self
-    !> Tag of the node.
-    integer(int64), intent(in) :: tag
-    !> The value [any].
-    real(dp), intent(in) :: value
+    integer(int64), intent(in) :: tag  !! Tag of the node.
+    real(dp), intent(in) :: value  !! The value [any].
     real(dp), allocatable :: larger(:)
     integer :: i
     call self%node%add(tag, i)
@@ -41,12 +37,9 @@ contains
   !> The value of a node.
   pure subroutine node_values_find(self, tag, value, found)
     class(node_values_t), intent(in) :: self
-    !> Tag of the node.
-    integer(int64), intent(in) :: tag
-    !> The value; 0 where it has none [any].
-    real(dp), intent(out) :: value
-    !> Whether it has one.
-    logical, intent(out) :: found
+    integer(int64), intent(in) :: tag  !! Tag of the node.
+    real(dp), intent(out) :: value  !! The value; 0 where it has none [any].
+    logical, intent(out) :: found  !! Whether it has one.
     integer :: i
     value = 0
     i = 0
@@ -58,8 +51,7 @@ contains
   !> Take over the values that others have.
   subroutine node_values_overlay(self, other)
     class(node_values_t), intent(inout) :: self
-    !> The others.
-    type(node_values_t), intent(in) :: other
+    type(node_values_t), intent(in) :: other  !! The others.
     integer :: i
     do i = 1, other%node%n
       call self%set(other%node%tag(i), other%value(i))

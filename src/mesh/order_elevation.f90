@@ -30,8 +30,7 @@ contains
 
   !> Whether a body has linear triangles, tetrahedra, prisms or pyramids.
   pure logical function has_linear_simplices(mesh) result(has)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     integer :: b
     has = .false.
     do b = 1, size(mesh%block)
@@ -41,8 +40,7 @@ contains
 
   !> Replace all linear elements of a body by quadratic ones; quadratic elements are unchanged.
   subroutine elevate_order(mesh)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(inout) :: mesh
+    type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the body.
     type(corner_table_t) :: table
     type(element_block_t), allocatable :: block(:)
     integer :: b, position, n_old, n_centres, max_new
@@ -71,8 +69,7 @@ contains
 
   !> Number of nodes of a kind that are not corners.
   pure integer function new_nodes(kind)
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     new_nodes = properties%n_nodes - properties%n_corners
@@ -80,18 +77,12 @@ contains
 
   !> Number the new nodes of a block on edges and faces; the centres of hexahedra get negative numbers.
   subroutine number_new_nodes(corner, kind, n_old, table, n_centres, node)
-    !> Nodes of the linear elements (n_corners, n_elements).
-    integer, intent(in) :: corner(:, :)
-    !> The quadratic kind.
-    integer, intent(in) :: kind
-    !> Number of nodes of the linear mesh.
-    integer, intent(in) :: n_old
-    !> New nodes by the corners between which they lie.
-    type(corner_table_t), intent(inout) :: table
-    !> Number of centres of hexahedra so far.
-    integer, intent(inout) :: n_centres
-    !> Nodes of the quadratic elements (n_nodes, n_elements).
-    integer, allocatable, intent(out) :: node(:, :)
+    integer, intent(in) :: corner(:, :)  !! Nodes of the linear elements (n_corners, n_elements).
+    integer, intent(in) :: kind  !! The quadratic kind.
+    integer, intent(in) :: n_old  !! Number of nodes of the linear mesh.
+    type(corner_table_t), intent(inout) :: table  !! New nodes by the corners between which they lie.
+    integer, intent(inout) :: n_centres  !! Number of centres of hexahedra so far.
+    integer, allocatable, intent(out) :: node(:, :)  !! Nodes of the quadratic elements (n_nodes, n_elements).
     integer, allocatable :: between(:, :), count_of(:)
     integer :: e, a, n, entry
     call list_corners(kind, between, count_of)
@@ -113,12 +104,10 @@ contains
 
   !> Corners between which each node of a kind lies.
   subroutine list_corners(kind, between, count_of)
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     !> Local corner numbers; the first count_of(a) of node a are set (n_corners, n_nodes).
     integer, allocatable, intent(out) :: between(:, :)
-    !> Number of these corners (n_nodes).
-    integer, allocatable, intent(out) :: count_of(:)
+    integer, allocatable, intent(out) :: count_of(:)  !! Number of these corners (n_nodes).
     type(element_kind_t) :: properties
     real(dp), allocatable :: xi(:, :), shape(:)
     integer :: a, c
@@ -138,10 +127,8 @@ contains
 
   !> Number the centres of hexahedra after all other nodes.
   pure subroutine number_centres(n_before, block)
-    !> Number of other nodes.
-    integer, intent(in) :: n_before
-    !> Elements (n_blocks); negative node numbers are replaced.
-    type(element_block_t), intent(inout) :: block(:)
+    integer, intent(in) :: n_before  !! Number of other nodes.
+    type(element_block_t), intent(inout) :: block(:)  !! Elements (n_blocks); negative node numbers are replaced.
     integer :: b
     do b = 1, size(block)
       where (block(b)%node < 0) block(b)%node = n_before - block(b)%node
@@ -150,14 +137,10 @@ contains
 
   !> Coordinates and tags of the new nodes.
   subroutine place_nodes(mesh, n_old, n_new, block)
-    !> Mesh of the body; the new nodes are appended.
-    type(body_mesh_t), intent(inout) :: mesh
-    !> Number of old nodes.
-    integer, intent(in) :: n_old
-    !> Number of new nodes.
-    integer, intent(in) :: n_new
-    !> Quadratic elements (n_blocks).
-    type(element_block_t), intent(in) :: block(:)
+    type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the body; the new nodes are appended.
+    integer, intent(in) :: n_old  !! Number of old nodes.
+    integer, intent(in) :: n_new  !! Number of new nodes.
+    type(element_block_t), intent(in) :: block(:)  !! Quadratic elements (n_blocks).
     integer(int64), allocatable :: tag(:)
     integer, allocatable :: between(:, :), count_of(:)
     real(dp), allocatable :: x(:, :)

@@ -25,20 +25,13 @@ contains
 
   !> Elements of a body in what a rank has read, maybe none.
   subroutine extract_share(mesh, volume_name, dimension, rank, own, whole, file_node, error)
-    !> Mesh, of which the rank has read a share.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> The elements, and their nodes in the order of the file.
-    type(body_mesh_t), intent(out) :: own
-    !> Their numbers in the whole body; those of nodes are not known yet.
-    type(whole_numbers_t), intent(out) :: whole
-    !> Number of each node in the file, ascending (n_nodes).
-    integer, allocatable, intent(out) :: file_node(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh, of which the rank has read a share.
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer, intent(in) :: rank  !! This rank, from 0.
+    type(body_mesh_t), intent(out) :: own  !! The elements, and their nodes in the order of the file.
+    type(whole_numbers_t), intent(out) :: whole  !! Their numbers in the whole body; those of nodes are not known yet.
+    integer, allocatable, intent(out) :: file_node(:)  !! Number of each node in the file, ascending (n_nodes).
     !> Set for an unknown name and an empty group, on all ranks alike; elements and nodes are not checked
     !> (`dotyk_mesh_share_checks`).
     type(error_t), allocatable, intent(out) :: error
@@ -78,8 +71,7 @@ contains
 
     !> Whether a block of the mesh has the dimension and belongs to one of the groups, and elements in the file.
     pure logical function is_wanted(b)
-      !> Block of the mesh.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! Block of the mesh.
       is_wanted = .false.
       if (kind_dimension(mesh%block(b)%kind) /= dimension .or. number_of(b) == 0) return
       is_wanted = any(wanted(mesh%block(b)%group))
@@ -87,16 +79,14 @@ contains
 
     !> Number of elements of a block in the file.
     pure integer function number_of(b)
-      !> Block of the mesh.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! Block of the mesh.
       number_of = size(mesh%block(b)%tag)
       if (allocated(mesh%block(b)%place)) number_of = mesh%block(b)%n_in_file
     end function number_of
 
     !> Gather the elements of one kind and material.
     subroutine gather_kind(n)
-      !> Block of the share.
-      integer, intent(in) :: n
+      integer, intent(in) :: n  !! Block of the share.
       integer :: b, e, before, i
       before = 0
       associate (block => own%block(n))
@@ -123,12 +113,9 @@ contains
 
   !> Take the answers of the directories.
   subroutine take_numbers(reply, n_whole_nodes, whole)
-    !> Number in the whole body, owner and global number of each node (3, n_nodes).
-    integer, intent(in) :: reply(:, :)
-    !> Number of nodes of the whole body.
-    integer, intent(in) :: n_whole_nodes
-    !> Numbers of the rank; those of nodes are set.
-    type(whole_numbers_t), intent(inout) :: whole
+    integer, intent(in) :: reply(:, :)  !! Number in the whole body, owner and global number of each node (3, n_nodes).
+    integer, intent(in) :: n_whole_nodes  !! Number of nodes of the whole body.
+    type(whole_numbers_t), intent(inout) :: whole  !! Numbers of the rank; those of nodes are set.
     whole%n_nodes = n_whole_nodes
     whole%node = reply(1, :)
     whole%node_rank = reply(2, :)
@@ -137,20 +124,14 @@ contains
 
   !> Pack the elements that are ghosts of another rank, those at its nodes; or all, for this rank itself.
   subroutine pack_ghosts(own, whole, candidates, n_sharers, sharer, rank, share)
-    !> Elements that this rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
+    type(body_mesh_t), intent(in) :: own  !! Elements that this rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
     !> Faces of the elements, of which the parts of the body are taken.
     type(boundary_candidates_t), intent(in) :: candidates
-    !> Number of ranks that have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> The ranks, node after node (any).
-    integer, intent(in) :: sharer(:)
-    !> The rank that gets them.
-    integer, intent(in) :: rank
-    !> What is sent.
-    type(layer_share_t), intent(out) :: share
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: sharer(:)  !! The ranks, node after node (any).
+    integer, intent(in) :: rank  !! The rank that gets them.
+    type(layer_share_t), intent(out) :: share  !! What is sent.
     logical, allocatable :: has(:, :), at(:)
     integer :: b, e, i, k
     allocate (at(own%n_nodes()))
@@ -170,14 +151,11 @@ contains
 
   !> Pack the elements that all ranks hold, samples of the interior.
   subroutine pack_samples(own, whole, candidates, share)
-    !> Elements that this rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
+    type(body_mesh_t), intent(in) :: own  !! Elements that this rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
     !> Faces of the elements, of which the parts of the body are taken.
     type(boundary_candidates_t), intent(in) :: candidates
-    !> What is sent.
-    type(layer_share_t), intent(out) :: share
+    type(layer_share_t), intent(out) :: share  !! What is sent.
     logical, allocatable :: has(:, :)
     integer :: b
     call no_elements(own, has)
@@ -194,18 +172,13 @@ contains
   subroutine finish_part(number, x, layer, first_node, rank, n_ranks, part, component)
     !> Whole numbers of the shares from `pack_ghosts` of all ranks for this one, one after the other (any).
     integer(int64), intent(in) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), intent(in) :: x(:)
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
+    real(dp), intent(in) :: x(:)  !! Their coordinates (any) [length].
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
     !> The nodes of rank r have the global numbers first_node(r) .. first_node(r + 1) - 1 (0:n_ranks).
     integer, intent(in) :: first_node(0:)
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> The part; `mesh_node` is not allocated.
-    type(body_part_t), intent(out) :: part
+    integer, intent(in) :: rank  !! This rank, from 0.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    type(body_part_t), intent(out) :: part  !! The part; `mesh_node` is not allocated.
     !> Connected part of the body to which each node belongs (n_nodes).
     integer, allocatable, intent(out) :: component(:)
     type(surface_layer_t) :: all

@@ -14,12 +14,9 @@ contains
 
   !> Names of the groups of a dimension, each once, in the order of the file.
   pure subroutine group_names(mesh, dimension, names)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
-    !> Names (n_names).
-    type(text_t), allocatable, intent(out) :: names(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    integer, intent(in) :: dimension  !! 1 curves, 2 surfaces, 3 volumes.
+    type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
     logical :: chosen(size(mesh%group))
     integer :: i, j, n
     do i = 1, size(chosen)
@@ -41,14 +38,10 @@ contains
 
   !> Groups that bear a name; there may be several.
   pure function groups_named(mesh, name, dimension) result(chosen)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name.
-    character(*), intent(in) :: name
-    !> 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
-    !> True for the groups of that name and dimension (n_groups).
-    logical :: chosen(size(mesh%group))
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: name  !! Name.
+    integer, intent(in) :: dimension  !! 1 curves, 2 surfaces, 3 volumes.
+    logical :: chosen(size(mesh%group))  !! True for the groups of that name and dimension (n_groups).
     integer :: i
     do i = 1, size(chosen)
       chosen(i) = mesh%group(i)%dimension == dimension .and. mesh%group(i)%name == name
@@ -57,14 +50,10 @@ contains
 
   !> Groups that a name stands for: those that bear it, or else those that its wildcards match.
   pure function groups_like(mesh, name, dimension) result(chosen)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name, maybe with wildcards.
-    character(*), intent(in) :: name
-    !> 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
-    !> True for these groups (n_groups).
-    logical :: chosen(size(mesh%group))
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: name  !! Name, maybe with wildcards.
+    integer, intent(in) :: dimension  !! 1 curves, 2 surfaces, 3 volumes.
+    logical :: chosen(size(mesh%group))  !! True for these groups (n_groups).
     integer :: i
     chosen = groups_named(mesh, name, dimension)
     if (any(chosen) .or. .not. has_wildcard(name)) return
@@ -75,14 +64,10 @@ contains
 
   !> Message for a name that no group of the dimension bears.
   pure function unknown_group(mesh, name, dimension) result(message)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Requested name.
-    character(*), intent(in) :: name
-    !> 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
-    !> Message.
-    character(:), allocatable :: message
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: name  !! Requested name.
+    integer, intent(in) :: dimension  !! 1 curves, 2 surfaces, 3 volumes.
+    character(:), allocatable :: message  !! Message.
     type(text_t), allocatable :: names(:)
     character(:), allocatable :: suggestion, kind
     integer :: other
@@ -110,14 +95,10 @@ contains
 
   !> What is wrong with the volume of a body: no group bears its name, or the volumes that it joins cannot be joined.
   subroutine fault_of_volume(mesh, name, dimension, error)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the volume.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Allocated where something is wrong.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: name  !! Name of the volume.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where something is wrong.
     logical :: wanted(size(mesh%group))
     integer :: i
     wanted = groups_named(mesh, name, dimension)
@@ -135,10 +116,8 @@ contains
 
   !> Greatest number of a material of the volume of a body.
   pure integer function n_materials_of(mesh, wanted) result(n)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Groups of the volume (n_groups).
-    logical, intent(in) :: wanted(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    logical, intent(in) :: wanted(:)  !! Groups of the volume (n_groups).
     integer :: i
     n = 1
     do i = 1, size(wanted)
@@ -148,12 +127,9 @@ contains
 
   !> Number of the material of a block of the volume of a body, among those of the body.
   pure integer function material_of_block(mesh, wanted, block) result(material)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Groups of the volume (n_groups).
-    logical, intent(in) :: wanted(:)
-    !> The block, which belongs to one of them.
-    integer, intent(in) :: block
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    logical, intent(in) :: wanted(:)  !! Groups of the volume (n_groups).
+    integer, intent(in) :: block  !! The block, which belongs to one of them.
     integer :: i, k
     material = 1
     do i = 1, size(wanted)
@@ -166,10 +142,8 @@ contains
 
   !> Quoted names, separated by commas; 'none' where there is none.
   pure function names_text(names) result(text)
-    !> Names (n_names).
-    type(text_t), intent(in) :: names(:)
-    !> Text.
-    character(:), allocatable :: text
+    type(text_t), intent(in) :: names(:)  !! Names (n_names).
+    character(:), allocatable :: text  !! Text.
     type(text_t) :: in_quotes(size(names))
     integer :: i
     do i = 1, size(names)
@@ -181,18 +155,15 @@ contains
 
   !> Name of gmsh for a group of a dimension.
   pure character(7) function kind_name(dimension)
-    !> 0 points, 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
+    integer, intent(in) :: dimension  !! 0 points, 1 curves, 2 surfaces, 3 volumes.
     character(7), parameter :: names(0:3) = ['point  ', 'curve  ', 'surface', 'volume ']
     kind_name = names(dimension)
   end function kind_name
 
   !> The same as a keyword of the gmsh language.
   pure function capital_name(dimension) result(name)
-    !> 0 points, 1 curves, 2 surfaces, 3 volumes.
-    integer, intent(in) :: dimension
-    !> Keyword.
-    character(:), allocatable :: name
+    integer, intent(in) :: dimension  !! 0 points, 1 curves, 2 surfaces, 3 volumes.
+    character(:), allocatable :: name  !! Keyword.
     name = trim(kind_name(dimension))
     name(1:1) = achar(iachar(name(1:1)) - 32)
   end function capital_name

@@ -5,15 +5,12 @@ module dotyk_mesh_placement
   implicit none
   private
 
-  !> Rigid motion x -> rotation x + shift.
-  type, public :: placement_t
+  type, public :: placement_t  !! Rigid motion x -> rotation x + shift.
     !> Rotation matrix; in two dimensions about z (3, 3) [].
     real(dp) :: rotation(3, 3) = &
       reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
-    !> Translation (3) [length].
-    real(dp) :: shift(3) = 0
-    !> Whether the rotation differs from the identity.
-    logical :: rotated = .false.
+    real(dp) :: shift(3) = 0  !! Translation (3) [length].
+    logical :: rotated = .false.  !! Whether the rotation differs from the identity.
   contains
     procedure :: init => placement_init
     procedure :: apply => placement_apply
@@ -24,12 +21,9 @@ contains
   !> Set up from the input.
   subroutine placement_init(self, axis, angle, shift)
     class(placement_t), intent(out) :: self
-    !> Axis of rotation, of any length but 0 (3) [].
-    real(dp), intent(in) :: axis(3)
-    !> Angle of rotation [degrees].
-    real(dp), intent(in) :: angle
-    !> Translation (3) [length].
-    real(dp), intent(in) :: shift(3)
+    real(dp), intent(in) :: axis(3)  !! Axis of rotation, of any length but 0 (3) [].
+    real(dp), intent(in) :: angle  !! Angle of rotation [degrees].
+    real(dp), intent(in) :: shift(3)  !! Translation (3) [length].
     real(dp) :: c, s
     self%shift = shift
     call cosine_and_sine(angle, c, s)
@@ -40,8 +34,7 @@ contains
   !> Move points.
   pure subroutine placement_apply(self, x)
     class(placement_t), intent(in) :: self
-    !> Positions (dimension, n) [length].
-    real(dp), intent(inout) :: x(:, :)
+    real(dp), intent(inout) :: x(:, :)  !! Positions (dimension, n) [length].
     integer :: i, d
     d = size(x, 1)
     do i = 1, size(x, 2)

@@ -27,8 +27,7 @@ contains
 
   !> Properties of a prism.
   pure function prism_kind(id) result(kind)
-    !> `element_prism6`, `element_prism15` or `element_prism18`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_prism6`, `element_prism15` or `element_prism18`.
     type(element_kind_t) :: kind
     integer :: n
     kind%dimension = 3
@@ -69,21 +68,16 @@ contains
 
   !> Reference coordinates of a node.
   pure function prism_node(i) result(xi)
-    !> Node number, 1..18.
-    integer, intent(in) :: i
-    !> Reference coordinates (3) [].
-    real(dp) :: xi(3)
+    integer, intent(in) :: i  !! Node number, 1..18.
+    real(dp) :: xi(3)  !! Reference coordinates (3) [].
     xi = [triangle_node(:, base(i)), real(height(i), dp)]
   end function prism_node
 
   !> Shape functions of a prism.
   pure subroutine prism_values(n, xi, values)
-    !> Number of nodes: 6, 15 or 18.
-    integer, intent(in) :: n
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Values of the shape functions (n) [].
-    real(dp), intent(out) :: values(n)
+    integer, intent(in) :: n  !! Number of nodes: 6, 15 or 18.
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp), intent(out) :: values(n)  !! Values of the shape functions (n) [].
     real(dp) :: flat(6), line(-1:1), slope(-1:1), l(3), z
     integer :: i, b
     select case (n)
@@ -113,12 +107,9 @@ contains
 
   !> Gradients of the shape functions of a prism.
   pure subroutine prism_gradients(n, xi, gradients)
-    !> Number of nodes: 6, 15 or 18.
-    integer, intent(in) :: n
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Gradients of the shape functions (3, n) [].
-    real(dp), intent(out) :: gradients(3, n)
+    integer, intent(in) :: n  !! Number of nodes: 6, 15 or 18.
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp), intent(out) :: gradients(3, n)  !! Gradients of the shape functions (3, n) [].
     real(dp) :: flat(6), flat_slope(2, 6), line(-1:1), slope(-1:1)
     integer :: i, edges, order
     if (n == 15) then
@@ -138,10 +129,8 @@ contains
 
   !> Gradients of the shape functions of prism15.
   pure subroutine serendipity_gradients(xi, gradients)
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Gradients of the shape functions (3, 15) [].
-    real(dp), intent(out) :: gradients(3, 15)
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp), intent(out) :: gradients(3, 15)  !! Gradients of the shape functions (3, 15) [].
     real(dp) :: l(3), l_slope(2, 3), z
     integer :: i, b, p, q
     l = [1 - xi(1) - xi(2), xi(1), xi(2)]

@@ -14,8 +14,7 @@ module dotyk_mesh_pyramid
   private
   public :: collapsed_coordinates, pyramid_kind, pyramid_node, pyramid_values, pyramid_gradients
 
-  !> The node at the apex.
-  integer, parameter :: apex = 5
+  integer, parameter :: apex = 5  !! The node at the apex.
   !> Coordinates a and b of the nodes, and twice their height: corners, apex; edges 12 14 15 23 25 34 35 45; base.
   integer, parameter :: place(3, 14) = reshape([ &
     -1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0, 0, 0, 2, &
@@ -26,15 +25,13 @@ module dotyk_mesh_pyramid
     2, 3, 5, 9, 12, 10, &
     3, 4, 5, 11, 13, 12, &
     4, 1, 5, 7, 8, 13], [6, 4])
-  !> Base, outward.
-  integer, parameter :: base(9) = [1, 4, 3, 2, 7, 11, 9, 6, 14]
+  integer, parameter :: base(9) = [1, 4, 3, 2, 7, 11, 9, 6, 14]  !! Base, outward.
 
 contains
 
   !> Properties of a pyramid.
   pure function pyramid_kind(id) result(kind)
-    !> `element_pyramid5`, `element_pyramid13` or `element_pyramid14`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_pyramid5`, `element_pyramid13` or `element_pyramid14`.
     type(element_kind_t) :: kind
     integer :: n
     kind%dimension = 3
@@ -73,32 +70,25 @@ contains
 
   !> Reference coordinates of a node.
   pure function pyramid_node(i) result(xi)
-    !> Node number, 1..14.
-    integer, intent(in) :: i
-    !> Reference coordinates (3) [].
-    real(dp) :: xi(3)
+    integer, intent(in) :: i  !! Node number, 1..14.
+    real(dp) :: xi(3)  !! Reference coordinates (3) [].
     xi(3) = 0.5_dp*place(3, i)
     xi(:2) = (1 - xi(3))*place(:2, i)
   end function pyramid_node
 
   !> The coordinates a, b and t of a point; a = b = 0 at the apex.
   pure function collapsed_coordinates(xi) result(abt)
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Collapsed coordinates (3) [].
-    real(dp) :: abt(3)
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp) :: abt(3)  !! Collapsed coordinates (3) [].
     abt = [0.0_dp, 0.0_dp, 1 - xi(3)]
     if (abs(abt(3)) > 0) abt(:2) = xi(:2)/abt(3)
   end function collapsed_coordinates
 
   !> Shape functions of a pyramid.
   pure subroutine pyramid_values(n, xi, values)
-    !> Number of nodes: 5, 13 or 14.
-    integer, intent(in) :: n
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Values of the shape functions (n) [].
-    real(dp), intent(out) :: values(n)
+    integer, intent(in) :: n  !! Number of nodes: 5, 13 or 14.
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp), intent(out) :: values(n)  !! Values of the shape functions (n) [].
     real(dp) :: abt(3), first(3, n), second(3, n)
     abt = collapsed_coordinates(xi)
     call factors(n, abt(1), abt(2), first, second)
@@ -108,12 +98,9 @@ contains
 
   !> Gradients of the shape functions of a pyramid.
   pure subroutine pyramid_gradients(n, xi, gradients)
-    !> Number of nodes: 5, 13 or 14.
-    integer, intent(in) :: n
-    !> Reference coordinates (3) [].
-    real(dp), intent(in) :: xi(3)
-    !> Gradients of the shape functions (3, n) [].
-    real(dp), intent(out) :: gradients(3, n)
+    integer, intent(in) :: n  !! Number of nodes: 5, 13 or 14.
+    real(dp), intent(in) :: xi(3)  !! Reference coordinates (3) [].
+    real(dp), intent(out) :: gradients(3, n)  !! Gradients of the shape functions (3, n) [].
     real(dp) :: abt(3), first(3, n), second(3, n)
     integer :: i
     abt = collapsed_coordinates(xi)
@@ -128,14 +115,10 @@ contains
 
   !> Factors of t and of t^2 in the shape functions of all nodes but the apex: values, derivatives by a and by b.
   pure subroutine factors(n, a, b, first, second)
-    !> Number of nodes: 5, 13 or 14.
-    integer, intent(in) :: n
-    !> Collapsed coordinates [].
-    real(dp), intent(in) :: a, b
-    !> Factor of t (3, n) [].
-    real(dp), intent(out) :: first(3, n)
-    !> Factor of t^2 (3, n) [].
-    real(dp), intent(out) :: second(3, n)
+    integer, intent(in) :: n  !! Number of nodes: 5, 13 or 14.
+    real(dp), intent(in) :: a, b  !! Collapsed coordinates [].
+    real(dp), intent(out) :: first(3, n)  !! Factor of t (3, n) [].
+    real(dp), intent(out) :: second(3, n)  !! Factor of t^2 (3, n) [].
     real(dp) :: f(2), g(2), flat(3), sum_ab, bubble(3)
     integer :: i
     first = 0
@@ -165,12 +148,9 @@ contains
 
   !> A polynomial of one coordinate and its derivative: linear for a node at the end, quadratic for one in the middle.
   pure function line(node, x) result(f)
-    !> Coordinate of the node: -1, 0 or 1.
-    integer, intent(in) :: node
-    !> Coordinate [].
-    real(dp), intent(in) :: x
-    !> Value and derivative (2) [].
-    real(dp) :: f(2)
+    integer, intent(in) :: node  !! Coordinate of the node: -1, 0 or 1.
+    real(dp), intent(in) :: x  !! Coordinate [].
+    real(dp) :: f(2)  !! Value and derivative (2) [].
     if (node == 0) then
       f = [(1 - x)*(1 + x), -2*x]
     else

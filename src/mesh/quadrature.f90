@@ -19,13 +19,11 @@ contains
 
   !> The rule with the fewest points that is exact for a degree.
   pure subroutine quadrature_rule(kind, degree, points, weights)
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     !> Polynomial degree that is integrated exactly: total on simplices and pyramids, in each variable on
     !> products.
     integer, intent(in) :: degree
-    !> Reference coordinates (dimension, n) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Reference coordinates (dimension, n) [].
     !> Weights, whose sum is the measure of the reference domain (n) [].
     real(dp), allocatable, intent(out) :: weights(:)
     real(dp), allocatable :: flat(:, :), flat_weights(:)
@@ -63,18 +61,12 @@ contains
 
   !> Tensor product of a rule on the line with itself; the first variable runs fastest.
   pure subroutine product_rule(d, n, x, w, points, weights)
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of points of the rule on the line.
-    integer, intent(in) :: n
-    !> Points on the line (n) [].
-    real(dp), intent(in) :: x(n)
-    !> Weights on the line (n) [].
-    real(dp), intent(in) :: w(n)
-    !> Points of the product (d, n**d) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights of the product (n**d) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: n  !! Number of points of the rule on the line.
+    real(dp), intent(in) :: x(n)  !! Points on the line (n) [].
+    real(dp), intent(in) :: w(n)  !! Weights on the line (n) [].
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points of the product (d, n**d) [].
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights of the product (n**d) [].
     integer :: i, k, index, digit
     allocate (points(d, n**d), weights(n**d))
     do i = 1, n**d
@@ -91,16 +83,11 @@ contains
 
   !> Conical product: a rule on the square, shrunk towards the apex, at each height of a Gauss-Jacobi rule.
   pure subroutine pyramid_rule(n, x, w, points, weights)
-    !> Number of points of the rules on the line and of heights.
-    integer, intent(in) :: n
-    !> Points on the line (n) [].
-    real(dp), intent(in) :: x(n)
-    !> Weights on the line (n) [].
-    real(dp), intent(in) :: w(n)
-    !> Points (3, n**3) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n**3) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    integer, intent(in) :: n  !! Number of points of the rules on the line and of heights.
+    real(dp), intent(in) :: x(n)  !! Points on the line (n) [].
+    real(dp), intent(in) :: w(n)  !! Weights on the line (n) [].
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points (3, n**3) [].
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights (n**3) [].
     real(dp), allocatable :: flat(:, :), flat_weights(:)
     real(dp) :: height(n), height_weight(n)
     integer :: i, m

@@ -10,15 +10,13 @@ module dotyk_mesh_quadrilateral
   integer, parameter, public :: quadrilateral_node(2, 9) = reshape([ &
     -1, -1, 1, -1, 1, 1, -1, 1, &
     0, -1, 1, 0, 0, 1, -1, 0, 0, 0], [2, 9])
-  !> Edges, counter-clockwise.
-  integer, parameter :: face(3, 4) = reshape([1, 2, 5, 2, 3, 6, 3, 4, 7, 4, 1, 8], [3, 4])
+  integer, parameter :: face(3, 4) = reshape([1, 2, 5, 2, 3, 6, 3, 4, 7, 4, 1, 8], [3, 4])  !! Edges, counter-clockwise.
 
 contains
 
   !> Properties of a quadrilateral.
   pure function quadrilateral_kind(id) result(kind)
-    !> `element_quad4`, `element_quad8` or `element_quad9`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_quad4`, `element_quad8` or `element_quad9`.
     type(element_kind_t) :: kind
     integer :: i
     kind%dimension = 2

@@ -19,26 +19,19 @@ module dotyk_mesh_rigid_surface
   implicit none
   private
 
-  !> The side of a surface that is to touch others.
-  type, public :: facing_t
-    !> Whether a point is given.
-    logical :: is_given = .false.
-    !> A point that sees this side, in coordinates of the mesh (3) [length].
-    real(dp) :: point(3) = 0
+  type, public :: facing_t  !! The side of a surface that is to touch others.
+    logical :: is_given = .false.  !! Whether a point is given.
+    real(dp) :: point(3) = 0  !! A point that sees this side, in coordinates of the mesh (3) [length].
   end type facing_t
 
-  !> A facet by its corners.
-  type :: facet_t
-    !> Block, and element in it.
-    integer :: block = 0, element = 0
-    !> Corners, in the order of the file (n_corners).
-    integer, allocatable :: corner(:)
+  type :: facet_t  !! A facet by its corners.
+    integer :: block = 0, element = 0  !! Block, and element in it.
+    integer, allocatable :: corner(:)  !! Corners, in the order of the file (n_corners).
     !> Whether its normal is to be reversed; known once it is reached.
     logical :: is_reversed = .false., is_reached = .false.
   end type facet_t
 
-  !> Facets on both sides of an edge, of a node in two dimensions; 0 where there is none.
-  type :: edge_t
+  type :: edge_t  !! Facets on both sides of an edge, of a node in two dimensions; 0 where there is none.
     integer :: facet(2) = 0
   end type edge_t
 
@@ -52,18 +45,12 @@ contains
 
   !> Extract a physical group of facets as a body without elements, with normals to the side of contact.
   subroutine extract_rigid_surface(mesh, name, dimension, is_axisymmetric, facing, body_mesh, error)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the physical groups.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Whether a curve that ends on the axis x = 0 is closed.
-    logical, intent(in) :: is_axisymmetric
-    !> The side of contact; that outside of closed surfaces if it is not given.
-    type(facing_t), intent(in) :: facing
-    !> Mesh of the body: nodes and faces.
-    type(body_mesh_t), intent(out) :: body_mesh
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: name  !! Name of the physical groups.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    logical, intent(in) :: is_axisymmetric  !! Whether a curve that ends on the axis x = 0 is closed.
+    type(facing_t), intent(in) :: facing  !! The side of contact; that outside of closed surfaces if it is not given.
+    type(body_mesh_t), intent(out) :: body_mesh  !! Mesh of the body: nodes and faces.
     !> Allocated for an unknown name, and for surfaces without two sides, or of which nothing tells the side of contact.
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group))
@@ -95,12 +82,9 @@ contains
 
   !> Let all normals point to the side of contact.
   subroutine orient_facets(mesh, is_axisymmetric, facing, error)
-    !> Mesh of the body, with the facets as its elements.
-    type(body_mesh_t), intent(inout) :: mesh
-    !> Whether a curve that ends on the axis is closed.
-    logical, intent(in) :: is_axisymmetric
-    !> The side of contact.
-    type(facing_t), intent(in) :: facing
+    type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the body, with the facets as its elements.
+    logical, intent(in) :: is_axisymmetric  !! Whether a curve that ends on the axis is closed.
+    type(facing_t), intent(in) :: facing  !! The side of contact.
     !> Allocated where the surface has no two sides, or nothing tells the side of contact.
     type(error_t), allocatable, intent(out) :: error
     type(facet_t), allocatable :: facet(:)
@@ -167,17 +151,14 @@ contains
 
   !> Sign of the normal of a facet.
   pure real(dp) function sign_of(facet)
-    !> The facet.
-    type(facet_t), intent(in) :: facet
+    type(facet_t), intent(in) :: facet  !! The facet.
     sign_of = merge(-1.0_dp, 1.0_dp, facet%is_reversed)
   end function sign_of
 
   !> List the facets.
   pure subroutine list_facets(mesh, facet)
-    !> Mesh of the body, with the facets as its elements.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The facets (n).
-    type(facet_t), allocatable, intent(out) :: facet(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body, with the facets as its elements.
+    type(facet_t), allocatable, intent(out) :: facet(:)  !! The facets (n).
     type(element_kind_t) :: kind
     integer :: b, e, n
     allocate (facet(mesh%n_elements()))
@@ -195,16 +176,11 @@ contains
 
   !> Find the facets on both sides of all edges.
   subroutine find_edges(mesh, facet, table, edge, error)
-    !> Mesh of the body, with the facets as its elements.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The facets (n).
-    type(facet_t), intent(in) :: facet(:)
-    !> Edges by their nodes.
-    type(corner_table_t), intent(out) :: table
-    !> Their facets (table%n and more).
-    type(edge_t), allocatable, intent(out) :: edge(:)
-    !> Allocated where three facets share an edge.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body, with the facets as its elements.
+    type(facet_t), intent(in) :: facet(:)  !! The facets (n).
+    type(corner_table_t), intent(out) :: table  !! Edges by their nodes.
+    type(edge_t), allocatable, intent(out) :: edge(:)  !! Their facets (table%n and more).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where three facets share an edge.
     integer :: f, i, k, m
     m = mesh%dimension - 1
     call table%init(m, sum([(size(facet(f)%corner), f=1, size(facet))]))
@@ -229,12 +205,9 @@ contains
 
   !> Nodes of an edge of a facet, from its beginning to its end.
   pure function edge_nodes(facet, i, m) result(node)
-    !> The facet.
-    type(facet_t), intent(in) :: facet
-    !> Number of the edge, or of the end in two dimensions.
-    integer, intent(in) :: i
-    !> Number of nodes of an edge: 2, or 1 in two dimensions.
-    integer, intent(in) :: m
+    type(facet_t), intent(in) :: facet  !! The facet.
+    integer, intent(in) :: i  !! Number of the edge, or of the end in two dimensions.
+    integer, intent(in) :: m  !! Number of nodes of an edge: 2, or 1 in two dimensions.
     integer :: node(m), all(2)
     all = [facet%corner(i), facet%corner(modulo(i, size(facet%corner)) + 1)]
     node = all(:m)
@@ -242,14 +215,10 @@ contains
 
   !> Find which facets are to be reversed so that all have the orientation of the first one.
   subroutine compare_neighbours(mesh, facet, table, edge, error)
-    !> Mesh of the body, with the facets as its elements.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The facets (n).
-    type(facet_t), intent(inout) :: facet(:)
-    !> Edges by their nodes.
-    type(corner_table_t), intent(in) :: table
-    !> Their facets.
-    type(edge_t), intent(in) :: edge(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body, with the facets as its elements.
+    type(facet_t), intent(inout) :: facet(:)  !! The facets (n).
+    type(corner_table_t), intent(in) :: table  !! Edges by their nodes.
+    type(edge_t), intent(in) :: edge(:)  !! Their facets.
     !> Allocated where there is no such orientation, or where edges do not join all facets.
     type(error_t), allocatable, intent(out) :: error
     integer :: waiting(size(facet)), f, first, g, i, last, m
@@ -288,12 +257,9 @@ contains
 
   !> Whether the edge of a facet runs in the same direction in its neighbour, which then is oriented otherwise.
   pure logical function goes_alike(node, i, other)
-    !> Nodes of the edge, in the order of the facet (1 or 2).
-    integer, intent(in) :: node(:)
-    !> Number of the edge in the facet.
-    integer, intent(in) :: i
-    !> The neighbour.
-    type(facet_t), intent(in) :: other
+    integer, intent(in) :: node(:)  !! Nodes of the edge, in the order of the facet (1 or 2).
+    integer, intent(in) :: i  !! Number of the edge in the facet.
+    type(facet_t), intent(in) :: other  !! The neighbour.
     integer :: k
     if (size(node) == 1) then
       goes_alike = other%corner(i) == node(1)
@@ -305,10 +271,8 @@ contains
 
   !> Solid angle of a facet, or plane angle, from a point: positive where its normal points away from it [rad].
   pure real(dp) function angle_of(x, point) result(angle)
-    !> Corners (dim, n_corners) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> The point (dim) [length].
-    real(dp), intent(in) :: point(:)
+    real(dp), intent(in) :: x(:, :)  !! Corners (dim, n_corners) [length].
+    real(dp), intent(in) :: point(:)  !! The point (dim) [length].
     real(dp) :: a(3), b(3), c(3), la, lb, lc
     integer :: i
     angle = 0
@@ -333,10 +297,8 @@ contains
 
   !> Volume inside a closed surface, or area inside a closed curve: positive where the normals point outward [volume].
   pure real(dp) function volume_of(mesh, facet) result(volume)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The facets (n).
-    type(facet_t), intent(in) :: facet(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(facet_t), intent(in) :: facet(:)  !! The facets (n).
     real(dp) :: centre(mesh%dimension), x(mesh%dimension, 4)
     integer :: f, i, n
     ! On the axis of axisymmetric analyses, which closes curves: x dy is 0 there.
@@ -358,8 +320,7 @@ contains
 
   !> Order of the nodes of a facet whose normal is reversed.
   pure function reversed_order(kind) result(order)
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     integer, allocatable :: order(:)
     type(element_kind_t) :: properties
     integer :: i
@@ -373,10 +334,8 @@ contains
 
   !> A facet, for messages.
   function facet_text(mesh, facet) result(text)
-    !> Mesh of the body, with the facets as its elements.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The facet.
-    type(facet_t), intent(in) :: facet
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body, with the facets as its elements.
+    type(facet_t), intent(in) :: facet  !! The facet.
     character(:), allocatable :: text
     text = 'element '//to_text(mesh%block(facet%block)%tag(facet%element))
   end function facet_text

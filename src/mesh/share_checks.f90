@@ -22,21 +22,16 @@ module dotyk_mesh_share_checks
   integer, parameter :: node_length = 5, extent_length = 4*node_length + 6
   !> The nodes: the first out of range; the first of all; those of lowest and greatest z.
   integer, parameter :: out_of_range = 1, first_node = 2, lowest = 3, highest = 4
-  !> Numbers at the head of a rank in `pack_orientation`.
-  integer, parameter :: census_length = 14
+  integer, parameter :: census_length = 14  !! Numbers at the head of a rank in `pack_orientation`.
 
 contains
 
   !> Pack what a rank finds of the range of the coordinates.
   subroutine pack_extent(mesh, own, file_node, packed)
-    !> Mesh, of which the rank has read a share.
-    type(mesh_t), intent(in) :: mesh
-    !> Elements from it, and their nodes.
-    type(body_mesh_t), intent(in) :: own
-    !> Number of each node in the file, ascending (n_nodes).
-    integer, intent(in) :: file_node(:)
-    !> What other ranks must know (extent_length).
-    integer(int64), allocatable, intent(out) :: packed(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh, of which the rank has read a share.
+    type(body_mesh_t), intent(in) :: own  !! Elements from it, and their nodes.
+    integer, intent(in) :: file_node(:)  !! Number of each node in the file, ascending (n_nodes).
+    integer(int64), allocatable, intent(out) :: packed(:)  !! What other ranks must know (extent_length).
     real(dp) :: box(6)
     integer :: node(4), k
     node = 0
@@ -58,12 +53,9 @@ contains
 
   !> Refuse coordinates that are not finite, too large or too small to compute with, or off the plane.
   subroutine check_extent(own, volume_name, packed, error)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: own
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
-    !> The arrays of `pack_extent` of all ranks, one after the other (any).
-    integer(int64), intent(in) :: packed(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements of the rank.
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
+    integer(int64), intent(in) :: packed(:)  !! The arrays of `pack_extent` of all ranks, one after the other (any).
     !> Set for the first node out of range, for a body that is too small, and for nodes off the plane.
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: number(4), tag(4)
@@ -102,8 +94,7 @@ contains
 
     !> Whether the node of a rank comes before the one that is known.
     logical function is_ahead(k)
-      !> What the node is.
-      integer, intent(in) :: k
+      integer, intent(in) :: k  !! What the node is.
       is_ahead = packed(at + (k - 1)*node_length + 1) < number(k)
       if (k == lowest .and. abs(position(3) - x(3, k)) > 0) is_ahead = position(3) < x(3, k)
       if (k == highest .and. abs(position(3) - x(3, k)) > 0) is_ahead = position(3) > x(3, k)
@@ -112,12 +103,9 @@ contains
 
   !> Pack what a rank finds of the orientation of its elements.
   subroutine pack_orientation(own, whole, packed)
-    !> Elements that the rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body; those of nodes are not needed.
-    type(whole_numbers_t), intent(in) :: whole
-    !> What other ranks must know (any).
-    integer(int64), allocatable, intent(out) :: packed(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements that the rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body; those of nodes are not needed.
+    integer(int64), allocatable, intent(out) :: packed(:)  !! What other ranks must know (any).
     type(orientation_census_t) :: census
     call census%find(own%x, own%block)
     if (census%badness >= 0) census%worst_order = in_whole(census%worst_order)
@@ -132,8 +120,7 @@ contains
 
     !> Place of an element in the order of those of the whole body.
     elemental integer(int64) function in_whole(order)
-      !> Its place among those of the rank.
-      integer(int64), intent(in) :: order
+      integer(int64), intent(in) :: order  !! Its place among those of the rank.
       integer :: b, e
       b = int(ishft(order, -40))
       e = int(ibits(order, 0, 40)/8)
@@ -145,8 +132,7 @@ contains
   subroutine orient_share(own, volume_name, packed, error)
     !> Elements that the rank owns; their nodes are permuted if all elements of the body are inverted.
     type(body_mesh_t), intent(inout) :: own
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
     !> The arrays of `pack_orientation` of all ranks, one after the other (any).
     integer(int64), intent(in) :: packed(:)
     !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements; repeated
@@ -186,12 +172,9 @@ contains
 
   !> Say which mesh and volume an error is about.
   subroutine add_place(own, volume_name, error)
-    !> Elements of the rank.
-    type(body_mesh_t), intent(in) :: own
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
-    !> The error.
-    type(error_t), allocatable, intent(inout) :: error
+    type(body_mesh_t), intent(in) :: own  !! Elements of the rank.
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
+    type(error_t), allocatable, intent(inout) :: error  !! The error.
     error%message = 'mesh '//quoted(own%file)//', '//quoted(volume_name)//': '//error%message
   end subroutine add_place
 end module dotyk_mesh_share_checks

@@ -21,33 +21,24 @@ module dotyk_mesh_share_faults
   private
   public :: pack_faults
 
-  !> Two elements with the same corners, the first such in the order of the elements.
-  type :: repeated_t
+  type :: repeated_t  !! Two elements with the same corners, the first such in the order of the elements.
     !> Place of the second of them in the order of the elements; huge where no element is repeated.
     integer(int64) :: order = huge(0_int64)
-    !> Their tags.
-    integer(int64) :: tag(2) = 0
-    !> Their kind.
-    integer :: kind = 0
+    integer(int64) :: tag(2) = 0  !! Their tags.
+    integer :: kind = 0  !! Their kind.
   end type repeated_t
 
-  !> Faults of a body, the same on all ranks.
-  type, public :: share_faults_t
-    !> Number of unconnected parts.
-    integer :: n_parts = 0
-    !> Number of pieces that no whole face joins.
-    integer :: n_pieces = 0
-    !> Faults of faces.
-    type(face_faults_t) :: faces
-    !> Repeated elements.
-    type(repeated_t), private :: repeated
+  type, public :: share_faults_t  !! Faults of a body, the same on all ranks.
+    integer :: n_parts = 0  !! Number of unconnected parts.
+    integer :: n_pieces = 0  !! Number of pieces that no whole face joins.
+    type(face_faults_t) :: faces  !! Faults of faces.
+    type(repeated_t), private :: repeated  !! Repeated elements.
   contains
     procedure :: unpack => faults_unpack
     procedure :: check_repeated => faults_check_repeated
   end type share_faults_t
 
-  !> Greatest number of corners of an element.
-  integer, parameter :: most_corners = 8
+  integer, parameter :: most_corners = 8  !! Greatest number of corners of an element.
   !> Numbers at the head of a rank; of a face: corners, order, signature, tag, position; of an element: block, kind,
   !> order, tag, corners.
   integer, parameter :: head_length = 23, face_length = max_corners + 6, element_length = 4 + most_corners
@@ -56,14 +47,10 @@ contains
 
   !> Pack what a rank knows of faults.
   subroutine pack_faults(own, whole, candidates, packed)
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Faces of these elements, after `keep_boundary`.
-    type(boundary_candidates_t), intent(in) :: candidates
-    !> What other ranks must know (any).
-    integer(int64), allocatable, intent(out) :: packed(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements that the rank owns, and their nodes, maybe among others.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    type(boundary_candidates_t), intent(in) :: candidates  !! Faces of these elements, after `keep_boundary`.
+    integer(int64), allocatable, intent(out) :: packed(:)  !! What other ranks must know (any).
     type(face_occurrences_t) :: faces, local
     type(face_faults_t) :: faults
     type(repeated_t) :: repeated
@@ -110,14 +97,10 @@ contains
 
   !> Faces of the rank that may be wrong.
   subroutine take_inner_faces(own, whole, candidates, faces, corner)
-    !> Elements that the rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Faces of these elements.
-    type(boundary_candidates_t), intent(in) :: candidates
-    !> The faces.
-    type(face_occurrences_t), intent(out) :: faces
+    type(body_mesh_t), intent(in) :: own  !! Elements that the rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    type(boundary_candidates_t), intent(in) :: candidates  !! Faces of these elements.
+    type(face_occurrences_t), intent(out) :: faces  !! The faces.
     !> Their corners by their numbers in the whole body, padded with 0 (max_corners, n).
     integer, allocatable, intent(out) :: corner(:, :)
     type(element_kind_t) :: kind
@@ -147,12 +130,9 @@ contains
 
   !> Some faces of many.
   pure subroutine choose_faces(faces, chosen, some)
-    !> The faces.
-    type(face_occurrences_t), intent(in) :: faces
-    !> Those that are wanted (n).
-    integer, intent(in) :: chosen(:)
-    !> Those faces.
-    type(face_occurrences_t), intent(out) :: some
+    type(face_occurrences_t), intent(in) :: faces  !! The faces.
+    integer, intent(in) :: chosen(:)  !! Those that are wanted (n).
+    type(face_occurrences_t), intent(out) :: some  !! Those faces.
     some%group = faces%group(chosen)
     some%order = faces%order(chosen)
     some%signature = faces%signature(chosen)
@@ -163,8 +143,7 @@ contains
   !> Put together what all ranks know.
   subroutine faults_unpack(self, packed)
     class(share_faults_t), intent(out) :: self
-    !> The arrays of `pack_faults` of all ranks, one after the other (any).
-    integer(int64), intent(in) :: packed(:)
+    integer(int64), intent(in) :: packed(:)  !! The arrays of `pack_faults` of all ranks, one after the other (any).
     type(face_occurrences_t) :: faces
     type(face_faults_t) :: faults
     type(corner_table_t) :: table
@@ -222,14 +201,10 @@ contains
 
   !> Take a repeated element, unless an earlier one is known.
   subroutine take_repeated(self, order, tag, kind)
-    !> The faults; updated.
     class(share_faults_t), intent(inout) :: self
-    !> Place in the order of the elements.
-    integer(int64), intent(in) :: order
-    !> Tags of the one before it, and of the element.
-    integer(int64), intent(in) :: tag(2)
-    !> Their kind.
-    integer, intent(in) :: kind
+    integer(int64), intent(in) :: order  !! Place in the order of the elements.
+    integer(int64), intent(in) :: tag(2)  !! Tags of the one before it, and of the element.
+    integer, intent(in) :: kind  !! Their kind.
     if (order >= self%repeated%order) return
     self%repeated%order = order
     self%repeated%tag = tag
@@ -238,14 +213,10 @@ contains
 
   !> Where heads, faces and elements begin.
   subroutine find_starts(packed, head, face, element)
-    !> The arrays of all ranks (any).
-    integer(int64), intent(in) :: packed(:)
-    !> Numbers before each head (n_ranks).
-    integer, allocatable, intent(out) :: head(:)
-    !> Numbers before each face (any).
-    integer, allocatable, intent(out) :: face(:)
-    !> Numbers before each element (any).
-    integer, allocatable, intent(out) :: element(:)
+    integer(int64), intent(in) :: packed(:)  !! The arrays of all ranks (any).
+    integer, allocatable, intent(out) :: head(:)  !! Numbers before each head (n_ranks).
+    integer, allocatable, intent(out) :: face(:)  !! Numbers before each face (any).
+    integer, allocatable, intent(out) :: element(:)  !! Numbers before each element (any).
     integer :: at, i, n(2), n_heads, n_all(2), pass
     do pass = 1, 2
       n_heads = 0
@@ -271,10 +242,8 @@ contains
   !> Refuse repeated elements, which would double the stiffness.
   subroutine faults_check_repeated(self, file, volume_name, error)
     class(share_faults_t), intent(in) :: self
-    !> File of the mesh.
-    character(*), intent(in) :: file
-    !> Name of the physical groups.
-    character(*), intent(in) :: volume_name
+    character(*), intent(in) :: file  !! File of the mesh.
+    character(*), intent(in) :: volume_name  !! Name of the physical groups.
     !> Set, or replaced, where two elements of a kind have the same corners: that is told before inverted elements.
     type(error_t), allocatable, intent(inout) :: error
     if (self%repeated%kind == 0) return

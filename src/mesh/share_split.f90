@@ -17,19 +17,14 @@ module dotyk_mesh_share_split
   private
   public :: share_box, pack_for_rank
 
-  !> Bits of each coordinate along the curve: places are exact as reals.
-  integer, parameter :: bits = 17
+  integer, parameter :: bits = 17  !! Bits of each coordinate along the curve: places are exact as reals.
   !> Bits of a bound that are found at once, and those of the first step: all bits of three coordinates.
   integer, parameter :: bits_of_step = 4, first_shift = 48
-  !> Probes of a bound at once.
-  integer, parameter :: n_steps = 2**bits_of_step - 1
+  integer, parameter :: n_steps = 2**bits_of_step - 1  !! Probes of a bound at once.
 
-  !> Places of the elements of a share on the curve.
-  type, public :: share_curve_t
-    !> Place of each element, counted through all blocks (n_elements).
-    integer(int64), allocatable :: place(:)
-    !> The places in ascending order (n_elements).
-    integer(int64), allocatable, private :: ascending(:)
+  type, public :: share_curve_t  !! Places of the elements of a share on the curve.
+    integer(int64), allocatable :: place(:)  !! Place of each element, counted through all blocks (n_elements).
+    integer(int64), allocatable, private :: ascending(:)  !! The places in ascending order (n_elements).
     !> Nodes of the elements up to each place of them (0:n_elements).
     integer(int64), allocatable, private :: nodes_up_to(:)
   contains
@@ -42,14 +37,11 @@ module dotyk_mesh_share_split
   type, public :: part_bounds_t
     !> Where the nodes of elements in front are summed next: none where the search is over (any).
     integer(int64), allocatable :: probe(:)
-    !> First place of each part but the first one (n_parts - 1).
-    integer(int64), allocatable, private :: first(:)
-    !> Bounds that are searched for (any).
-    integer, allocatable, private :: wanted(:)
+    integer(int64), allocatable, private :: first(:)  !! First place of each part but the first one (n_parts - 1).
+    integer, allocatable, private :: wanted(:)  !! Bounds that are searched for (any).
     !> Number of bodies that use the volume, and weight of the bodies before them and of all.
     integer(int64), private :: n_bodies = 0, before = 0, whole = 0
-    !> Binary logarithm of the distance of probes.
-    integer, private :: shift = first_shift
+    integer, private :: shift = first_shift  !! Binary logarithm of the distance of probes.
   contains
     procedure :: init => bounds_init
     procedure :: narrow => bounds_narrow
@@ -60,12 +52,9 @@ contains
 
   !> Box of the nodes of a share; huge and negative where it has none.
   pure subroutine share_box(own, low, high)
-    !> Elements of the share.
-    type(body_mesh_t), intent(in) :: own
-    !> Lower corner (dimension) [length].
-    real(dp), intent(out) :: low(:)
-    !> Upper corner (dimension) [length].
-    real(dp), intent(out) :: high(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements of the share.
+    real(dp), intent(out) :: low(:)  !! Lower corner (dimension) [length].
+    real(dp), intent(out) :: high(:)  !! Upper corner (dimension) [length].
     low = minval(own%x, dim=2)
     high = maxval(own%x, dim=2)
   end subroutine share_box
@@ -73,12 +62,9 @@ contains
   !> Find the places of the elements.
   subroutine curve_init(self, own, low, high)
     class(share_curve_t), intent(out) :: self
-    !> Elements of the share.
-    type(body_mesh_t), intent(in) :: own
-    !> Lower corner of the whole body (dimension) [length].
-    real(dp), intent(in) :: low(:)
-    !> Upper corner of the whole body (dimension) [length].
-    real(dp), intent(in) :: high(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements of the share.
+    real(dp), intent(in) :: low(:)  !! Lower corner of the whole body (dimension) [length].
+    real(dp), intent(in) :: high(:)  !! Upper corner of the whole body (dimension) [length].
     real(dp), allocatable :: centre(:, :)
     integer, allocatable :: weight(:), order(:)
     real(dp) :: scale
@@ -107,8 +93,7 @@ contains
   !> Nodes of the elements of the share in front of some places (n).
   pure function curve_nodes_before(self, place) result(n_nodes)
     class(share_curve_t), intent(in) :: self
-    !> The places (n).
-    integer(int64), intent(in) :: place(:)
+    integer(int64), intent(in) :: place(:)  !! The places (n).
     integer(int64) :: n_nodes(size(place))
     integer :: i, low, high, middle
     do i = 1, size(place)
@@ -129,12 +114,9 @@ contains
   !> Begin the search for the bounds in a volume.
   subroutine bounds_init(self, n_parts, weight, n_bodies, before, whole)
     class(part_bounds_t), intent(out) :: self
-    !> Number of parts.
-    integer, intent(in) :: n_parts
-    !> Nodes of all elements of the volume.
-    integer(int64), intent(in) :: weight
-    !> Number of bodies that use the volume.
-    integer, intent(in) :: n_bodies
+    integer, intent(in) :: n_parts  !! Number of parts.
+    integer(int64), intent(in) :: weight  !! Nodes of all elements of the volume.
+    integer, intent(in) :: n_bodies  !! Number of bodies that use the volume.
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, whole
     integer :: p
@@ -150,7 +132,6 @@ contains
 
   !> Where to look next.
   pure subroutine set_probes(self)
-    !> The bounds.
     class(part_bounds_t), intent(inout) :: self
     integer :: i, k
     self%probe = [((self%first(self%wanted(i)) + ishft(int(k, int64), self%shift), k=1, n_steps), &
@@ -179,8 +160,7 @@ contains
   !> Part of each element of a share.
   pure subroutine bounds_parts_of(self, curve, part)
     class(part_bounds_t), intent(in) :: self
-    !> The elements.
-    type(share_curve_t), intent(in) :: curve
+    type(share_curve_t), intent(in) :: curve  !! The elements.
     !> Part of each element, from 0, counted through all blocks (n_elements).
     integer, allocatable, intent(out) :: part(:)
     integer :: e, low, high, middle
@@ -203,20 +183,13 @@ contains
 
   !> Pack the elements of a share that move to one rank.
   subroutine pack_for_rank(own, whole, file_node, n_file_nodes, part, rank, share)
-    !> Elements of the share.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body; those of nodes are not needed.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Number of each node in the file, ascending (n_nodes).
-    integer, intent(in) :: file_node(:)
-    !> Number of nodes of the file.
-    integer, intent(in) :: n_file_nodes
-    !> Part of each element (n_elements).
-    integer, intent(in) :: part(:)
-    !> The rank that gets them.
-    integer, intent(in) :: rank
-    !> What is sent; nodes have their numbers in the file.
-    type(layer_share_t), intent(out) :: share
+    type(body_mesh_t), intent(in) :: own  !! Elements of the share.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body; those of nodes are not needed.
+    integer, intent(in) :: file_node(:)  !! Number of each node in the file, ascending (n_nodes).
+    integer, intent(in) :: n_file_nodes  !! Number of nodes of the file.
+    integer, intent(in) :: part(:)  !! Part of each element (n_elements).
+    integer, intent(in) :: rank  !! The rank that gets them.
+    type(layer_share_t), intent(out) :: share  !! What is sent; nodes have their numbers in the file.
     type(whole_numbers_t) :: numbers
     type(boundary_candidates_t) :: nothing
     logical, allocatable :: has(:, :)

@@ -13,10 +13,8 @@ contains
 
   !> Shortest edge or diagonal of the elements at each node: what is small beside it is no thickness of elements.
   pure subroutine find_shortest_edges(mesh, shortest)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Lengths; huge at nodes that are no corners (n_nodes) [length].
-    real(dp), intent(out) :: shortest(:)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    real(dp), intent(out) :: shortest(:)  !! Lengths; huge at nodes that are no corners (n_nodes) [length].
     type(element_kind_t) :: kind
     real(dp) :: length
     integer :: b, e, i, j, n, p, q
@@ -40,12 +38,9 @@ contains
 
   !> Shortest edge of the elements of a rank at each node of a surface layer.
   subroutine find_layer_edges(own, whole, layer, shortest)
-    !> Elements that the rank owns, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Surface layer of the body.
-    type(surface_layer_t), intent(in) :: layer
+    type(body_mesh_t), intent(in) :: own  !! Elements that the rank owns, and their nodes, maybe among others.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
     !> Lengths; huge where the rank has no element (n_nodes of the layer) [length].
     real(dp), allocatable, intent(out) :: shortest(:)
     real(dp), allocatable :: of_own(:)

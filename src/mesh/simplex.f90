@@ -12,16 +12,11 @@ contains
 
   !> Linear or quadratic functions on the simplex.
   pure subroutine simplex_values(d, n_edges, edge, xi, values)
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of edges that have a node: none for linear functions.
-    integer, intent(in) :: n_edges
-    !> Corners of each edge (2, n_edges).
-    integer, intent(in) :: edge(2, n_edges)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions (d+1+n_edges) [].
-    real(dp), intent(out) :: values(d + 1 + n_edges)
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: n_edges  !! Number of edges that have a node: none for linear functions.
+    integer, intent(in) :: edge(2, n_edges)  !! Corners of each edge (2, n_edges).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: values(d + 1 + n_edges)  !! Values of the shape functions (d+1+n_edges) [].
     real(dp) :: l(d + 1)
     integer :: i
     l(1) = 1 - sum(xi)
@@ -38,16 +33,11 @@ contains
 
   !> Gradients of linear or quadratic functions on the simplex.
   pure subroutine simplex_gradients(d, n_edges, edge, xi, gradients)
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of edges that have a node: none for linear functions.
-    integer, intent(in) :: n_edges
-    !> Corners of each edge (2, n_edges).
-    integer, intent(in) :: edge(2, n_edges)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions (d, d+1+n_edges) [].
-    real(dp), intent(out) :: gradients(d, d + 1 + n_edges)
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: n_edges  !! Number of edges that have a node: none for linear functions.
+    integer, intent(in) :: edge(2, n_edges)  !! Corners of each edge (2, n_edges).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: gradients(d, d + 1 + n_edges)  !! Gradients of the shape functions (d, d+1+n_edges) [].
     real(dp) :: l(d + 1), slope(d, d + 1)
     integer :: i
     slope(:, 1) = -1

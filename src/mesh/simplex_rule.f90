@@ -12,19 +12,15 @@ module dotyk_mesh_simplex_rule
   private
   public :: triangle_rule, tetrahedron_rule
 
-  !> Barycentric coordinates of the centres.
-  real(dp), parameter :: third = 1/3.0_dp, quarter = 0.25_dp
+  real(dp), parameter :: third = 1/3.0_dp, quarter = 0.25_dp  !! Barycentric coordinates of the centres.
 
 contains
 
   !> Rule on the unit triangle; the sum of the weights is 1/2.
   pure subroutine triangle_rule(degree, points, weights)
-    !> Total degree.
-    integer, intent(in) :: degree
-    !> Points (2, n) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    integer, intent(in) :: degree  !! Total degree.
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points (2, n) [].
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights (n) [].
     real(dp) :: r
     allocate (points(2, 0), weights(0))
     select case (degree)
@@ -61,12 +57,9 @@ contains
 
   !> Rule on the unit tetrahedron; the sum of the weights is 1/6.
   pure subroutine tetrahedron_rule(degree, points, weights)
-    !> Total degree.
-    integer, intent(in) :: degree
-    !> Points (3, n) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    integer, intent(in) :: degree  !! Total degree.
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points (3, n) [].
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights (n) [].
     real(dp) :: a, b, r
     allocate (points(3, 0), weights(0))
     select case (degree)
@@ -100,14 +93,10 @@ contains
 
   !> Add the orbit of a point on a median, with the barycentric coordinates a, ..., a and the remainder.
   pure subroutine add_opposite(a, weight, points, weights)
-    !> Repeated coordinate [].
-    real(dp), intent(in) :: a
-    !> Weight of each point [].
-    real(dp), intent(in) :: weight
-    !> Points so far, extended on return (d, n) [].
-    real(dp), allocatable, intent(inout) :: points(:, :)
-    !> Weights so far, extended on return (n) [].
-    real(dp), allocatable, intent(inout) :: weights(:)
+    real(dp), intent(in) :: a  !! Repeated coordinate [].
+    real(dp), intent(in) :: weight  !! Weight of each point [].
+    real(dp), allocatable, intent(inout) :: points(:, :)  !! Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)  !! Weights so far, extended on return (n) [].
     real(dp) :: bary(size(points, 1) + 1)
     bary = a
     bary(1) = 1 - size(points, 1)*a
@@ -116,16 +105,11 @@ contains
 
   !> Add the orbit of a point with the barycentric coordinates a, ..., a, b and the remainder.
   pure subroutine add_general(a, b, weight, points, weights)
-    !> Repeated coordinate [].
-    real(dp), intent(in) :: a
-    !> Single coordinate [].
-    real(dp), intent(in) :: b
-    !> Weight of each point [].
-    real(dp), intent(in) :: weight
-    !> Points so far, extended on return (d, n) [].
-    real(dp), allocatable, intent(inout) :: points(:, :)
-    !> Weights so far, extended on return (n) [].
-    real(dp), allocatable, intent(inout) :: weights(:)
+    real(dp), intent(in) :: a  !! Repeated coordinate [].
+    real(dp), intent(in) :: b  !! Single coordinate [].
+    real(dp), intent(in) :: weight  !! Weight of each point [].
+    real(dp), allocatable, intent(inout) :: points(:, :)  !! Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)  !! Weights so far, extended on return (n) [].
     real(dp) :: bary(size(points, 1) + 1)
     bary = a
     bary(1) = 1 - b - (size(points, 1) - 1)*a
@@ -135,14 +119,10 @@ contains
 
   !> Add all distinct permutations of a point. Its equal coordinates are equal to the bit.
   pure subroutine add_orbit(bary, weight, points, weights)
-    !> Barycentric coordinates of one point (d+1) [].
-    real(dp), intent(in) :: bary(:)
-    !> Weight of each point [].
-    real(dp), intent(in) :: weight
-    !> Points so far, extended on return (d, n) [].
-    real(dp), allocatable, intent(inout) :: points(:, :)
-    !> Weights so far, extended on return (n) [].
-    real(dp), allocatable, intent(inout) :: weights(:)
+    real(dp), intent(in) :: bary(:)  !! Barycentric coordinates of one point (d+1) [].
+    real(dp), intent(in) :: weight  !! Weight of each point [].
+    real(dp), allocatable, intent(inout) :: points(:, :)  !! Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)  !! Weights so far, extended on return (n) [].
     real(dp) :: permuted(size(bary)), orbit(size(bary), 24)
     integer :: order(size(bary)), n, d, code, digit, i, k
     d = size(bary)
@@ -166,14 +146,10 @@ contains
 
   !> Conical product of Gauss-Jacobi rules, exact for the total degree 2n-1.
   pure subroutine conical_rule(d, n, points, weights)
-    !> Dimension, 2 or 3.
-    integer, intent(in) :: d
-    !> Number of points on the line.
-    integer, intent(in) :: n
-    !> Points (d, n**d) [].
-    real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n**d) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    integer, intent(in) :: d  !! Dimension, 2 or 3.
+    integer, intent(in) :: n  !! Number of points on the line.
+    real(dp), allocatable, intent(out) :: points(:, :)  !! Points (d, n**d) [].
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights (n**d) [].
     real(dp) :: x(n, d), w(n, d), remainder
     integer :: i, k, index, digit
     do k = 1, d

@@ -14,10 +14,8 @@ contains
 
   !> Join surfaces that meet at less than an angle wherever they meet; the first of them keeps its name.
   subroutine join_smooth_faces(mesh, angle)
-    !> The mesh, each of whose facets belongs to one surface.
-    type(mesh_t), intent(inout) :: mesh
-    !> The angle [radians].
-    real(dp), intent(in) :: angle
+    type(mesh_t), intent(inout) :: mesh  !! The mesh, each of whose facets belongs to one surface.
+    real(dp), intent(in) :: angle  !! The angle [radians].
     real(dp), allocatable :: key(:), normal(:, :)
     integer, allocatable :: group(:), order(:), root(:)
     logical, allocatable :: sharp(:, :), meet(:, :)
@@ -47,14 +45,11 @@ contains
 
   !> Edges of the facets.
   subroutine find_edges(mesh, key, normal, group)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Number of each edge by its ends (n_edges).
-    real(dp), allocatable, intent(out) :: key(:)
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    real(dp), allocatable, intent(out) :: key(:)  !! Number of each edge by its ends (n_edges).
     !> Normal of its facet, with a minus where the facet runs along it to its lesser node (3, n_edges).
     real(dp), allocatable, intent(out) :: normal(:, :)
-    !> Surface of its facet (n_edges).
-    integer, allocatable, intent(out) :: group(:)
+    integer, allocatable, intent(out) :: group(:)  !! Surface of its facet (n_edges).
     type(element_kind_t) :: kind
     real(dp) :: own(3)
     integer :: b, e, k, n, ends(2)
@@ -87,10 +82,8 @@ contains
 
   !> Give surfaces the groups that they belong to, and leave out those that are empty then.
   subroutine rename_groups(mesh, root)
-    !> The mesh.
-    type(mesh_t), intent(inout) :: mesh
-    !> Group for each group (n_groups).
-    integer, intent(in) :: root(:)
+    type(mesh_t), intent(inout) :: mesh  !! The mesh.
+    integer, intent(in) :: root(:)  !! Group for each group (n_groups).
     type(physical_group_t), allocatable :: group(:)
     integer :: number(size(root)), i, n
     n = 0

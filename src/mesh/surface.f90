@@ -15,24 +15,18 @@ module dotyk_mesh_surface
   implicit none
   private
 
-  !> Facets of one body.
-  type, public :: surface_t
-    !> Name of the physical group, or a name with wildcards.
-    character(:), allocatable :: name
-    !> Dimension of space.
-    integer :: dimension = 0
-    !> Number of facets.
-    integer :: n_facets = 0
-    !> Element kind of each facet (n_facets).
-    integer, allocatable :: kind(:)
+  type, public :: surface_t  !! Facets of one body.
+    character(:), allocatable :: name  !! Name of the physical group, or a name with wildcards.
+    integer :: dimension = 0  !! Dimension of space.
+    integer :: n_facets = 0  !! Number of facets.
+    integer, allocatable :: kind(:)  !! Element kind of each facet (n_facets).
     !> Nodes of each facet, body-local numbers, padded with 0, oriented outward (max_facet_nodes, n_facets).
     integer, allocatable :: node(:, :)
     !> Block of the body mesh to which the parent element of each facet belongs (n_facets).
     integer, allocatable :: block(:)
     !> Number of the parent element in its block, 0 where there is none: on bodies without volume (n_facets).
     integer, allocatable :: element(:)
-    !> Element tag of each facet in the file (n_facets).
-    integer(int64), allocatable :: tag(:)
+    integer(int64), allocatable :: tag(:)  !! Element tag of each facet in the file (n_facets).
     !> Geometric entity of each facet, a face of the CAD model, 0 if unknown (n_facets).
     integer, allocatable :: entity(:)
     !> Smooth sheet of each facet at each of its corners, from 1: at a sharp edge the facets on its two sides belong to
@@ -48,21 +42,17 @@ module dotyk_mesh_surface
   public :: extract_surface, surface_nodes, surface_names, gather_facets, choose_facets, find_parents, name_surfaces, &
     node_numbers, refuse_inner
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
 contains
 
   !> Facets of a body that a name stands for.
   subroutine extract_surface(mesh, body_mesh, surface_name, surface, error, has_facets)
-    !> Mesh from which the body was extracted.
-    type(mesh_t), intent(in) :: mesh
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
     !> Name of the physical groups; with wildcards the union of those that it matches.
     character(*), intent(in) :: surface_name
-    !> Facets in the order of the file.
-    type(surface_t), intent(out) :: surface
+    type(surface_t), intent(out) :: surface  !! Facets in the order of the file.
     !> Set for an unknown name, a group without facets on the body, and facets inside the body.
     type(error_t), allocatable, intent(out) :: error
     !> Whether facets of elements of the body have the name, be they inside it.
@@ -98,22 +88,14 @@ contains
 
   !> Keep the facets that have one parent, and complete the surface.
   subroutine choose_facets(mesh, surface_name, dimension, tag, entity, parents, surface, error)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the physical groups, maybe with wildcards.
-    character(*), intent(in) :: surface_name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Element tags of the facets (n).
-    integer(int64), intent(in) :: tag(:)
-    !> Their geometric entities (n).
-    integer, intent(in) :: entity(:)
-    !> Number of elements of the body with each facet (n).
-    integer, intent(in) :: parents(:)
-    !> The surface; on entry it has all facets, without tags.
-    type(surface_t), intent(inout) :: surface
-    !> Set for facets inside the body.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: surface_name  !! Name of the physical groups, maybe with wildcards.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer(int64), intent(in) :: tag(:)  !! Element tags of the facets (n).
+    integer, intent(in) :: entity(:)  !! Their geometric entities (n).
+    integer, intent(in) :: parents(:)  !! Number of elements of the body with each facet (n).
+    type(surface_t), intent(inout) :: surface  !! The surface; on entry it has all facets, without tags.
+    type(error_t), allocatable, intent(out) :: error  !! Set for facets inside the body.
     integer :: inner
     surface%name = trim(surface_name)
     surface%dimension = dimension
@@ -127,16 +109,11 @@ contains
 
   !> Refuse a surface inside the body.
   subroutine refuse_inner(mesh, surface_name, n_inner, first_tag, error)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the physical groups, maybe with wildcards.
-    character(*), intent(in) :: surface_name
-    !> Number of its facets inside the body.
-    integer, intent(in) :: n_inner
-    !> Element tag of the first of them.
-    integer(int64), intent(in) :: first_tag
-    !> The error.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    character(*), intent(in) :: surface_name  !! Name of the physical groups, maybe with wildcards.
+    integer, intent(in) :: n_inner  !! Number of its facets inside the body.
+    integer(int64), intent(in) :: first_tag  !! Element tag of the first of them.
+    type(error_t), allocatable, intent(out) :: error  !! The error.
     call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, '// &
                    'not on its surface, with '//to_text(n_inner)//' of its facets (the first is '// &
                    'element '//to_text(first_tag)//')')
@@ -144,12 +121,9 @@ contains
 
   !> Number in the body of each node of a mesh; 0 where the body has no such node.
   pure subroutine node_numbers(mesh, body_mesh, number)
-    !> Mesh from which the body was extracted.
-    type(mesh_t), intent(in) :: mesh
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> The numbers (n_nodes of the mesh).
-    integer, allocatable, intent(out) :: number(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
+    integer, allocatable, intent(out) :: number(:)  !! The numbers (n_nodes of the mesh).
     integer :: i
     allocate (number(size(mesh%x, 2)), source=0)
     number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
@@ -157,20 +131,14 @@ contains
 
   !> Collect the facets of some groups whose corners are all nodes of the body, each once.
   subroutine gather_facets(mesh, dimension, number, wanted, table, tag, entity)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
     integer, intent(in) :: number(:)
-    !> Groups to collect (n_groups).
-    logical, intent(in) :: wanted(:)
-    !> Facets by their corners, body-local numbers.
-    type(corner_table_t), intent(out) :: table
-    !> Element tags of the facets (table%n).
-    integer(int64), allocatable, intent(out) :: tag(:)
-    !> Their geometric entities (table%n).
-    integer, allocatable, intent(out) :: entity(:)
+    logical, intent(in) :: wanted(:)  !! Groups to collect (n_groups).
+    type(corner_table_t), intent(out) :: table  !! Facets by their corners, body-local numbers.
+    integer(int64), allocatable, intent(out) :: tag(:)  !! Element tags of the facets (table%n).
+    integer, allocatable, intent(out) :: entity(:)  !! Their geometric entities (table%n).
     type(element_kind_t) :: kind
     integer :: b, e, n, entry, corner(max_corners)
     n = 0
@@ -199,14 +167,11 @@ contains
 
   !> Find the element faces that coincide with the facets of a table, and count the parents of each facet.
   subroutine find_parents(body_mesh, table, surface, parents)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> Facets by their corners.
-    type(corner_table_t), intent(in) :: table
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
+    type(corner_table_t), intent(in) :: table  !! Facets by their corners.
     !> Surface; it gets one facet for each entry of the table, 0 for those without a parent.
     type(surface_t), intent(inout) :: surface
-    !> Number of parent elements of each facet (n_facets).
-    integer, allocatable, intent(out) :: parents(:)
+    integer, allocatable, intent(out) :: parents(:)  !! Number of parent elements of each facet (n_facets).
     logical, allocatable :: touched(:)
     type(element_kind_t) :: kind
     integer :: b, e, f, i, n, facet, n_face_nodes, corners(6), nodes(max_facet_nodes)
@@ -249,14 +214,11 @@ contains
 
   !> Find the facets of a table among the faces of a body without volume.
   subroutine find_faces(body_mesh, table, surface, times)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> Facets by their corners.
-    type(corner_table_t), intent(in) :: table
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
+    type(corner_table_t), intent(in) :: table  !! Facets by their corners.
     !> Surface; it gets one facet for each entry of the table, without parents.
     type(surface_t), intent(inout) :: surface
-    !> 1 for the facets that are faces, 0 for others (n_facets).
-    integer, allocatable, intent(out) :: times(:)
+    integer, allocatable, intent(out) :: times(:)  !! 1 for the facets that are faces, 0 for others (n_facets).
     type(element_kind_t) :: kind
     integer :: b, e, facet
     allocate (surface%kind(table%n), surface%node(max_facet_nodes, table%n), surface%block(table%n), &
@@ -275,14 +237,10 @@ contains
 
   !> Keep some facets.
   subroutine keep_facets(surface, tag, entity, kept)
-    !> Surface.
-    type(surface_t), intent(inout) :: surface
-    !> Element tags of all facets (number of facets before).
-    integer(int64), intent(in) :: tag(:)
-    !> Geometric entities of all facets (number of facets before).
-    integer, intent(in) :: entity(:)
-    !> Facets to keep (number of facets before).
-    logical, intent(in) :: kept(:)
+    type(surface_t), intent(inout) :: surface  !! Surface.
+    integer(int64), intent(in) :: tag(:)  !! Element tags of all facets (number of facets before).
+    integer, intent(in) :: entity(:)  !! Geometric entities of all facets (number of facets before).
+    logical, intent(in) :: kept(:)  !! Facets to keep (number of facets before).
     integer, allocatable :: chosen(:)
     integer :: i
     chosen = pack([(i, i=1, size(kept))], kept)
@@ -297,10 +255,8 @@ contains
 
   !> Nodes of the body on a surface, ascending, each once.
   pure subroutine surface_nodes(surface, nodes)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Body-local node numbers (n).
-    integer, allocatable, intent(out) :: nodes(:)
+    type(surface_t), intent(in) :: surface  !! Surface.
+    integer, allocatable, intent(out) :: nodes(:)  !! Body-local node numbers (n).
     logical, allocatable :: on_surface(:)
     integer :: i
     allocate (on_surface(0:maxval(surface%node)))
@@ -313,12 +269,9 @@ contains
 
   !> Names of the physical groups that have a facet on a body.
   subroutine surface_names(mesh, body_mesh, names)
-    !> Mesh from which the body was extracted.
-    type(mesh_t), intent(in) :: mesh
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
-    !> Names (n_names).
-    type(text_t), allocatable, intent(out) :: names(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
+    type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
+    type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
     integer, allocatable :: number(:)
     call node_numbers(mesh, body_mesh, number)
     call name_surfaces(mesh, body_mesh%dimension, number > 0, names)
@@ -326,14 +279,10 @@ contains
 
   !> Names of the physical groups that have a facet all of whose nodes are in a body.
   subroutine name_surfaces(mesh, dimension, in_body, names)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Nodes of the body (n_nodes of the mesh).
-    logical, intent(in) :: in_body(:)
-    !> Names (n_names).
-    type(text_t), allocatable, intent(out) :: names(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    logical, intent(in) :: in_body(:)  !! Nodes of the body (n_nodes of the mesh).
+    type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
     type(text_t), allocatable :: all_names(:)
     logical, allocatable :: found(:)
     integer :: i, n
@@ -353,12 +302,9 @@ contains
 
   !> Whether some element of some groups has all its nodes in the body.
   pure logical function touches(mesh, wanted, in_body)
-    !> Mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Groups (n_groups).
-    logical, intent(in) :: wanted(:)
-    !> Nodes of the body (n_nodes of the mesh).
-    logical, intent(in) :: in_body(:)
+    type(mesh_t), intent(in) :: mesh  !! Mesh.
+    logical, intent(in) :: wanted(:)  !! Groups (n_groups).
+    logical, intent(in) :: in_body(:)  !! Nodes of the body (n_nodes of the mesh).
     integer :: b, e
     touches = .false.
     do b = 1, size(mesh%block)
@@ -373,8 +319,7 @@ contains
   !> Put a surface into a parcel, or take it out.
   subroutine surface_carry(self, parcel)
     class(surface_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%name)
     call parcel%carry(self%dimension)
     call parcel%carry(self%n_facets)

@@ -19,35 +19,25 @@ module dotyk_mesh_surface_layer
   implicit none
   private
 
-  !> Owners of the elements of one block.
-  type, public :: element_rank_t
-    !> Rank of each element (n_elements).
-    integer, allocatable :: of(:)
+  type, public :: element_rank_t  !! Owners of the elements of one block.
+    integer, allocatable :: of(:)  !! Rank of each element (n_elements).
   end type element_rank_t
 
-  !> The surface layer of a body.
-  type, public :: surface_layer_t
+  type, public :: surface_layer_t  !! The surface layer of a body.
     !> Elements with a face on the boundary, and their nodes. The blocks are those of the whole body. `mesh_node` is not
     !> allocated: nodes are found by their tags.
     type(body_mesh_t) :: mesh
-    !> Numbers in the whole body.
-    type(whole_numbers_t) :: whole
-    !> The boundary, in the numbers of `mesh`.
-    type(surface_t) :: boundary
-    !> Owner of each element (n_blocks).
-    type(element_rank_t), allocatable :: element_rank(:)
-    !> Whether each node is in the mesh file, not from order elevation (n_nodes).
-    logical, allocatable :: in_file(:)
+    type(whole_numbers_t) :: whole  !! Numbers in the whole body.
+    type(surface_t) :: boundary  !! The boundary, in the numbers of `mesh`.
+    type(element_rank_t), allocatable :: element_rank(:)  !! Owner of each element (n_blocks).
+    logical, allocatable :: in_file(:)  !! Whether each node is in the mesh file, not from order elevation (n_nodes).
     !> Connected part of the body to which each node belongs, in the order of their first nodes (n_nodes).
     integer, allocatable :: component(:)
-    !> The lowest node of that part, by its number in the whole body (n_nodes).
-    integer, allocatable :: root(:)
-    !> Number of connected parts.
-    integer :: n_components = 0
+    integer, allocatable :: root(:)  !! The lowest node of that part, by its number in the whole body (n_nodes).
+    integer :: n_components = 0  !! Number of connected parts.
     !> Tags of the elements of surfaces that lie inside the body, ascending (any).
     integer(int64), allocatable :: inner_tag(:)
-    !> Greatest extent of the whole body (`body_mesh_t%diameter`) [length].
-    real(dp) :: diameter = 0
+    real(dp) :: diameter = 0  !! Greatest extent of the whole body (`body_mesh_t%diameter`) [length].
   contains
     procedure :: unpack => layer_unpack
   end type surface_layer_t
@@ -57,12 +47,9 @@ contains
   !> Make the layer from the shares of all ranks.
   subroutine layer_unpack(self, file, number, x)
     class(surface_layer_t), intent(out) :: self
-    !> File of the mesh, for messages.
-    character(*), intent(in) :: file
-    !> Whole numbers of the shares, one share after the other (any).
-    integer(int64), intent(in) :: number(:)
-    !> Their coordinates, in the same order (any) [length].
-    real(dp), intent(in) :: x(:)
+    character(*), intent(in) :: file  !! File of the mesh, for messages.
+    integer(int64), intent(in) :: number(:)  !! Whole numbers of the shares, one share after the other (any).
+    real(dp), intent(in) :: x(:)  !! Their coordinates, in the same order (any) [length].
     integer :: n(4), n_blocks
     self%mesh%file = file
     self%mesh%dimension = int(number(6))
@@ -79,14 +66,10 @@ contains
 
   !> Collect facets, elements and nodes of all shares, and put them in the order of the whole body.
   subroutine collect(self, number, x, n)
-    !> The layer; its kinds and counts of the whole body are known.
-    type(surface_layer_t), intent(inout) :: self
-    !> Whole numbers of the shares (any).
-    integer(int64), intent(in) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), intent(in) :: x(:)
-    !> Number of facets, elements, nodes and inner facets in all shares.
-    integer, intent(in) :: n(4)
+    type(surface_layer_t), intent(inout) :: self  !! The layer; its kinds and counts of the whole body are known.
+    integer(int64), intent(in) :: number(:)  !! Whole numbers of the shares (any).
+    real(dp), intent(in) :: x(:)  !! Their coordinates (any) [length].
+    integer, intent(in) :: n(4)  !! Number of facets, elements, nodes and inner facets in all shares.
     integer, allocatable :: facet(:, :), element(:, :), start(:), node(:, :), order(:), kept(:)
     integer(int64), allocatable :: tag(:), node_tag(:)
     real(dp), allocatable :: position(:, :)
@@ -156,12 +139,9 @@ contains
 
   !> Number the connected parts in the order of their lowest nodes.
   subroutine number_components(root, component, n)
-    !> Lowest node of the part of each node (n_nodes).
-    integer, intent(in) :: root(:)
-    !> Part of each node (n_nodes).
-    integer, allocatable, intent(out) :: component(:)
-    !> Number of parts.
-    integer, intent(out) :: n
+    integer, intent(in) :: root(:)  !! Lowest node of the part of each node (n_nodes).
+    integer, allocatable, intent(out) :: component(:)  !! Part of each node (n_nodes).
+    integer, intent(out) :: n  !! Number of parts.
     integer :: order(size(root)), i, last
     call sort_order(root, order)
     allocate (component(size(root)))
@@ -176,16 +156,11 @@ contains
 
   !> Put the elements of one block in order.
   subroutine set_block(self, b, number, element, start)
-    !> The layer; it has the nodes.
-    type(surface_layer_t), intent(inout) :: self
-    !> The block.
-    integer, intent(in) :: b
-    !> Whole numbers of the shares (any).
-    integer(int64), intent(in) :: number(:)
-    !> Block, number and owner of each element of the shares (3, n_elements).
-    integer, intent(in) :: element(:, :)
-    !> Place of its tag in `number`; its nodes are behind it (n_elements).
-    integer, intent(in) :: start(:)
+    type(surface_layer_t), intent(inout) :: self  !! The layer; it has the nodes.
+    integer, intent(in) :: b  !! The block.
+    integer(int64), intent(in) :: number(:)  !! Whole numbers of the shares (any).
+    integer, intent(in) :: element(:, :)  !! Block, number and owner of each element of the shares (3, n_elements).
+    integer, intent(in) :: start(:)  !! Place of its tag in `number`; its nodes are behind it (n_elements).
     integer, allocatable :: own(:), order(:)
     integer :: e, i, n
     own = pack([(e, e=1, size(start))], element(1, :) == b)
@@ -208,10 +183,8 @@ contains
 
   !> Put the facets in order: by their lowest corners, then by their elements.
   subroutine set_boundary(self, facet)
-    !> The layer; it has elements and nodes.
-    type(surface_layer_t), intent(inout) :: self
-    !> Block, element in the whole body and face of each facet (3, n_facets).
-    integer, intent(in) :: facet(:, :)
+    type(surface_layer_t), intent(inout) :: self  !! The layer; it has elements and nodes.
+    integer, intent(in) :: facet(:, :)  !! Block, element in the whole body and face of each facet (3, n_facets).
     type(element_kind_t) :: kind(size(self%mesh%block)), of_facet
     integer :: order(size(facet, 2)), by_element(size(facet, 2)), low(size(facet, 2)), i, f, n, b
     integer, allocatable :: node(:, :), element(:)
@@ -247,10 +220,8 @@ contains
 
   !> Place of a number in an ascending list that has it.
   pure integer function place_in(list, value) result(place)
-    !> Ascending numbers (n).
-    integer, intent(in) :: list(:)
-    !> One of them.
-    integer, intent(in) :: value
+    integer, intent(in) :: list(:)  !! Ascending numbers (n).
+    integer, intent(in) :: value  !! One of them.
     integer :: last, middle
     place = 1
     last = size(list)

@@ -4,33 +4,24 @@ module dotyk_mesh_tag_map
   implicit none
   private
 
-  !> Direct table over the range of the tags if they are compact, a hash table otherwise.
-  type, public :: tag_map_t
-    !> Whether `index` is a direct table; otherwise it belongs to the hash table `key`.
-    logical :: compact = .true.
-    !> Smallest tag.
-    integer(int64) :: first = 0
-    !> Largest tag.
-    integer(int64) :: last = -1
+  type, public :: tag_map_t  !! Direct table over the range of the tags if they are compact, a hash table otherwise.
+    logical :: compact = .true.  !! Whether `index` is a direct table; otherwise it belongs to the hash table `key`.
+    integer(int64) :: first = 0  !! Smallest tag.
+    integer(int64) :: last = -1  !! Largest tag.
     !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
     integer(int64), allocatable :: key(:)
-    !> Index of the tag in each slot, or 0 (0:).
-    integer, allocatable :: index(:)
+    integer, allocatable :: index(:)  !! Index of the tag in each slot, or 0 (0:).
   contains
     procedure :: init => tag_map_init
     procedure :: find => tag_map_find
   end type tag_map_t
 
-  !> Map from tags to indices 1..n in the order in which they are added.
-  type, public :: growing_tag_map_t
-    !> Number of tags.
-    integer :: n = 0
-    !> The tags; the first n are in use (room).
-    integer(int64), allocatable :: tag(:)
+  type, public :: growing_tag_map_t  !! Map from tags to indices 1..n in the order in which they are added.
+    integer :: n = 0  !! Number of tags.
+    integer(int64), allocatable :: tag(:)  !! The tags; the first n are in use (room).
     !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
     integer(int64), allocatable, private :: key(:)
-    !> Index of the tag in each slot, or 0 (0:).
-    integer, allocatable, private :: index(:)
+    integer, allocatable, private :: index(:)  !! Index of the tag in each slot, or 0 (0:).
   contains
     procedure :: add => growing_add
     procedure :: find => growing_find
@@ -41,10 +32,8 @@ contains
   !> Index of a tag; it is added if it does not exist.
   pure subroutine growing_add(self, tag, index)
     class(growing_tag_map_t), intent(inout) :: self
-    !> Tag.
-    integer(int64), intent(in) :: tag
-    !> Its index.
-    integer, intent(out) :: index
+    integer(int64), intent(in) :: tag  !! Tag.
+    integer, intent(out) :: index  !! Its index.
     integer(int64), allocatable :: larger(:)
     integer(int64) :: slot
     integer :: i
@@ -77,8 +66,7 @@ contains
   !> Index of a tag, 0 if it is unknown.
   pure integer function growing_find(self, tag) result(index)
     class(growing_tag_map_t), intent(in) :: self
-    !> Tag.
-    integer(int64), intent(in) :: tag
+    integer(int64), intent(in) :: tag  !! Tag.
     index = 0
     if (self%n > 0) index = self%index(slot_of(self%key, self%index, size(self%key, kind=int64), tag))
   end function growing_find
@@ -86,10 +74,8 @@ contains
   !> Set up from tags; tag(i) gets the index i.
   pure subroutine tag_map_init(self, tag, repeated)
     class(tag_map_t), intent(inout) :: self
-    !> Tags (n).
-    integer(int64), intent(in) :: tag(:)
-    !> Index of the first tag that occurred before, or 0; the map is not usable then.
-    integer, intent(out) :: repeated
+    integer(int64), intent(in) :: tag(:)  !! Tags (n).
+    integer, intent(out) :: repeated  !! Index of the first tag that occurred before, or 0; the map is not usable then.
     integer(int64) :: n_slots, slot
     real(dp) :: range
     integer :: i, n
@@ -141,8 +127,7 @@ contains
   !> Index of a tag, 0 if it is unknown.
   pure integer function tag_map_find(self, tag) result(index)
     class(tag_map_t), intent(in) :: self
-    !> Tag.
-    integer(int64), intent(in) :: tag
+    integer(int64), intent(in) :: tag  !! Tag.
     integer(int64) :: slot
     index = 0
     if (tag < self%first .or. tag > self%last) return
@@ -156,14 +141,10 @@ contains
 
   !> Slot that holds a tag, or the free slot where it belongs (open addressing).
   pure integer(int64) function slot_of(key, index, n_slots, tag) result(slot)
-    !> Number of slots, a power of two.
-    integer(int64), intent(in) :: n_slots
-    !> Tags by slot (0:n_slots-1).
-    integer(int64), intent(in) :: key(0:n_slots - 1)
-    !> Index by slot, 0 where free (0:n_slots-1).
-    integer, intent(in) :: index(0:n_slots - 1)
-    !> Tag.
-    integer(int64), intent(in) :: tag
+    integer(int64), intent(in) :: n_slots  !! Number of slots, a power of two.
+    integer(int64), intent(in) :: key(0:n_slots - 1)  !! Tags by slot (0:n_slots-1).
+    integer, intent(in) :: index(0:n_slots - 1)  !! Index by slot, 0 where free (0:n_slots-1).
+    integer(int64), intent(in) :: tag  !! Tag.
     !> 31 bits of the golden ratio: the product of two such numbers does not overflow.
     integer(int64), parameter :: factor = 1327217885_int64, low_bits = 2_int64**31 - 1
     integer(int64) :: mixed

@@ -12,14 +12,10 @@ contains
 
   !> Lagrange polynomials of one variable and their derivatives; the index is the coordinate of the node.
   pure subroutine lagrange_line(order, x, value, derivative)
-    !> Order, 1 (nodes -1 and 1; entry 0 is zero) or 2.
-    integer, intent(in) :: order
-    !> Coordinate in [-1,1] [].
-    real(dp), intent(in) :: x
-    !> Values (-1:1) [].
-    real(dp), intent(out) :: value(-1:1)
-    !> Derivatives (-1:1) [].
-    real(dp), intent(out) :: derivative(-1:1)
+    integer, intent(in) :: order  !! Order, 1 (nodes -1 and 1; entry 0 is zero) or 2.
+    real(dp), intent(in) :: x  !! Coordinate in [-1,1] [].
+    real(dp), intent(out) :: value(-1:1)  !! Values (-1:1) [].
+    real(dp), intent(out) :: derivative(-1:1)  !! Derivatives (-1:1) [].
     if (order == 1) then
       value = [0.5_dp*(1 - x), 0.0_dp, 0.5_dp*(1 + x)]
       derivative = [-0.5_dp, 0.0_dp, 0.5_dp]
@@ -31,18 +27,12 @@ contains
 
   !> Tensor products of Lagrange polynomials.
   pure subroutine lagrange_values(order, d, n, node, xi, values)
-    !> Order of the polynomials, 1 or 2.
-    integer, intent(in) :: order
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Coordinates of the nodes (d, n).
-    integer, intent(in) :: node(d, n)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions (n) [].
-    real(dp), intent(out) :: values(n)
+    integer, intent(in) :: order  !! Order of the polynomials, 1 or 2.
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: node(d, n)  !! Coordinates of the nodes (d, n).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: values(n)  !! Values of the shape functions (n) [].
     real(dp) :: value(-1:1), derivative(-1:1)
     integer :: k
     values = 1
@@ -54,18 +44,12 @@ contains
 
   !> Gradients of tensor products of Lagrange polynomials.
   pure subroutine lagrange_gradients(order, d, n, node, xi, gradients)
-    !> Order of the polynomials, 1 or 2.
-    integer, intent(in) :: order
-    !> Dimension.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Coordinates of the nodes (d, n).
-    integer, intent(in) :: node(d, n)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions (d, n) [].
-    real(dp), intent(out) :: gradients(d, n)
+    integer, intent(in) :: order  !! Order of the polynomials, 1 or 2.
+    integer, intent(in) :: d  !! Dimension.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: node(d, n)  !! Coordinates of the nodes (d, n).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: gradients(d, n)  !! Gradients of the shape functions (d, n) [].
     real(dp) :: value(-1:1), derivative(-1:1)
     integer :: k, j
     gradients = 1
@@ -83,16 +67,11 @@ contains
 
   !> Quadratic serendipity functions.
   pure subroutine serendipity_values(d, n, node, xi, values)
-    !> Dimension, 2 or 3.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Coordinates of the nodes: corners, then mid-sides (d, n).
-    integer, intent(in) :: node(d, n)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions (n) [].
-    real(dp), intent(out) :: values(n)
+    integer, intent(in) :: d  !! Dimension, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: node(d, n)  !! Coordinates of the nodes: corners, then mid-sides (d, n).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: values(n)  !! Values of the shape functions (n) [].
     real(dp) :: factor, total
     integer :: i, k
     do i = 1, n
@@ -113,16 +92,11 @@ contains
 
   !> Gradients of the quadratic serendipity functions.
   pure subroutine serendipity_gradients(d, n, node, xi, gradients)
-    !> Dimension, 2 or 3.
-    integer, intent(in) :: d
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Coordinates of the nodes: corners, then mid-sides (d, n).
-    integer, intent(in) :: node(d, n)
-    !> Reference coordinates (d) [].
-    real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions (d, n) [].
-    real(dp), intent(out) :: gradients(d, n)
+    integer, intent(in) :: d  !! Dimension, 2 or 3.
+    integer, intent(in) :: n  !! Number of nodes.
+    integer, intent(in) :: node(d, n)  !! Coordinates of the nodes: corners, then mid-sides (d, n).
+    real(dp), intent(in) :: xi(d)  !! Reference coordinates (d) [].
+    real(dp), intent(out) :: gradients(d, n)  !! Gradients of the shape functions (d, n) [].
     real(dp) :: others
     integer :: i, j, k
     logical :: corner

@@ -12,8 +12,7 @@ module dotyk_mesh_tetrahedron
   integer, parameter :: twice(3, 10) = reshape([ &
     0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 2, &
     1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 1, 0, 1], [3, 10])
-  !> Coordinates of the nodes.
-  real(dp), parameter, public :: tetrahedron_node(3, 10) = 0.5_dp*twice
+  real(dp), parameter, public :: tetrahedron_node(3, 10) = 0.5_dp*twice  !! Coordinates of the nodes.
   !> Faces, outward.
   integer, parameter :: face(6, 4) = reshape([ &
     1, 3, 2, 7, 6, 5, &
@@ -25,8 +24,7 @@ contains
 
   !> Properties of a tetrahedron.
   pure function tetrahedron_kind(id) result(kind)
-    !> `element_tet4` or `element_tet10`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_tet4` or `element_tet10`.
     type(element_kind_t) :: kind
     kind%dimension = 3
     kind%n_nodes = kind_nodes(id)

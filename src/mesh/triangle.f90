@@ -11,17 +11,14 @@ module dotyk_mesh_triangle
   integer, parameter, public :: triangle_edge(2, 3) = reshape([1, 2, 2, 3, 3, 1], [2, 3])
   !> Twice the coordinates of the nodes.
   integer, parameter :: twice(2, 6) = reshape([0, 0, 2, 0, 0, 2, 1, 0, 1, 1, 0, 1], [2, 6])
-  !> Coordinates of the nodes.
-  real(dp), parameter, public :: triangle_node(2, 6) = 0.5_dp*twice
-  !> Edges, counter-clockwise.
-  integer, parameter :: face(3, 3) = reshape([1, 2, 4, 2, 3, 5, 3, 1, 6], [3, 3])
+  real(dp), parameter, public :: triangle_node(2, 6) = 0.5_dp*twice  !! Coordinates of the nodes.
+  integer, parameter :: face(3, 3) = reshape([1, 2, 4, 2, 3, 5, 3, 1, 6], [3, 3])  !! Edges, counter-clockwise.
 
 contains
 
   !> Properties of a triangle.
   pure function triangle_kind(id) result(kind)
-    !> `element_tri3` or `element_tri6`.
-    integer, intent(in) :: id
+    integer, intent(in) :: id  !! `element_tri3` or `element_tri6`.
     type(element_kind_t) :: kind
     integer :: i
     kind%dimension = 2

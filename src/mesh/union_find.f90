@@ -8,10 +8,8 @@ contains
 
   !> Root of a number: the lowest of its set. Paths are shortened by halving.
   integer function root_of(parent, number) result(root)
-    !> Parent of each number, itself at a root (n); paths are shortened.
-    integer, intent(inout) :: parent(:)
-    !> The number.
-    integer, intent(in) :: number
+    integer, intent(inout) :: parent(:)  !! Parent of each number, itself at a root (n); paths are shortened.
+    integer, intent(in) :: number  !! The number.
     root = number
     do while (parent(root) /= root)
       parent(root) = parent(parent(root))
@@ -21,12 +19,9 @@ contains
 
   !> Join the sets of two numbers.
   subroutine join(parent, a, b)
-    !> Parent of each number, itself at a root (n); updated.
-    integer, intent(inout) :: parent(:)
-    !> First number.
-    integer, intent(in) :: a
-    !> Second number.
-    integer, intent(in) :: b
+    integer, intent(inout) :: parent(:)  !! Parent of each number, itself at a root (n); updated.
+    integer, intent(in) :: a  !! First number.
+    integer, intent(in) :: b  !! Second number.
     integer :: i, j
     i = root_of(parent, a)
     j = root_of(parent, b)

@@ -14,16 +14,11 @@ contains
 
   !> Add the union of some volumes; once, if it is asked for again.
   subroutine add_volume_union(mesh, name, volume, material, dimension)
-    !> The mesh; its blocks of these volumes belong to one group more.
-    type(mesh_t), intent(inout) :: mesh
-    !> Name of the union.
-    character(*), intent(in) :: name
-    !> Names of the volumes (n_volumes).
-    type(text_t), intent(in) :: volume(:)
-    !> Number of the material of each of them among those of the body (n_volumes).
-    integer, intent(in) :: material(:)
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(mesh_t), intent(inout) :: mesh  !! The mesh; its blocks of these volumes belong to one group more.
+    character(*), intent(in) :: name  !! Name of the union.
+    type(text_t), intent(in) :: volume(:)  !! Names of the volumes (n_volumes).
+    integer, intent(in) :: material(:)  !! Number of the material of each of them among those of the body (n_volumes).
+    integer, intent(in) :: dimension  !! Dimension of space.
     type(physical_group_t) :: joined
     type(physical_group_t), allocatable :: group(:)
     logical :: wanted(size(mesh%group)), found(size(mesh%group))
@@ -73,8 +68,7 @@ contains
 
     !> Whether a volume of the union is among some groups.
     pure logical function any_member(list)
-      !> The groups.
-      integer, intent(in) :: list(:)
+      integer, intent(in) :: list(:)  !! The groups.
       integer :: i
       any_member = any([(any(joined%member == list(i)), i=1, size(list))])
     end function any_member

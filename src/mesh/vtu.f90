@@ -28,25 +28,19 @@ module dotyk_mesh_vtu
   integer, parameter :: vtk_vertex = 1, vtk_poly_vertex = 2, vtk_pixel = 8, vtk_voxel = 11
   !> Nodes of a wedge of VTK whose triangles are turned (18).
   integer, parameter :: turned(18) = [1, 3, 2, 4, 6, 5, 9, 8, 7, 12, 11, 10, 13, 15, 14, 18, 17, 16]
-  !> Greatest cell type.
-  integer, parameter :: greatest_type = 255
+  integer, parameter :: greatest_type = 255  !! Greatest cell type.
 
 contains
 
   !> Read a file, or a selection of it.
   subroutine read_vtu(file, dimension, mesh, remark, error, selection)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> Remark for the log; empty where there is none.
-    character(:), allocatable, intent(out) :: remark
+    character(*), intent(in) :: file  !! Path of the file.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    type(mesh_t), intent(out) :: mesh  !! Mesh.
+    character(:), allocatable, intent(out) :: remark  !! Remark for the log; empty where there is none.
     !> Set for files that cannot be read and for mistakes in them, with file and line.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     type(vtu_file_t) :: vtu
     type(inp_state_t) :: state
     remark = ''
@@ -66,12 +60,9 @@ contains
 
   !> Read an array of reals of the points, one for each.
   subroutine read_point_array(file, name, value, error)
-    !> Path of the file.
-    character(*), intent(in) :: file
-    !> Name of the array.
-    character(*), intent(in) :: name
-    !> The values, by the tags of the nodes (n_points) [any].
-    real(dp), allocatable, intent(out) :: value(:)
+    character(*), intent(in) :: file  !! Path of the file.
+    character(*), intent(in) :: name  !! Name of the array.
+    real(dp), allocatable, intent(out) :: value(:)  !! The values, by the tags of the nodes (n_points) [any].
     !> Set for files that cannot be read, without such an array, and for mistakes in it, with file and line.
     type(error_t), allocatable, intent(out) :: error
     type(vtu_file_t) :: vtu
@@ -93,8 +84,7 @@ contains
 
   !> Names of the arrays of the points, for messages.
   function names_of_points(vtu) result(text)
-    !> The file.
-    type(vtu_file_t), intent(in) :: vtu
+    type(vtu_file_t), intent(in) :: vtu  !! The file.
     character(:), allocatable :: text
     integer :: a
     text = ''
@@ -108,10 +98,8 @@ contains
 
   !> Take the points, numbered from 1.
   subroutine take_points(vtu, state)
-    !> The file; mistakes are kept there.
-    type(vtu_file_t), intent(inout) :: vtu
-    !> The mesh.
-    type(inp_state_t), intent(inout) :: state
+    type(vtu_file_t), intent(inout) :: vtu  !! The file; mistakes are kept there.
+    type(inp_state_t), intent(inout) :: state  !! The mesh.
     real(dp), allocatable :: x(:)
     integer(int64) :: i
     integer :: a
@@ -133,10 +121,8 @@ contains
 
   !> Take the cells, numbered from 1; points and empty ones are left out.
   subroutine take_cells(vtu, state)
-    !> The file; mistakes are kept there.
-    type(vtu_file_t), intent(inout) :: vtu
-    !> The mesh.
-    type(inp_state_t), intent(inout) :: state
+    type(vtu_file_t), intent(inout) :: vtu  !! The file; mistakes are kept there.
+    type(inp_state_t), intent(inout) :: state  !! The mesh.
     integer(int64), allocatable :: type(:), offset(:), connectivity(:)
     integer(int64) :: node(max_element_nodes), first, n, line
     integer :: kind_of(0:greatest_type), order(max_element_nodes, n_element_kinds), a, c, k
@@ -196,10 +182,8 @@ contains
   !> Whether a wedge has its first triangle turned against the order of VTK, whose normal points out of it: many
   !> programs write wedges so, quadratic ones above all.
   pure logical function is_turned_wedge(kind, x)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> First four corners (3, 4) [length].
-    real(dp), intent(in) :: x(3, 4)
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: x(3, 4)  !! First four corners (3, 4) [length].
     is_turned_wedge = .false.
     if (all(kind /= [element_prism6, element_prism15, element_prism18])) return
     is_turned_wedge = dot_product(cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1)), x(:, 4) - x(:, 1)) > 0
@@ -207,10 +191,8 @@ contains
 
   !> Take the sets: of cells as sets of elements, of points as sets of nodes.
   subroutine take_sets(vtu, state)
-    !> The file; mistakes are kept there.
-    type(vtu_file_t), intent(inout) :: vtu
-    !> The mesh.
-    type(inp_state_t), intent(inout) :: state
+    type(vtu_file_t), intent(inout) :: vtu  !! The file; mistakes are kept there.
+    type(inp_state_t), intent(inout) :: state  !! The mesh.
     integer(int64), allocatable :: value(:)
     logical :: of_cells(vtu%n_arrays), of_points(vtu%n_arrays)
     integer :: a, n
@@ -253,8 +235,7 @@ contains
 
     !> Beginning of the names of sets of cells.
     function name_of(a) result(name)
-      !> Index of the array.
-      integer, intent(in) :: a
+      integer, intent(in) :: a  !! Index of the array.
       character(:), allocatable :: name
       name = vtu%array(a)%name//' '
       if (count(of_cells) == 1 .or. name == 'gmsh:physical ') name = ''
@@ -263,24 +244,18 @@ contains
 
   !> Whether an array may have sets: integers, one for each point or cell.
   pure logical function is_of_sets(vtu, a, parent)
-    !> The file.
-    type(vtu_file_t), intent(in) :: vtu
-    !> Index of the array.
-    integer, intent(in) :: a
-    !> Tag that it must have around it.
-    character(*), intent(in) :: parent
+    type(vtu_file_t), intent(in) :: vtu  !! The file.
+    integer, intent(in) :: a  !! Index of the array.
+    character(*), intent(in) :: parent  !! Tag that it must have around it.
     is_of_sets = vtu%array(a)%parent == parent .and. vtu%array(a)%n_components == 1 .and. &
                  index(vtu%array(a)%type, 'Int') > 0
   end function is_of_sets
 
   !> Different values of an array, and which of them each item has.
   subroutine find_values(value, map, which)
-    !> The array (n).
-    integer(int64), intent(in) :: value(:)
-    !> The values.
-    type(growing_tag_map_t), intent(out) :: map
-    !> Index among them of each item (n).
-    integer, intent(out) :: which(:)
+    integer(int64), intent(in) :: value(:)  !! The array (n).
+    type(growing_tag_map_t), intent(out) :: map  !! The values.
+    integer, intent(out) :: which(:)  !! Index among them of each item (n).
     integer :: i
     do i = 1, size(value)
       call map%add(value(i), which(i))
@@ -289,8 +264,7 @@ contains
 
   !> Whether an array does not number points or cells.
   logical function has_few_values(value)
-    !> The array (n).
-    integer(int64), intent(in) :: value(:)
+    integer(int64), intent(in) :: value(:)  !! The array (n).
     type(growing_tag_map_t) :: map
     integer, allocatable :: which(:)
     allocate (which(size(value)))
@@ -300,14 +274,10 @@ contains
 
   !> Add the sets of an array, one for each value.
   subroutine add_sets(value, name, of_nodes, state)
-    !> The array (n).
-    integer(int64), intent(in) :: value(:)
-    !> Beginning of their names.
-    character(*), intent(in) :: name
-    !> Whether they are of nodes: those of value 0 have none then.
-    logical, intent(in) :: of_nodes
-    !> The mesh.
-    type(inp_state_t), intent(inout) :: state
+    integer(int64), intent(in) :: value(:)  !! The array (n).
+    character(*), intent(in) :: name  !! Beginning of their names.
+    logical, intent(in) :: of_nodes  !! Whether they are of nodes: those of value 0 have none then.
+    type(inp_state_t), intent(inout) :: state  !! The mesh.
     type(growing_tag_map_t) :: map
     integer, allocatable :: which(:), order(:), set(:)
     character(:), allocatable :: full
@@ -343,10 +313,8 @@ contains
 
   !> Line of an array, as the numbering of decks has it.
   integer(int64) function line_of(vtu, a)
-    !> The file.
-    type(vtu_file_t), intent(inout) :: vtu
-    !> Index of the array.
-    integer, intent(in) :: a
+    type(vtu_file_t), intent(inout) :: vtu  !! The file.
+    integer, intent(in) :: a  !! Index of the array.
     line_of = max_files*vtu%bytes%line_of(vtu%array(a)%position) + 1
   end function line_of
 end module dotyk_mesh_vtu

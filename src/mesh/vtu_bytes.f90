@@ -15,35 +15,24 @@ module dotyk_mesh_vtu_bytes
   !> Letters of base64, in the order of their values.
   character(*), parameter :: alphabet = 'ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/'
 
-  !> Bytes that are read one after another.
-  type :: stream_t
-    !> Next and last letter of the text.
-    integer(int64) :: position = 1, last = 0
-    !> Whether they are base64; value of each letter, -1 for others (0:255).
-    logical :: encoded = .false.
+  type :: stream_t  !! Bytes that are read one after another.
+    integer(int64) :: position = 1, last = 0  !! Next and last letter of the text.
+    logical :: encoded = .false.  !! Whether they are base64; value of each letter, -1 for others (0:255).
     integer :: value(0:255) = -1
-    !> Bytes of the last group that are not taken yet, and their number.
-    integer :: left(3) = 0, n_left = 0
+    integer :: left(3) = 0, n_left = 0  !! Bytes of the last group that are not taken yet, and their number.
   end type stream_t
 
 contains
 
   !> Read an array.
   subroutine read_block(text, first, last, encoded, header_size, compressed, bytes, fault)
-    !> Text that has it.
-    character(*), intent(in) :: text
-    !> Its first letter, and the last that may belong to it.
-    integer(int64), intent(in) :: first, last
-    !> Whether it is base64.
-    logical, intent(in) :: encoded
-    !> Bytes of a number of the header, 4 or 8.
-    integer, intent(in) :: header_size
-    !> Whether zlib's blocks follow.
-    logical, intent(in) :: compressed
-    !> The bytes; as many as there must be.
-    character(*), intent(inout) :: bytes
-    !> What is wrong; empty where nothing is.
-    character(:), allocatable, intent(out) :: fault
+    character(*), intent(in) :: text  !! Text that has it.
+    integer(int64), intent(in) :: first, last  !! Its first letter, and the last that may belong to it.
+    logical, intent(in) :: encoded  !! Whether it is base64.
+    integer, intent(in) :: header_size  !! Bytes of a number of the header, 4 or 8.
+    logical, intent(in) :: compressed  !! Whether zlib's blocks follow.
+    character(*), intent(inout) :: bytes  !! The bytes; as many as there must be.
+    character(:), allocatable, intent(out) :: fault  !! What is wrong; empty where nothing is.
     type(stream_t) :: stream
     integer(int64) :: n, size, rest, k, a
     integer(int64), allocatable :: length(:)
@@ -107,20 +96,16 @@ contains
 
     !> Keep a fault, if it is the first.
     subroutine refuse(words)
-      !> What is wrong.
-      character(*), intent(in) :: words
+      character(*), intent(in) :: words  !! What is wrong.
       if (len(fault) == 0) fault = words
     end subroutine refuse
   end subroutine read_block
 
   !> Take the next bytes of a stream.
   subroutine take(stream, text, bytes, fault)
-    !> The stream.
-    type(stream_t), intent(inout) :: stream
-    !> Its text.
-    character(*), intent(in) :: text
-    !> The bytes.
-    character(*), intent(inout) :: bytes
+    type(stream_t), intent(inout) :: stream  !! The stream.
+    character(*), intent(in) :: text  !! Its text.
+    character(*), intent(inout) :: bytes  !! The bytes.
     !> What is wrong; unchanged where nothing is, or where it is not empty.
     character(:), allocatable, intent(inout) :: fault
     integer(int64) :: n, k
@@ -148,12 +133,9 @@ contains
 
   !> Decode the next four letters.
   subroutine next_group(stream, text, fault)
-    !> The stream.
-    type(stream_t), intent(inout) :: stream
-    !> Its text.
-    character(*), intent(in) :: text
-    !> What is wrong; unchanged where nothing is.
-    character(:), allocatable, intent(inout) :: fault
+    type(stream_t), intent(inout) :: stream  !! The stream.
+    character(*), intent(in) :: text  !! Its text.
+    character(:), allocatable, intent(inout) :: fault  !! What is wrong; unchanged where nothing is.
     integer :: group, n, n_padding, value
     group = 0
     n = 0

@@ -10,8 +10,7 @@ module dotyk_mesh_vtu_file
   implicit none
   private
 
-  !> A file, whose tags `read_tags` reads.
-  type, extends(vtu_tags_t), public :: vtu_file_t
+  type, extends(vtu_tags_t), public :: vtu_file_t  !! A file, whose tags `read_tags` reads.
   contains
     procedure :: integers => file_integers
     procedure :: reals => file_reals
@@ -21,8 +20,7 @@ contains
 
   !> Bytes of a value of a type; 0 for a type that is not known.
   pure integer function size_of(type)
-    !> Name of the type.
-    character(*), intent(in) :: type
+    character(*), intent(in) :: type  !! Name of the type.
     select case (type)
     case ('Int8', 'UInt8')
       size_of = 1
@@ -39,14 +37,10 @@ contains
 
   !> Bytes of an array that is no text.
   subroutine get_bytes(self, array, n, bytes)
-    !> The file; mistakes are kept there.
-    type(vtu_file_t), intent(inout) :: self
-    !> The array.
-    type(vtu_array_t), intent(in) :: array
-    !> Number of values.
-    integer(int64), intent(in) :: n
-    !> The bytes.
-    character(:), allocatable, intent(out) :: bytes
+    type(vtu_file_t), intent(inout) :: self  !! The file; mistakes are kept there.
+    type(vtu_array_t), intent(in) :: array  !! The array.
+    integer(int64), intent(in) :: n  !! Number of values.
+    character(:), allocatable, intent(out) :: bytes  !! The bytes.
     character(:), allocatable :: fault
     integer(int64) :: length
     length = n*size_of(array%type)
@@ -68,12 +62,9 @@ contains
   !> Values of an array of integers.
   subroutine file_integers(self, index, n, value)
     class(vtu_file_t), intent(inout) :: self
-    !> Index of the array.
-    integer, intent(in) :: index
-    !> Number of values.
-    integer(int64), intent(in) :: n
-    !> The values; mistakes are kept as a fault (n).
-    integer(int64), allocatable, intent(out) :: value(:)
+    integer, intent(in) :: index  !! Index of the array.
+    integer(int64), intent(in) :: n  !! Number of values.
+    integer(int64), allocatable, intent(out) :: value(:)  !! The values; mistakes are kept as a fault (n).
     character(:), allocatable :: bytes
     integer(int64) :: p, i
     integer :: width
@@ -131,12 +122,9 @@ contains
   !> Values of an array of reals.
   subroutine file_reals(self, index, n, value)
     class(vtu_file_t), intent(inout) :: self
-    !> Index of the array.
-    integer, intent(in) :: index
-    !> Number of values.
-    integer(int64), intent(in) :: n
-    !> The values, finite; mistakes are kept as a fault (n) [any].
-    real(dp), allocatable, intent(out) :: value(:)
+    integer, intent(in) :: index  !! Index of the array.
+    integer(int64), intent(in) :: n  !! Number of values.
+    real(dp), allocatable, intent(out) :: value(:)  !! The values, finite; mistakes are kept as a fault (n) [any].
     !> Exponent bits: all set in infinities and NaN. Compared as bits, as a signalling NaN traps in other comparisons.
     integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
     integer(int32), parameter :: short_exponent_bits = int(z'7F800000', int32)
@@ -186,14 +174,10 @@ contains
 
   !> Begin to read numbers that are text.
   subroutine begin_text(self, array, n, p)
-    !> The file; the tag behind the numbers is blanked.
-    type(vtu_file_t), intent(inout) :: self
-    !> The array.
-    type(vtu_array_t), intent(in) :: array
-    !> Number of values.
-    integer(int64), intent(in) :: n
-    !> The first letter.
-    integer(int64), intent(out) :: p
+    type(vtu_file_t), intent(inout) :: self  !! The file; the tag behind the numbers is blanked.
+    type(vtu_array_t), intent(in) :: array  !! The array.
+    integer(int64), intent(in) :: n  !! Number of values.
+    integer(int64), intent(out) :: p  !! The first letter.
     p = array%first
     if (n > (array%last - array%first)/2 + 1) then
       call self%fail('array '//quoted(array%name)//' has fewer than '//to_text(n)//' values', array%position)
@@ -205,10 +189,8 @@ contains
 
   !> Skip blanks; the text ends with a NUL.
   pure subroutine skip_blanks(text, p)
-    !> Text.
-    character(*), intent(in) :: text
-    !> Place in it.
-    integer(int64), intent(inout) :: p
+    character(*), intent(in) :: text  !! Text.
+    integer(int64), intent(inout) :: p  !! Place in it.
     do while (p < len(text, int64))
       if (.not. ends_word(text(p:p))) exit
       p = p + 1
@@ -217,16 +199,11 @@ contains
 
   !> Refuse what is no number, or numbers that are missing.
   subroutine refuse_text(self, array, i, n, p, expected)
-    !> The file.
-    type(vtu_file_t), intent(inout) :: self
-    !> The array.
-    type(vtu_array_t), intent(in) :: array
-    !> The value, and how many there must be.
-    integer(int64), intent(in) :: i, n
-    !> Its place.
-    integer(int64), intent(in) :: p
-    !> What it must be.
-    character(*), intent(in) :: expected
+    type(vtu_file_t), intent(inout) :: self  !! The file.
+    type(vtu_array_t), intent(in) :: array  !! The array.
+    integer(int64), intent(in) :: i, n  !! The value, and how many there must be.
+    integer(int64), intent(in) :: p  !! Its place.
+    character(*), intent(in) :: expected  !! What it must be.
     integer(int64) :: last
     if (p > array%last) then
       call self%fail('array '//quoted(array%name)//' has fewer than '//to_text(n)//' values', array%position)
@@ -243,12 +220,9 @@ contains
 
   !> Refuse numbers that are too many.
   subroutine end_text(self, array, p)
-    !> The file.
-    type(vtu_file_t), intent(inout) :: self
-    !> The array.
-    type(vtu_array_t), intent(in) :: array
-    !> Letter behind the last value.
-    integer(int64), intent(inout) :: p
+    type(vtu_file_t), intent(inout) :: self  !! The file.
+    type(vtu_array_t), intent(in) :: array  !! The array.
+    integer(int64), intent(inout) :: p  !! Letter behind the last value.
     call skip_blanks(self%bytes%text, p)
     if (p <= array%last) &
       call self%fail('array '//quoted(array%name)//' has more values than its points or cells need', p)

@@ -11,42 +11,32 @@ module dotyk_mesh_vtu_tags
   implicit none
   private
 
-  !> Nested tags beyond which a file is none of the format.
-  integer, parameter :: most_nested = 16
-  !> The greatest ratio of deflate's compression.
-  integer, parameter, public :: most_compressed = 1032
+  integer, parameter :: most_nested = 16  !! Nested tags beyond which a file is none of the format.
+  integer, parameter, public :: most_compressed = 1032  !! The greatest ratio of deflate's compression.
 
-  !> A data array.
-  type, public :: vtu_array_t
+  type, public :: vtu_array_t  !! A data array.
     !> Tag around it, as 'CellData'; name, type as 'Int32', and format.
     character(:), allocatable :: parent, name, type, format
-    !> Values of one point or cell.
-    integer :: n_components = 1
+    integer :: n_components = 1  !! Values of one point or cell.
     !> Place in the appended data, and of the letters inline; of its tag.
     integer(int64) :: offset = -1, first = 1, last = 0, position = 1
   end type vtu_array_t
 
-  !> A file by its tags.
-  type, public :: vtu_tags_t
-    !> Its bytes.
-    type(byte_window_t) :: bytes
-    !> Points and cells of the piece.
-    integer :: n_points = 0, n_cells = 0
-    !> Arrays of the piece (room), and their number.
-    type(vtu_array_t), allocatable :: array(:)
+  type, public :: vtu_tags_t  !! A file by its tags.
+    type(byte_window_t) :: bytes  !! Its bytes.
+    integer :: n_points = 0, n_cells = 0  !! Points and cells of the piece.
+    type(vtu_array_t), allocatable :: array(:)  !! Arrays of the piece (room), and their number.
     integer :: n_arrays = 0
     !> Message of the first mistake, with file and line; not allocated where there is none.
     character(:), allocatable :: fault
-    !> Bytes of a number of headers; whether arrays are compressed.
-    integer :: header_size = 4
+    integer :: header_size = 4  !! Bytes of a number of headers; whether arrays are compressed.
     logical :: compressed = .false.
     !> First letter of the appended data, 0 where there are none; whether they are base64.
     integer(int64) :: appended = 0
     logical :: encoded = .false.
     !> Whether the tags belong to a piece with cells; whether there was one.
     logical, private :: in_piece = .false., has_piece = .false.
-    !> Tags that are open (most_nested), and their number.
-    type(text_t), private :: open(most_nested)
+    type(text_t), private :: open(most_nested)  !! Tags that are open (most_nested), and their number.
     integer, private :: n_open = 0
   contains
     procedure :: read_tags => tags_read
@@ -59,8 +49,7 @@ contains
   !> Read the tags of a file.
   subroutine tags_read(self, path, error)
     class(vtu_tags_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     !> Set for a file that cannot be read; mistakes in it are kept in `fault`.
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: p, begin, end
@@ -96,32 +85,25 @@ contains
 
     !> Place of a text from a position on; 0 where there is none.
     integer(int64) function next(from, text)
-      !> The position.
-      integer(int64), intent(in) :: from
-      !> The text.
-      character(*), intent(in) :: text
+      integer(int64), intent(in) :: from  !! The position.
+      character(*), intent(in) :: text  !! The text.
       next = index(self%bytes%text(from:self%bytes%size), text, kind=int64)
       if (next > 0) next = next + from - 1
     end function next
 
     !> Whether a text is at a position.
     logical function starts(at, text)
-      !> The position.
-      integer(int64), intent(in) :: at
-      !> The text.
-      character(*), intent(in) :: text
+      integer(int64), intent(in) :: at  !! The position.
+      character(*), intent(in) :: text  !! The text.
       starts = self%bytes%text(at:min(at + len(text) - 1, self%bytes%size)) == text
     end function starts
   end subroutine tags_read
 
   !> End of a tag: the first > outside of quotes; 0 where there is none.
   pure subroutine find_end(text, begin, end)
-    !> Text.
-    character(*), intent(in) :: text
-    !> Its <.
-    integer(int64), intent(in) :: begin
-    !> Its >.
-    integer(int64), intent(out) :: end
+    character(*), intent(in) :: text  !! Text.
+    integer(int64), intent(in) :: begin  !! Its <.
+    integer(int64), intent(out) :: end  !! Its >.
     character :: quote
     quote = ' '
     do end = begin, len(text, int64)
@@ -138,10 +120,8 @@ contains
 
   !> Keep letters between two tags where they are data of an array.
   subroutine take_content(self, first, next)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> The first of them, and the next tag; 0 where there is none.
-    integer(int64), intent(in) :: first, next
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    integer(int64), intent(in) :: first, next  !! The first of them, and the next tag; 0 where there is none.
     integer(int64) :: p, last
     last = next - 1
     if (next == 0) last = self%bytes%size
@@ -163,8 +143,7 @@ contains
 
   !> Refuse a file that is not of the format.
   subroutine refuse_content(self)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
     character(:), allocatable :: beginning, nature
     call self%bytes%first_bytes(1024, beginning)
     nature = nature_of(beginning)
@@ -175,12 +154,9 @@ contains
 
   !> Take a tag.
   subroutine take_tag(self, tag, begin, end)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> What is between its brackets.
-    character(*), intent(in) :: tag
-    !> Places of the brackets.
-    integer(int64), intent(in) :: begin, end
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    character(*), intent(in) :: tag  !! What is between its brackets.
+    integer(int64), intent(in) :: begin, end  !! Places of the brackets.
     character(:), allocatable :: name
     integer :: n
     logical :: known
@@ -224,12 +200,9 @@ contains
 
   !> Take the tag of the file.
   subroutine take_root(self, tag, begin)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> What is between its brackets.
-    character(*), intent(in) :: tag
-    !> Place of the tag.
-    integer(int64), intent(in) :: begin
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    character(*), intent(in) :: tag  !! What is between its brackets.
+    integer(int64), intent(in) :: begin  !! Place of the tag.
     character(:), allocatable :: compressor
     if (value_of(tag, 'type') /= 'UnstructuredGrid') then
       call self%fail('the file has type '//quoted(value_of(tag, 'type'))//': only UnstructuredGrid is read', begin)
@@ -245,12 +218,9 @@ contains
 
   !> Take the tag of a piece.
   subroutine take_piece(self, tag, begin)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> What is between its brackets.
-    character(*), intent(in) :: tag
-    !> Place of the tag.
-    integer(int64), intent(in) :: begin
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    character(*), intent(in) :: tag  !! What is between its brackets.
+    integer(int64), intent(in) :: begin  !! Place of the tag.
     integer(int64) :: n_points, n_cells
     n_points = count_of('NumberOfPoints')
     n_cells = count_of('NumberOfCells')
@@ -268,8 +238,7 @@ contains
 
     !> A count that the tag gives.
     integer(int64) function count_of(name) result(n)
-      !> Its name.
-      character(*), intent(in) :: name
+      character(*), intent(in) :: name  !! Its name.
       integer(int64) :: p
       logical :: valid
       p = 1
@@ -281,12 +250,9 @@ contains
 
   !> Take the tag of an array.
   subroutine take_array(self, tag, begin)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> What is between its brackets.
-    character(*), intent(in) :: tag
-    !> Place of the tag.
-    integer(int64), intent(in) :: begin
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    character(*), intent(in) :: tag  !! What is between its brackets.
+    integer(int64), intent(in) :: begin  !! Place of the tag.
     type(vtu_array_t), allocatable :: larger(:)
     integer(int64) :: p, n
     logical :: valid
@@ -317,12 +283,9 @@ contains
 
   !> Take the tag of the appended data.
   subroutine take_appended(self, tag, begin, end)
-    !> The file.
-    type(vtu_tags_t), intent(inout) :: self
-    !> What is between its brackets.
-    character(*), intent(in) :: tag
-    !> Places of the brackets.
-    integer(int64), intent(in) :: begin, end
+    type(vtu_tags_t), intent(inout) :: self  !! The file.
+    character(*), intent(in) :: tag  !! What is between its brackets.
+    integer(int64), intent(in) :: begin, end  !! Places of the brackets.
     integer(int64) :: p
     self%encoded = value_of(tag, 'encoding') == 'base64'
     do p = end + 1, self%bytes%size
@@ -337,10 +300,8 @@ contains
 
   !> Value of an attribute of a tag; empty where it is missing.
   pure function value_of(tag, name) result(value)
-    !> What is between the brackets of the tag.
-    character(*), intent(in) :: tag
-    !> Name of the attribute.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: tag  !! What is between the brackets of the tag.
+    character(*), intent(in) :: name  !! Name of the attribute.
     character(:), allocatable :: value
     integer :: p, q, n
     value = ''
@@ -362,8 +323,7 @@ contains
 
   !> Name before the = of an attribute.
   pure function stripped(text) result(name)
-    !> Text up to the quote.
-    character(*), intent(in) :: text
+    character(*), intent(in) :: text  !! Text up to the quote.
     character(:), allocatable :: name
     integer :: i
     name = ''
@@ -375,10 +335,8 @@ contains
   !> Keep a mistake with its line, if it is the first.
   subroutine tags_fail(self, message, position)
     class(vtu_tags_t), intent(inout) :: self
-    !> Message.
-    character(*), intent(in) :: message
-    !> Place in the file.
-    integer(int64), intent(in) :: position
+    character(*), intent(in) :: message  !! Message.
+    integer(int64), intent(in) :: position  !! Place in the file.
     if (.not. allocated(self%fault)) &
       self%fault = self%bytes%file//':'//to_text(self%bytes%line_of(position))//': '//message
   end subroutine tags_fail
@@ -386,10 +344,8 @@ contains
   !> Index of an array, which the file must have.
   integer function tags_find(self, parent, name) result(index)
     class(vtu_tags_t), intent(inout) :: self
-    !> Tag around it.
-    character(*), intent(in) :: parent
-    !> Its name; any if empty.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: parent  !! Tag around it.
+    character(*), intent(in) :: name  !! Its name; any if empty.
     do index = 1, self%n_arrays
       if (self%array(index)%parent == parent .and. (self%array(index)%name == name .or. len(name) == 0)) return
     end do

@@ -6,35 +6,24 @@ module dotyk_mesh_whole_body
   implicit none
   private
 
-  !> The whole body.
-  type, public :: whole_body_t
+  type, public :: whole_body_t  !! The whole body.
     !> Whether all ranks compute the body together, each its part; else others compute it, and this rank nothing of it.
     logical :: in_parts = .false.
-    !> Number of nodes.
-    integer :: n_nodes = 0
-    !> Those of them that are in the mesh file, not from order elevation.
-    integer :: n_file_nodes = 0
-    !> Number of elements of each block (n_blocks).
-    integer, allocatable :: n_of_block(:)
-    !> Number in the whole body of each held node, ascending (n_held_nodes).
-    integer, allocatable :: node(:)
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: n_file_nodes = 0  !! Those of them that are in the mesh file, not from order elevation.
+    integer, allocatable :: n_of_block(:)  !! Number of elements of each block (n_blocks).
+    integer, allocatable :: node(:)  !! Number in the whole body of each held node, ascending (n_held_nodes).
     !> Number in its block of the whole body of each held element, one block after the other, ascending in each
     !> (n_held_elements).
     integer, allocatable :: element(:)
     !> Whether this rank computes a held node; the others belong to other ranks (n_held_nodes).
     logical, allocatable :: own_node(:)
-    !> Whether this rank computes a held element (n_held_elements).
-    logical, allocatable :: own_element(:)
-    !> Connected component of each held node (n_held_nodes).
-    integer, allocatable :: component(:)
-    !> Number of connected components.
-    integer :: n_components = 0
-    !> Greatest extent, `body_mesh_t%diameter` [length].
-    real(dp) :: diameter = 0
-    !> Shortest edge of the brick with the same moments, `shortest_extent` [length].
-    real(dp) :: shortest_extent = 0
-    !> The boundary, as in `surface_t`: kinds of the facets (n_facets).
-    integer, allocatable :: facet_kind(:)
+    logical, allocatable :: own_element(:)  !! Whether this rank computes a held element (n_held_elements).
+    integer, allocatable :: component(:)  !! Connected component of each held node (n_held_nodes).
+    integer :: n_components = 0  !! Number of connected components.
+    real(dp) :: diameter = 0  !! Greatest extent, `body_mesh_t%diameter` [length].
+    real(dp) :: shortest_extent = 0  !! Shortest edge of the brick with the same moments, `shortest_extent` [length].
+    integer, allocatable :: facet_kind(:)  !! The boundary, as in `surface_t`: kinds of the facets (n_facets).
     !> Their nodes, in the numbers of the held ones (max_facet_nodes, n_facets).
     integer, allocatable :: facet_node(:, :)
   contains
@@ -46,8 +35,7 @@ contains
   !> Put it into a parcel, or take it out.
   subroutine whole_body_carry(self, parcel)
     class(whole_body_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%in_parts)
     call parcel%carry(self%n_nodes)
     call parcel%carry(self%n_file_nodes)

@@ -9,14 +9,10 @@ module dotyk_mesh_zlib
   interface
     integer(c_int) function c_uncompress(target, target_length, source, source_length) bind(c, name='uncompress')
       import :: c_char, c_int, c_long
-      !> Bytes that are made.
-      character(kind=c_char), intent(inout) :: target(*)
-      !> Room for them; their number on return.
-      integer(c_long), intent(inout) :: target_length
-      !> Compressed bytes.
-      character(kind=c_char), intent(in) :: source(*)
-      !> Their number.
-      integer(c_long), value :: source_length
+      character(kind=c_char), intent(inout) :: target(*)  !! Bytes that are made.
+      integer(c_long), intent(inout) :: target_length  !! Room for them; their number on return.
+      character(kind=c_char), intent(in) :: source(*)  !! Compressed bytes.
+      integer(c_long), value :: source_length  !! Their number.
     end function c_uncompress
   end interface
 
@@ -24,10 +20,8 @@ contains
 
   !> Decompress bytes; whether they were right, and fill the target.
   logical function decompress(source, target) result(good)
-    !> Compressed bytes.
-    character(*), intent(in) :: source
-    !> Bytes that are made.
-    character(*), intent(inout) :: target
+    character(*), intent(in) :: source  !! Compressed bytes.
+    character(*), intent(inout) :: target  !! Bytes that are made.
     integer(c_long) :: n
     n = len(target, int64)
     good = c_uncompress(target, n, source, len(source, c_long)) == 0

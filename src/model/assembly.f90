@@ -24,16 +24,12 @@ contains
 
   !> For schemes that need supported bodies: refuse floating bodies; all are reported together.
   subroutine check_held(case, body, classes, ranks, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies with supports (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
     !> Owners of the bodies, where a rank holds the volumes of some only; else without owners.
     type(body_ranks_t), intent(in) :: ranks
-    !> Allocated where bodies float: all of them, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where bodies float: all of them, one per line.
     type(problem_list_t) :: problems
     type(error_slot_t) :: failed(size(body))
     character(:), allocatable :: scheme, motions
@@ -63,14 +59,10 @@ contains
   !> Assemble all bodies: much larger ones with all threads, then the others in parallel; all problems are reported
   !> together.
   subroutine assemble_bodies(case, classes, ranks, form, body, modes, stiffness, slot, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> How they are solved: one of `form_*` of dotyk_control_response_choice (n_bodies).
-    integer, intent(in) :: form(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    integer, intent(in) :: form(:)  !! How they are solved: one of `form_*` of dotyk_control_response_choice (n_bodies).
     !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
     type(body_t), intent(inout) :: body(:)
     !> Rigid body modes that the supports leave; found already for bodies that other ranks compute, if it is allocated
@@ -144,10 +136,8 @@ contains
 
   !> Context of the errors of a body: "file:line: body 'upper': ".
   function body_context(case, b) result(text)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Index of the body.
-    integer, intent(in) :: b
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: b  !! Index of the body.
     character(:), allocatable :: text
     text = case%file//':'//to_text(case%body(b)%line)//': body '//quoted(case%body(b)%name)//': '
   end function body_context

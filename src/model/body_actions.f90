@@ -26,22 +26,16 @@ contains
 
   !> Set supports, loads, temperature and initial stress of a body.
   subroutine set_actions(case, mesh, volume, b, body, support_used, load_used, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Mesh of the body's volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Volume of the body in the mesh; its surfaces are kept.
-    type(volume_t), intent(inout) :: volume
-    !> Index of the body.
-    integer, intent(in) :: b
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the body's volume.
+    type(volume_t), intent(inout) :: volume  !! Volume of the body in the mesh; its surfaces are kept.
+    integer, intent(in) :: b  !! Index of the body.
     !> The body, with mesh and material; not yet assembled. That of the first load case on return.
     type(body_t), intent(inout) :: body
     !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
     logical, intent(inout) :: support_used(:)
-    !> The same of loads (n_loads).
-    logical, intent(inout) :: load_used(:)
-    !> Problems so far; those of the body are added.
-    type(problem_list_t), intent(inout) :: problems
+    logical, intent(inout) :: load_used(:)  !! The same of loads (n_loads).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; those of the body are added.
     type(error_t), allocatable :: failed
     type(support_t), allocatable :: support(:)
     type(support_group_t), allocatable :: group(:)
@@ -87,20 +81,16 @@ contains
 
     !> Take a surface of the body; messages name the body.
     subroutine take_surface(name, surface, error)
-      !> Name of the surface, maybe with wildcards.
-      character(*), intent(in) :: name
-      !> The surface.
-      type(surface_t), intent(out) :: surface
-      !> Allocated where the body has no such surface.
-      type(error_t), allocatable, intent(out) :: error
+      character(*), intent(in) :: name  !! Name of the surface, maybe with wildcards.
+      type(surface_t), intent(out) :: surface  !! The surface.
+      type(error_t), allocatable, intent(out) :: error  !! Allocated where the body has no such surface.
       call volume%take_surface(mesh, name, surface, error)
       call add_context(error, 'body '//quoted(body%name)//': ')
     end subroutine take_surface
 
     !> Set loads, temperature and initial stress of a load case.
     subroutine set_loads(k)
-      !> The load case.
-      integer, intent(in) :: k
+      integer, intent(in) :: k  !! The load case.
       integer :: i
       do i = 1, size(case%load)
         if (case%load(i)%body /= b) cycle
@@ -128,10 +118,8 @@ contains
 
     !> Add the nodal forces of one load.
     subroutine set_load(given, failed)
-      !> `&load`.
-      type(load_input_t), intent(in) :: given
-      !> Allocated where the load cannot be used.
-      type(error_t), allocatable, intent(out) :: failed
+      type(load_input_t), intent(in) :: given  !! `&load`.
+      type(error_t), allocatable, intent(out) :: failed  !! Allocated where the load cannot be used.
       type(surface_t) :: surface
       if (acts_on_surface(given)) then
         call take_surface(given%surface, surface, failed)
@@ -148,10 +136,8 @@ contains
 
     !> Add a problem of a line of the namelist file, if there is one.
     subroutine note(line, failed)
-      !> Line of the namelist file.
-      integer, intent(in) :: line
-      !> Problem; not allocated on return.
-      type(error_t), allocatable, intent(inout) :: failed
+      integer, intent(in) :: line  !! Line of the namelist file.
+      type(error_t), allocatable, intent(inout) :: failed  !! Problem; not allocated on return.
       if (.not. allocated(failed)) return
       call problems%add_error(failed, case%file//':'//to_text(line)//': ')
     end subroutine note

@@ -21,23 +21,18 @@ contains
 
   !> Whether a load acts on a surface, not in the volume.
   pure logical function acts_on_surface(given)
-    !> `&load`.
-    type(load_input_t), intent(in) :: given
+    type(load_input_t), intent(in) :: given  !! `&load`.
     acts_on_surface = .not. any(given%kind == [load_force_density, load_angular_velocity, load_acceleration])
   end function acts_on_surface
 
   !> Add one load.
   subroutine add_load(given, surface, accuracy, body, error)
-    !> `&load`.
-    type(load_input_t), intent(in) :: given
-    !> Surface on which it acts; not used by force densities.
-    type(surface_t), intent(in) :: surface
+    type(load_input_t), intent(in) :: given  !! `&load`.
+    type(surface_t), intent(in) :: surface  !! Surface on which it acts; not used by force densities.
     !> Resultants of centrifugal forces up to this fraction of their size are taken for the accuracy of the mesh [].
     real(dp), intent(in) :: accuracy
-    !> The body, with supports, and nodal forces so far.
-    type(body_t), intent(inout) :: body
-    !> Allocated where the load cannot be used.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(inout) :: body  !! The body, with supports, and nodal forces so far.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the load cannot be used.
     type(load_t) :: load
     type(text_t), allocatable :: one(:)
     real(dp), allocatable :: before(:, :)
@@ -96,12 +91,9 @@ contains
 
   !> Balance the centrifugal forces of a floating body, where the mesh is the reason that they are not balanced.
   subroutine balance_forces(before, accuracy, body)
-    !> Nodal forces without them (dim, n_nodes) [force].
-    real(dp), intent(in) :: before(:, :)
-    !> As in `add_load` [].
-    real(dp), intent(in) :: accuracy
-    !> The body; its nodal forces change.
-    type(body_t), intent(inout) :: body
+    real(dp), intent(in) :: before(:, :)  !! Nodal forces without them (dim, n_nodes) [force].
+    real(dp), intent(in) :: accuracy  !! As in `add_load` [].
+    type(body_t), intent(inout) :: body  !! The body; its nodal forces change.
     real(dp), allocatable :: force(:, :)
     real(dp) :: balanced
     ! Ranks with parts of the body do not see its resultants; springs resist them.
@@ -118,12 +110,9 @@ contains
 
   !> Note the resultant of a load.
   subroutine note_resultant(body, force, place)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Nodal forces of the load (dim, n_nodes) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Where it acts.
-    character(*), intent(in) :: place
+    type(body_t), intent(inout) :: body  !! The body.
+    real(dp), intent(in) :: force(:, :)  !! Nodal forces of the load (dim, n_nodes) [force].
+    character(*), intent(in) :: place  !! Where it acts.
     type(load_resultant_t), allocatable :: more(:)
     integer :: i, n
     n = 0
@@ -138,25 +127,18 @@ contains
 
   !> Note formulas on a surface for which two quadrature rules differ.
   subroutine check_formula(body, name, surface, formula)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> What has the formulas.
-    character(*), intent(in) :: name
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Formulas; none where not allocated (<= 3).
-    type(text_t), intent(in), allocatable :: formula(:)
+    type(body_t), intent(inout) :: body  !! The body.
+    character(*), intent(in) :: name  !! What has the formulas.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(text_t), intent(in), allocatable :: formula(:)  !! Formulas; none where not allocated (<= 3).
     call note_difference(body, name, difference_on_surface(body%mesh, surface, formula))
   end subroutine check_formula
 
   !> Note a difference that is worth a warning.
   subroutine note_difference(body, name, difference)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> What has the formulas.
-    character(*), intent(in) :: name
-    !> Difference of two rules, relative [].
-    real(dp), intent(in) :: difference
+    type(body_t), intent(inout) :: body  !! The body.
+    character(*), intent(in) :: name  !! What has the formulas.
+    real(dp), intent(in) :: difference  !! Difference of two rules, relative [].
     if (.not. difference > notable_difference) return
     call add_warning(body, quoted(body%name)//': the formula of '//name//' varies within elements: two quadrature '// &
                      'rules differ by '//to_text(100*difference, 2)//' %')
@@ -164,10 +146,8 @@ contains
 
   !> Add a warning about loads or supports.
   subroutine add_warning(body, text)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> The warning.
-    character(*), intent(in) :: text
+    type(body_t), intent(inout) :: body  !! The body.
+    character(*), intent(in) :: text  !! The warning.
     type(text_t), allocatable :: more(:)
     integer :: i, n
     n = 0

@@ -20,12 +20,9 @@ contains
   !> Give up what this rank does not need. Rigid body modes are found before where other ranks compute the body, and
   !> after it, by all ranks together, where each has a part.
   subroutine hold_parts(classes, ranks, body, surfaces, modes)
-    !> Congruence classes of the bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Bodies with supports and loads, not assembled (n_bodies).
-    type(body_t), intent(inout) :: body(:)
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
+    type(body_t), intent(inout) :: body(:)  !! Bodies with supports and loads, not assembled (n_bodies).
     !> Their surfaces; in the numbers of the held nodes on return (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)
     !> Rigid body modes that supports leave; found for bodies that are not held wholly, at the held nodes (n_bodies).
@@ -54,16 +51,11 @@ contains
 
   !> Give up the volumes of bodies that this rank neither solves nor factorizes.
   subroutine hold_surfaces(classes, ranks, body, surfaces, modes)
-    !> As in `hold_parts`.
-    type(congruence_classes_t), intent(in) :: classes
-    !> As in `hold_parts`.
-    type(body_ranks_t), intent(in) :: ranks
-    !> As in `hold_parts`.
-    type(body_t), intent(inout) :: body(:)
-    !> As in `hold_parts`.
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> As in `hold_parts`.
-    type(body_modes_t), intent(inout) :: modes(:)
+    type(congruence_classes_t), intent(in) :: classes  !! As in `hold_parts`.
+    type(body_ranks_t), intent(in) :: ranks  !! As in `hold_parts`.
+    type(body_t), intent(inout) :: body(:)  !! As in `hold_parts`.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! As in `hold_parts`.
+    type(body_modes_t), intent(inout) :: modes(:)  !! As in `hold_parts`.
     logical :: holds(size(body))
     logical, allocatable :: sample(:)
     integer :: b, c
@@ -86,12 +78,9 @@ contains
 
   !> Give up the volume of a body.
   subroutine keep_surface(body, surfaces, modes)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Its surfaces.
-    type(body_surfaces_t), intent(inout) :: surfaces
-    !> Its rigid body modes.
-    type(body_modes_t), intent(inout) :: modes
+    type(body_t), intent(inout) :: body  !! The body.
+    type(body_surfaces_t), intent(inout) :: surfaces  !! Its surfaces.
+    type(body_modes_t), intent(inout) :: modes  !! Its rigid body modes.
     integer, allocatable :: number(:)
     call hold_surface(body, number)
     call follow(body, number, surfaces)
@@ -100,12 +89,9 @@ contains
 
   !> Reduce surfaces to what is held of their body.
   subroutine follow(body, number, surfaces)
-    !> Reduced.
-    type(body_t), intent(in) :: body
-    !> Number of each node of the whole body in it (n_nodes).
-    integer, intent(in) :: number(:)
-    !> Surfaces of the body.
-    type(body_surfaces_t), intent(inout) :: surfaces
+    type(body_t), intent(in) :: body  !! Reduced.
+    integer, intent(in) :: number(:)  !! Number of each node of the whole body in it (n_nodes).
+    type(body_surfaces_t), intent(inout) :: surfaces  !! Surfaces of the body.
     integer :: k
     if (surfaces%boundary%n_facets > 0) call held_surface(body%mesh, number, surfaces%boundary)
     do k = 1, surfaces%n

@@ -28,14 +28,11 @@ contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
   subroutine build_bodies(case, body, surfaces, remarks, error, shares)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Bodies, not yet assembled (n_bodies).
-    type(body_t), allocatable, intent(out) :: body(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), allocatable, intent(out) :: body(:)  !! Bodies, not yet assembled (n_bodies).
     !> Surfaces of the bodies that contact pairs may need (n_bodies).
     type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
-    !> Lines for the log (n_remarks).
-    type(text_t), allocatable, intent(out) :: remarks(:)
+    type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     !> Shares of the meshes that this rank has read, where it gets its parts of the bodies; used up.
@@ -83,8 +80,7 @@ contains
 
     !> Build the bodies of one file.
     subroutine build_file(mesh)
-      !> The file, or this rank's share of it.
-      type(mesh_t), intent(in) :: mesh
+      type(mesh_t), intent(in) :: mesh  !! The file, or this rank's share of it.
       type(volume_t) :: volume
       integer :: c, k, n_same
       do c = b, size(body)
@@ -109,18 +105,12 @@ contains
 
   !> Report groups whose wildcards name bodies of which none has the surface.
   subroutine refuse_unused(file, analysis, line, used, group, problems)
-    !> The namelist file.
-    character(*), intent(in) :: file
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Line of each support or load; those of one group follow each other (n).
-    integer, intent(in) :: line(:)
-    !> Whether the body has the surface (n).
-    logical, intent(in) :: used(:)
-    !> Name of the group of each, for messages (n).
-    character(*), intent(in) :: group(:)
-    !> Problems so far; mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    character(*), intent(in) :: file  !! The namelist file.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: line(:)  !! Line of each support or load; those of one group follow each other (n).
+    logical, intent(in) :: used(:)  !! Whether the body has the surface (n).
+    character(*), intent(in) :: group(:)  !! Name of the group of each, for messages (n).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     logical :: one_used
     integer :: k
     one_used = .false.
@@ -139,24 +129,16 @@ contains
 
   !> Build one body, and its surfaces for contact pairs.
   subroutine build_body(case, mesh, volume, b, body, surfaces, support_used, load_used, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Mesh of the body's volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Volume of the body in the mesh; its surfaces are kept.
-    type(volume_t), intent(inout) :: volume
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> The body, not yet assembled.
-    type(body_t), intent(inout) :: body
-    !> Its surfaces that contact pairs may need.
-    type(body_surfaces_t), intent(inout) :: surfaces
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the body's volume.
+    type(volume_t), intent(inout) :: volume  !! Volume of the body in the mesh; its surfaces are kept.
+    integer, intent(in) :: b  !! Index of the body.
+    type(body_t), intent(inout) :: body  !! The body, not yet assembled.
+    type(body_surfaces_t), intent(inout) :: surfaces  !! Its surfaces that contact pairs may need.
     !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
     logical, intent(inout) :: support_used(:)
-    !> The same of loads (n_loads).
-    logical, intent(inout) :: load_used(:)
-    !> Problems so far; those of the body are added.
-    type(problem_list_t), intent(inout) :: problems
+    logical, intent(inout) :: load_used(:)  !! The same of loads (n_loads).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; those of the body are added.
     type(error_t), allocatable :: failed
     integer :: k, before
     logical :: failed_survey, is_half
@@ -219,8 +201,7 @@ contains
 
     !> Rotate and shift the body with the axes of its materials.
     subroutine place(given)
-      !> `&body`.
-      type(body_input_t), intent(in) :: given
+      type(body_input_t), intent(in) :: given  !! `&body`.
       type(placement_t) :: placement
       integer :: m
       call placement%init(given%axis, given%angle, given%at)
@@ -233,12 +214,9 @@ contains
 
     !> Take a surface of the body for contact pairs and ties.
     subroutine take_side(line, name, may_lack)
-      !> Line of the namelist file.
-      integer, intent(in) :: line
-      !> Name of the surface, maybe with wildcards.
-      character(*), intent(in) :: name
-      !> Whether the body need not have it.
-      logical, intent(in) :: may_lack
+      integer, intent(in) :: line  !! Line of the namelist file.
+      character(*), intent(in) :: name  !! Name of the surface, maybe with wildcards.
+      logical, intent(in) :: may_lack  !! Whether the body need not have it.
       type(surface_t) :: surface
       if (surfaces%find(name) > 0) return
       if (may_lack) then
@@ -251,22 +229,17 @@ contains
 
     !> Take a surface of the body; messages name the body.
     subroutine take_surface(name, surface, error)
-      !> Name of the surface, maybe with wildcards.
-      character(*), intent(in) :: name
-      !> The surface.
-      type(surface_t), intent(out) :: surface
-      !> Allocated where the body has no such surface.
-      type(error_t), allocatable, intent(out) :: error
+      character(*), intent(in) :: name  !! Name of the surface, maybe with wildcards.
+      type(surface_t), intent(out) :: surface  !! The surface.
+      type(error_t), allocatable, intent(out) :: error  !! Allocated where the body has no such surface.
       call volume%take_surface(mesh, name, surface, error)
       call add_context(error, 'body '//quoted(body%name)//': ')
     end subroutine take_surface
 
     !> Add a problem of a line of the namelist file, if there is one.
     subroutine note(line, failed)
-      !> Line of the namelist file.
-      integer, intent(in) :: line
-      !> Problem; not allocated on return.
-      type(error_t), allocatable, intent(inout) :: failed
+      integer, intent(in) :: line  !! Line of the namelist file.
+      type(error_t), allocatable, intent(inout) :: failed  !! Problem; not allocated on return.
       ! Asked for every body and pair: no text where there is no problem.
       if (.not. allocated(failed)) return
       call problems%add_error(failed, case%file//':'//to_text(line)//': ')

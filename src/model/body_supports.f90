@@ -20,10 +20,8 @@ module dotyk_model_body_supports
   !> What one support of a body stands for: a `&support`, several of the same surface and `fix` that no load case has in
   !> common, or a `&spring`.
   type, public :: support_group_t
-    !> Their indices in the case (n).
-    integer, allocatable :: member(:)
-    !> Whether it is a spring.
-    logical :: is_spring = .false.
+    integer, allocatable :: member(:)  !! Their indices in the case (n).
+    logical :: is_spring = .false.  !! Whether it is a spring.
   end type support_group_t
 
   public :: gather_supports, hold_rigid, move_rigid, load_names, set_supports, support_names
@@ -35,40 +33,30 @@ contains
 
   !> Names of the groups of supports, for messages (n_supports).
   pure function support_names(case) result(name)
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     character(8), allocatable :: name(:)
     name = merge('&spring ', '&support', case%support%is_spring)
   end function support_names
 
   !> Names of the groups of loads, for messages (n_loads).
   pure function load_names(case) result(name)
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     character(5), allocatable :: name(:)
     name = merge('&mass', '&load', case%load%of_mass)
   end function load_names
 
   !> Gather the supports of a body: those of displacements, without values, and springs.
   subroutine gather_supports(case, mesh, b, volume, body, support, group, used, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Mesh of the body's volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> Volume of the body in the mesh; its surfaces are kept.
-    type(volume_t), intent(inout) :: volume
-    !> The body with its mesh.
-    type(body_t), intent(in) :: body
-    !> Supports and springs (n_supports).
-    type(support_t), allocatable, intent(out) :: support(:)
-    !> What they stand for (n_supports).
-    type(support_group_t), allocatable, intent(out) :: group(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the body's volume.
+    integer, intent(in) :: b  !! Index of the body.
+    type(volume_t), intent(inout) :: volume  !! Volume of the body in the mesh; its surfaces are kept.
+    type(body_t), intent(in) :: body  !! The body with its mesh.
+    type(support_t), allocatable, intent(out) :: support(:)  !! Supports and springs (n_supports).
+    type(support_group_t), allocatable, intent(out) :: group(:)  !! What they stand for (n_supports).
     !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
     logical, intent(inout) :: used(:)
-    !> Problems so far; those of the supports are added.
-    type(problem_list_t), intent(inout) :: problems
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; those of the supports are added.
     type(support_t), allocatable :: gathered(:)
     type(support_group_t), allocatable :: groups(:)
     type(error_t), allocatable :: failed
@@ -110,12 +98,9 @@ contains
 
   !> Hold all nodes of a rigid body.
   subroutine hold_rigid(given, body, error)
-    !> `&rigid_body`.
-    type(rigid_input_t), intent(in) :: given
-    !> The body with its mesh; gets its constraint, without displacements.
-    type(body_t), intent(inout) :: body
-    !> Allocated where it is in pieces.
-    type(error_t), allocatable, intent(out) :: error
+    type(rigid_input_t), intent(in) :: given  !! `&rigid_body`.
+    type(body_t), intent(inout) :: body  !! The body with its mesh; gets its constraint, without displacements.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where it is in pieces.
     integer, allocatable :: component(:)
     integer :: i, n, n_components
     n = body%mesh%n_nodes()
@@ -145,14 +130,10 @@ contains
 
   !> Give all nodes of a rigid body the displacements of its held motions in a load case.
   subroutine move_rigid(case, b, k, body)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> The load case.
-    integer, intent(in) :: k
-    !> The body, held by `hold_rigid`.
-    type(body_t), intent(inout) :: body
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: b  !! Index of the body.
+    integer, intent(in) :: k  !! The load case.
+    type(body_t), intent(inout) :: body  !! The body, held by `hold_rigid`.
     integer :: i
     associate (constraint => body%constraint)
       constraint%rigid%motion = 0
@@ -168,16 +149,11 @@ contains
 
   !> Set prescribed displacements of a load case; in the first one equations, axes and springs, too.
   subroutine set_supports(case, k, support, group, body, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: k
-    !> Supports and springs of the body, of `gather_supports` (n_supports).
-    type(support_t), intent(in) :: support(:)
-    !> What they stand for (n_supports).
-    type(support_group_t), intent(in) :: group(:)
-    !> The body with its mesh; formulas that vary within facets are noted.
-    type(body_t), intent(inout) :: body
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: k  !! The load case.
+    type(support_t), intent(in) :: support(:)  !! Supports and springs of the body, of `gather_supports` (n_supports).
+    type(support_group_t), intent(in) :: group(:)  !! What they stand for (n_supports).
+    type(body_t), intent(inout) :: body  !! The body with its mesh; formulas that vary within facets are noted.
     !> Allocated where a formula has no value at a node, or where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
     type(support_t), allocatable :: fixed(:)
@@ -216,12 +192,9 @@ contains
 
   !> Add a spring.
   subroutine add_spring(given, surface, body)
-    !> `&spring`.
-    type(support_input_t), intent(in) :: given
-    !> Its surface.
-    type(surface_t), intent(in) :: surface
-    !> Gets it.
-    type(body_t), intent(inout) :: body
+    type(support_input_t), intent(in) :: given  !! `&spring`.
+    type(surface_t), intent(in) :: surface  !! Its surface.
+    type(body_t), intent(inout) :: body  !! Gets it.
     real(dp) :: modulus, area
     area = surface_area(body%mesh%x, body%analysis, surface)
     modulus = given%modulus
@@ -231,12 +204,9 @@ contains
 
   !> The group of supports that a support joins, as the load cases tell which of them holds; 0 for none.
   pure integer function alternative_to(case, group, i) result(g)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Supports of the body so far (n_groups).
-    type(support_group_t), intent(in) :: group(:)
-    !> The support.
-    integer, intent(in) :: i
+    type(case_t), intent(in) :: case  !! The case.
+    type(support_group_t), intent(in) :: group(:)  !! Supports of the body so far (n_groups).
+    integer, intent(in) :: i  !! The support.
     integer :: m
     do g = 1, size(group)
       associate (first => case%support(group(g)%member(1)), own => case%support(i))
@@ -251,10 +221,8 @@ contains
 
     !> Whether no load case has both of two supports.
     pure logical function are_apart(one, other)
-      !> A support.
-      integer, intent(in) :: one
-      !> Another one.
-      integer, intent(in) :: other
+      integer, intent(in) :: one  !! A support.
+      integer, intent(in) :: other  !! Another one.
       integer :: k
       are_apart = .not. any([(applies_in(case%support(one)%in_case, k) .and. &
                               applies_in(case%support(other)%in_case, k), k=1, case%n_cases())])
@@ -263,10 +231,8 @@ contains
 
   !> Whether two supports prescribe displacements in the same directions.
   pure logical function same_directions(one, other) result(same)
-    !> Directions of a support.
-    type(directions_t), intent(in) :: one
-    !> Those of another one.
-    type(directions_t), intent(in) :: other
+    type(directions_t), intent(in) :: one  !! Directions of a support.
+    type(directions_t), intent(in) :: other  !! Those of another one.
     same = (one%local .eqv. other%local) .and. all(one%fixed .eqv. other%fixed)
   end function same_directions
 end module dotyk_model_body_supports

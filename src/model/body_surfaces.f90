@@ -7,22 +7,16 @@ module dotyk_model_body_surfaces
   implicit none
   private
 
-  !> Facets of a surface by their numbers in the boundary.
-  type :: facet_numbers_t
-    !> The numbers (n_facets); not allocated until they are asked for.
-    integer, allocatable :: of(:)
+  type :: facet_numbers_t  !! Facets of a surface by their numbers in the boundary.
+    integer, allocatable :: of(:)  !! The numbers (n_facets); not allocated until they are asked for.
   end type facet_numbers_t
 
-  !> Surfaces of a body.
-  type, public :: body_surfaces_t
-    !> The whole boundary; without facets where no search needs it.
-    type(surface_t) :: boundary
-    !> Number of named surfaces.
-    integer :: n = 0
+  type, public :: body_surfaces_t  !! Surfaces of a body.
+    type(surface_t) :: boundary  !! The whole boundary; without facets where no search needs it.
+    integer :: n = 0  !! Number of named surfaces.
     !> Names as the input has them, maybe with wildcards; the first n are in use (n_allocated).
     type(text_t), allocatable :: name(:)
-    !> The surfaces; the first n are in use (n_allocated).
-    type(surface_t), allocatable :: surface(:)
+    type(surface_t), allocatable :: surface(:)  !! The surfaces; the first n are in use (n_allocated).
     !> Their facets in the boundary; the first n are in use (n_allocated).
     type(facet_numbers_t), allocatable, private :: number(:)
   contains
@@ -37,8 +31,7 @@ contains
   !> Index of a named surface; 0 where the body has none of the name.
   pure integer function surfaces_find(self, name) result(place)
     class(body_surfaces_t), intent(in) :: self
-    !> Name as the input has it.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name as the input has it.
     do place = 1, self%n
       if (self%name(place)%s == name) return
     end do
@@ -48,10 +41,8 @@ contains
   !> Which facets of the boundary belong to a named surface.
   subroutine surfaces_facets(self, place, belongs)
     class(body_surfaces_t), intent(inout) :: self
-    !> Index of the surface.
-    integer, intent(in) :: place
-    !> Whether a facet belongs to it (boundary%n_facets).
-    logical, allocatable, intent(out) :: belongs(:)
+    integer, intent(in) :: place  !! Index of the surface.
+    logical, allocatable, intent(out) :: belongs(:)  !! Whether a facet belongs to it (boundary%n_facets).
     if (.not. allocated(self%number(place)%of)) &
       call facets_in_boundary(self%boundary, self%surface(place), self%number(place)%of)
     allocate (belongs(self%boundary%n_facets))
@@ -62,10 +53,8 @@ contains
   !> Add a named surface.
   subroutine surfaces_add(self, name, surface)
     class(body_surfaces_t), intent(inout) :: self
-    !> Name as the input has it.
-    character(*), intent(in) :: name
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    character(*), intent(in) :: name  !! Name as the input has it.
+    type(surface_t), intent(in) :: surface  !! The surface.
     type(text_t), allocatable :: names(:)
     type(surface_t), allocatable :: surfaces(:)
     type(facet_numbers_t), allocatable :: numbers(:)
@@ -89,8 +78,7 @@ contains
   !> Put the surfaces into a parcel, or take them out.
   subroutine surfaces_carry(self, parcel)
     class(body_surfaces_t), intent(inout) :: self
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     character(:), allocatable :: name
     type(surface_t) :: none
     integer :: n, i

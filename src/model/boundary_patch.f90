@@ -7,12 +7,9 @@ module dotyk_model_boundary_patch
   implicit none
   private
 
-  !> Facets at each corner node of a boundary.
-  type, public :: facet_graph_t
-    !> Facets at node i are facet(start(i):start(i+1)-1) (number of nodes + 1).
-    integer, allocatable :: start(:)
-    !> The facets.
-    integer, allocatable :: facet(:)
+  type, public :: facet_graph_t  !! Facets at each corner node of a boundary.
+    integer, allocatable :: start(:)  !! Facets at node i are facet(start(i):start(i+1)-1) (number of nodes + 1).
+    integer, allocatable :: facet(:)  !! The facets.
   contains
     procedure :: init => graph_init
   end type facet_graph_t
@@ -23,24 +20,19 @@ module dotyk_model_boundary_patch
   integer, parameter :: rings = 1
   !> Cosine of the angle between neighbours of one smooth sheet: 40 degrees [].
   real(dp), parameter :: sharp_cosine = 0.766_dp
-  !> Normals of a plane differ by less than this [].
-  real(dp), parameter :: flat_angle = 1.0e-6_dp
+  real(dp), parameter :: flat_angle = 1.0e-6_dp  !! Normals of a plane differ by less than this [].
   !> A planar side is the slave of a curved one where its mesh is finer by more than this factor [].
   real(dp), parameter :: much_finer = 2
-  !> Else the finer side is the slave, by more than this factor [].
-  real(dp), parameter :: finer = 1.1_dp
-  !> Else the softer side, by more than this factor [].
-  real(dp), parameter :: softer = 1.01_dp
-  !> Else that of the smaller body, by more than this factor [].
-  real(dp), parameter :: smaller = 1.01_dp
+  real(dp), parameter :: finer = 1.1_dp  !! Else the finer side is the slave, by more than this factor [].
+  real(dp), parameter :: softer = 1.01_dp  !! Else the softer side, by more than this factor [].
+  real(dp), parameter :: smaller = 1.01_dp  !! Else that of the smaller body, by more than this factor [].
 
 contains
 
   !> Set up from a boundary.
   subroutine graph_init(self, boundary)
     class(facet_graph_t), intent(out) :: self
-    !> The boundary.
-    type(surface_t), intent(in) :: boundary
+    type(surface_t), intent(in) :: boundary  !! The boundary.
     type(element_kind_t) :: kind
     integer, allocatable :: fill(:)
     integer :: f, i, n
@@ -74,16 +66,11 @@ contains
 
   !> Facets opposite another body, and the rings of facets around them on the same smooth sheet.
   subroutine grow_patch(boundary, graph, faces, near, patch)
-    !> Boundary of the body.
-    type(surface_t), intent(in) :: boundary
-    !> Facets at its nodes.
-    type(facet_graph_t), intent(in) :: graph
-    !> Its facets.
-    type(body_faces_t), intent(in) :: faces
-    !> Facets opposite the other body, maybe several times (n_near).
-    integer, intent(in) :: near(:)
-    !> Facets of the patch, ascending (n_patch).
-    integer, allocatable, intent(out) :: patch(:)
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body.
+    type(facet_graph_t), intent(in) :: graph  !! Facets at its nodes.
+    type(body_faces_t), intent(in) :: faces  !! Its facets.
+    integer, intent(in) :: near(:)  !! Facets opposite the other body, maybe several times (n_near).
+    integer, allocatable, intent(out) :: patch(:)  !! Facets of the patch, ascending (n_patch).
     integer, allocatable :: ring(:)
     integer :: f, i, j, k, first, last, n
     allocate (ring(boundary%n_facets), source=0)
@@ -112,8 +99,7 @@ contains
 
     !> Add the facets at a node that continue the facet smoothly.
     subroutine add_facets_at(node)
-      !> Node of the body.
-      integer, intent(in) :: node
+      integer, intent(in) :: node  !! Node of the body.
       integer :: m
       do m = graph%start(node), graph%start(node + 1) - 1
         associate (g => graph%facet(m))
@@ -130,18 +116,12 @@ contains
   !> Whether the first of two sides is the slave: of a curved and a planar side the curved one, unless the planar one
   !> has a much finer mesh; else the finer one; else the softer one; else that of the smaller body; else the first.
   pure logical function first_is_slave(a, facet_a, young_a, b, facet_b, young_b) result(first)
-    !> Facets of the first body.
-    type(body_faces_t), intent(in) :: a
-    !> Those of the side (n_a).
-    integer, intent(in) :: facet_a(:)
-    !> Young's modulus of the first body [pressure].
-    real(dp), intent(in) :: young_a
-    !> Facets of the second body.
-    type(body_faces_t), intent(in) :: b
-    !> Those of the side (n_b).
-    integer, intent(in) :: facet_b(:)
-    !> Young's modulus of the second body [pressure].
-    real(dp), intent(in) :: young_b
+    type(body_faces_t), intent(in) :: a  !! Facets of the first body.
+    integer, intent(in) :: facet_a(:)  !! Those of the side (n_a).
+    real(dp), intent(in) :: young_a  !! Young's modulus of the first body [pressure].
+    type(body_faces_t), intent(in) :: b  !! Facets of the second body.
+    integer, intent(in) :: facet_b(:)  !! Those of the side (n_b).
+    real(dp), intent(in) :: young_b  !! Young's modulus of the second body [pressure].
     logical :: curved_a, curved_b
     real(dp) :: ratio
     curved_a = is_curved(a, facet_a)
@@ -164,10 +144,8 @@ contains
 
   !> Whether a side is no plane.
   pure logical function is_curved(faces, facet)
-    !> Facets of the body.
-    type(body_faces_t), intent(in) :: faces
-    !> Those of the side (n).
-    integer, intent(in) :: facet(:)
+    type(body_faces_t), intent(in) :: faces  !! Facets of the body.
+    integer, intent(in) :: facet(:)  !! Those of the side (n).
     integer :: i
     is_curved = .true.
     do i = 1, size(facet)

@@ -17,19 +17,15 @@ module dotyk_model_chosen_bodies
   implicit none
   private
 
-  !> The bodies of a scene, some of them built.
-  type, public :: chosen_bodies_t
-    !> Bodies, not yet assembled; those that were not chosen are empty (n_bodies).
-    type(body_t), allocatable :: body(:)
-    !> Their surfaces that contact pairs may need (n_bodies).
-    type(body_surfaces_t), allocatable :: surfaces(:)
+  type, public :: chosen_bodies_t  !! The bodies of a scene, some of them built.
+    type(body_t), allocatable :: body(:)  !! Bodies, not yet assembled; those that were not chosen are empty (n_bodies).
+    type(body_surfaces_t), allocatable :: surfaces(:)  !! Their surfaces that contact pairs may need (n_bodies).
     !> How the parts of their volumes hang together, those of the first body of each volume (n_bodies).
     type(joints_t), allocatable :: joints(:)
     !> Whether each support and each load is that of a named body, or acts on one of the bodies that were built
     !> (n_supports), (n_loads).
     logical, allocatable :: support_used(:), load_used(:)
-    !> What is wrong with them.
-    type(problem_list_t) :: problems
+    type(problem_list_t) :: problems  !! What is wrong with them.
   contains
     procedure :: init => chosen_bodies_init
     procedure :: has => chosen_bodies_has
@@ -41,8 +37,7 @@ contains
   !> Without any body so far.
   subroutine chosen_bodies_init(self, case)
     class(chosen_bodies_t), intent(out) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     allocate (self%body(size(case%body)), self%surfaces(size(case%body)), self%joints(size(case%body)))
     self%support_used = .not. case%support%any_body
     self%load_used = .not. case%load%any_body
@@ -51,20 +46,16 @@ contains
   !> Whether a body was built.
   pure logical function chosen_bodies_has(self, b) result(has)
     class(chosen_bodies_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     has = allocated(self%body(b)%mesh%x)
   end function chosen_bodies_has
 
   !> Build bodies. All ranks call it together; each may choose others, or none.
   subroutine chosen_bodies_build(self, case, survey, chosen)
     class(chosen_bodies_t), intent(inout) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
-    !> Which bodies (n_bodies).
-    logical, intent(in) :: chosen(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
+    logical, intent(in) :: chosen(:)  !! Which bodies (n_bodies).
     type(mesh_selection_t) :: selection
     type(meshing_t) :: meshing
     type(mesh_t) :: mesh
@@ -95,16 +86,11 @@ contains
 
   !> Build bodies of one file.
   subroutine build_bodies_of(self, case, survey, mesh, chosen)
-    !> The bodies.
     class(chosen_bodies_t), intent(inout) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
-    !> Their volumes.
-    type(mesh_t), intent(in) :: mesh
-    !> Which bodies (n_bodies).
-    logical, intent(in) :: chosen(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
+    type(mesh_t), intent(in) :: mesh  !! Their volumes.
+    logical, intent(in) :: chosen(:)  !! Which bodies (n_bodies).
     type(volume_t) :: volume
     logical :: of_volume(size(chosen))
     integer :: c, k

@@ -20,18 +20,13 @@ module dotyk_model_contact_cases
   private
   public :: check_contact_cases, contacts_of_case, set_contact_case
 
-  !> Gap and theta of a pair as `&contact` has them.
-  type, public :: pair_conditions_t
-    !> One of `gap_*`.
-    integer :: gap_kind = 0
+  type, public :: pair_conditions_t  !! Gap and theta of a pair as `&contact` has them.
+    integer :: gap_kind = 0  !! One of `gap_*`.
     !> Gaps of the points; not allocated where no load case changes anything (n_points) [length].
     real(dp), allocatable :: gap(:)
-    !> Those of the rows (n_rows) [length].
-    real(dp), allocatable :: row_gap(:)
-    !> Penalty parameters of the rows (n_rows) [length/pressure].
-    real(dp), allocatable :: row_theta(:)
-    !> Their mean [length/pressure].
-    real(dp) :: theta = 0
+    real(dp), allocatable :: row_gap(:)  !! Those of the rows (n_rows) [length].
+    real(dp), allocatable :: row_theta(:)  !! Penalty parameters of the rows (n_rows) [length/pressure].
+    real(dp) :: theta = 0  !! Their mean [length/pressure].
   end type pair_conditions_t
 
   !> Gaps of rows that differ by less, relative to the largest gap, are the same.
@@ -41,14 +36,11 @@ contains
 
   !> The contact pairs of a case as they are in one load case.
   subroutine contacts_of_case(case, load_case, contact, is_changed)
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: load_case
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
+    integer, intent(in) :: load_case  !! The load case.
     !> Contacts with gap and theta of the load case (n_pairs).
     type(contact_input_t), allocatable, intent(out) :: contact(:)
-    !> Whether a `&contact_case` changes a pair (n_pairs).
-    logical, allocatable, intent(out) :: is_changed(:)
+    logical, allocatable, intent(out) :: is_changed(:)  !! Whether a `&contact_case` changes a pair (n_pairs).
     integer :: i, k
     contact = case%contact
     allocate (is_changed(size(contact)), source=.false.)
@@ -78,10 +70,8 @@ contains
 
   !> Refuse `&contact_case` of no pair, and gaps and penalty parameters that cannot be used, of all load cases.
   subroutine check_contact_cases(case, problem, base, error)
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: case
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(inout) :: problem
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies and pairs.
     !> Gap and theta of the pairs as `&contact` has them (n_pairs).
     type(pair_conditions_t), allocatable, intent(out) :: base(:)
     !> Allocated where there is something wrong: all problems, one per line.
@@ -123,14 +113,10 @@ contains
 
   !> Give the pairs gap and theta of a load case.
   subroutine set_contact_case(case, load_case, base, problem, error)
-    !> The case, with one contact for each pair.
-    type(case_t), intent(in) :: case
-    !> The load case.
-    integer, intent(in) :: load_case
-    !> As of `check_contact_cases` (n_pairs).
-    type(pair_conditions_t), intent(in) :: base(:)
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(inout) :: problem
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
+    integer, intent(in) :: load_case  !! The load case.
+    type(pair_conditions_t), intent(in) :: base(:)  !! As of `check_contact_cases` (n_pairs).
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies and pairs.
     !> Allocated where a gap or a penalty parameter cannot be used; names file, line and pair.
     type(error_t), allocatable, intent(out) :: error
     type(contact_input_t), allocatable :: contact(:)
@@ -155,14 +141,10 @@ contains
 
   !> Give one pair another gap or theta.
   subroutine change_pair(case, given, k, problem, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The contact in the load case.
-    type(contact_input_t), intent(in) :: given
-    !> Index of the pair.
-    integer, intent(in) :: k
-    !> Bodies and pairs.
-    type(contact_problem_t), intent(inout) :: problem
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_input_t), intent(in) :: given  !! The contact in the load case.
+    integer, intent(in) :: k  !! Index of the pair.
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies and pairs.
     !> Allocated where the gap or the penalty parameter cannot be used; names the pair.
     type(error_t), allocatable, intent(out) :: error
     type(pair_settings_t) :: settings

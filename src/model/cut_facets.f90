@@ -7,16 +7,13 @@ module dotyk_model_cut_facets
   implicit none
   private
 
-  !> Of one body.
-  type :: facet_mask_t
+  type :: facet_mask_t  !! Of one body.
     !> Whether each facet of the boundary is at the cut; not allocated where the body is whole (n_facets).
     logical, allocatable :: facet(:)
   end type facet_mask_t
 
-  !> Of all bodies.
-  type, public :: cut_facets_t
-    !> (n_bodies)
-    type(facet_mask_t), allocatable, private :: body(:)
+  type, public :: cut_facets_t  !! Of all bodies.
+    type(facet_mask_t), allocatable, private :: body(:)  !! (n_bodies)
   contains
     procedure :: init => cut_facets_init
     procedure :: has => cut_facets_has
@@ -28,10 +25,8 @@ contains
   !> Find the facets.
   subroutine cut_facets_init(self, case, surfaces)
     class(cut_facets_t), intent(out) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Surfaces of the bodies; tables are made (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies; tables are made (n_bodies).
     integer :: b
     allocate (self%body(size(surfaces)))
     do b = 1, size(surfaces)
@@ -42,10 +37,8 @@ contains
   !> Whether facets of a body are at its cut.
   pure function cut_facets_has(self, b, facet) result(has)
     class(cut_facets_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Facets of its boundary (n).
-    integer, intent(in) :: facet(:)
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: facet(:)  !! Facets of its boundary (n).
     logical :: has(size(facet))
     has = .false.
     if (allocated(self%body(b)%facet)) has = self%body(b)%facet(facet)
@@ -54,8 +47,7 @@ contains
   !> Let such facets be opposite nothing.
   pure subroutine cut_facets_leave_out(self, near)
     class(cut_facets_t), intent(in) :: self
-    !> Facets near each other, by couples of bodies (n_couples).
-    type(near_faces_t), intent(inout) :: near(:)
+    type(near_faces_t), intent(inout) :: near(:)  !! Facets near each other, by couples of bodies (n_couples).
     integer :: i
     do i = 1, size(near)
       near(i)%opposite = near(i)%opposite .and. .not. (self%has(near(i)%body_a, near(i)%facet_a) .or. &

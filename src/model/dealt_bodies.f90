@@ -33,20 +33,15 @@ contains
 
   !> Build the bodies.
   subroutine build_dealt_bodies(case, survey, body, surfaces, remarks, classes, ranks, modes, is_built)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
     !> Bodies, not yet assembled: whole where this rank computes them, else their surfaces (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
     !> Surfaces of the bodies that contact pairs may need, in the numbers of the held nodes (n_bodies).
     type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
-    !> Lines for the log (n_remarks).
-    type(text_t), allocatable, intent(out) :: remarks(:)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(out) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(out) :: ranks
+    type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
+    type(congruence_classes_t), intent(out) :: classes  !! Congruence classes.
+    type(body_ranks_t), intent(out) :: ranks  !! Which rank computes which bodies.
     !> Rigid body modes of bodies that are not held wholly, at the held nodes (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
     !> Not where something is wrong with a body: who builds all of them finds what, in order.
@@ -85,12 +80,9 @@ contains
   !> A rank for each body, by the elements that it has, and the bodies that this rank reads: its own, and those that
   !> may represent their congruence classes.
   subroutine deal_out(survey, owner, chosen)
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
-    !> Rank of each body (n_bodies).
-    integer, allocatable, intent(out) :: owner(:)
-    !> Whether this rank reads a body (n_bodies).
-    logical, allocatable, intent(out) :: chosen(:)
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
+    integer, allocatable, intent(out) :: owner(:)  !! Rank of each body (n_bodies).
+    logical, allocatable, intent(out) :: chosen(:)  !! Whether this rank reads a body (n_bodies).
     integer, allocatable :: alike(:)
     integer :: b, n
     n = size(survey%first_of_file)
@@ -111,8 +103,7 @@ contains
 
   !> Add what the bodies of other ranks use.
   subroutine add_used(used)
-    !> That of this rank in, of all ranks out (n).
-    logical, intent(inout) :: used(:)
+    logical, intent(inout) :: used(:)  !! That of this rank in, of all ranks out (n).
     integer(int64) :: n(size(used))
     n = merge(1, 0, used)
     call add_counts(n)
@@ -121,14 +112,11 @@ contains
 
   !> Give the surfaces of the bodies of this rank to the others, and take theirs.
   subroutine share_surfaces(classes, ranks, own, modes)
-    !> Congruence classes.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
+    type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
     !> The bodies of this rank in, all of them out: surfaces where this rank neither solves nor factorizes them.
     type(chosen_bodies_t), intent(inout) :: own
-    !> Rigid body modes of the surfaces (n_bodies).
-    type(body_modes_t), intent(inout) :: modes(:)
+    type(body_modes_t), intent(inout) :: modes(:)  !! Rigid body modes of the surfaces (n_bodies).
     type(parcel_t), allocatable :: parcel
     type(body_modes_t) :: of_class
     integer(int64), allocatable :: word(:)
@@ -171,16 +159,11 @@ contains
 
   !> Put the surface of a body into a parcel.
   subroutine send_surface(b, first, motion, own, of_class, parcel)
-    !> The body, and the representative of its class.
-    integer, intent(in) :: b, first
-    !> Rigid motion between both.
-    type(placement_t), intent(in) :: motion
-    !> The bodies of this rank.
-    type(chosen_bodies_t), intent(inout) :: own
-    !> Rigid body modes of the representative.
-    type(body_modes_t), intent(in) :: of_class
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
+    integer, intent(in) :: b, first  !! The body, and the representative of its class.
+    type(placement_t), intent(in) :: motion  !! Rigid motion between both.
+    type(chosen_bodies_t), intent(inout) :: own  !! The bodies of this rank.
+    type(body_modes_t), intent(in) :: of_class  !! Rigid body modes of the representative.
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
     type(body_t) :: body
     type(body_surfaces_t) :: surfaces
     type(body_modes_t) :: modes
@@ -203,12 +186,9 @@ contains
 
   !> Take the surface of a body out of a parcel.
   subroutine take_surface(parcel, holds, own, modes)
-    !> The parcel.
-    type(parcel_t), intent(inout) :: parcel
-    !> Whether this rank has the whole body (n_bodies).
-    logical, intent(in) :: holds(:)
-    !> The bodies.
-    type(chosen_bodies_t), intent(inout) :: own
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    logical, intent(in) :: holds(:)  !! Whether this rank has the whole body (n_bodies).
+    type(chosen_bodies_t), intent(inout) :: own  !! The bodies.
     !> Their rigid body modes; set where the whole body is not here (n_bodies).
     type(body_modes_t), intent(inout) :: modes(:)
     type(body_t) :: body

@@ -22,16 +22,12 @@ contains
 
   !> Find the congruence classes. A rank that has bodies of a class has the representative, too, on return.
   subroutine find_classes(case, survey, owner, own, classes)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the mesh files have.
-    type(mesh_survey_t), intent(in) :: survey
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
+    integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
     !> The bodies of this rank; those that are congruent to others get their equations and axes.
     type(chosen_bodies_t), intent(inout) :: own
-    !> The classes.
-    type(congruence_classes_t), intent(out) :: classes
+    type(congruence_classes_t), intent(out) :: classes  !! The classes.
     type(congruence_invariants_t) :: invariants(size(owner))
     type(placement_t) :: motion(size(owner))
     logical, dimension(size(owner)) :: may_be, is_congruent, missing
@@ -66,12 +62,9 @@ contains
 
   !> Invariants of all bodies.
   subroutine share_invariants(owner, body, invariants)
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Bodies, those of this rank built (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their invariants (n_bodies).
-    type(congruence_invariants_t), intent(out) :: invariants(:)
+    integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
+    type(body_t), intent(in) :: body(:)  !! Bodies, those of this rank built (n_bodies).
+    type(congruence_invariants_t), intent(out) :: invariants(:)  !! Their invariants (n_bodies).
     type(congruence_invariants_t) :: mold
     integer(int8) :: bytes(storage_size(mold)/8, size(owner))
     integer :: b, n_bytes
@@ -89,10 +82,8 @@ contains
 
   !> Motions of all bodies.
   subroutine share_motions(owner, motion)
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Those of the bodies of this rank in, of all out (n_bodies).
-    type(placement_t), intent(inout) :: motion(:)
+    integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
+    type(placement_t), intent(inout) :: motion(:)  !! Those of the bodies of this rank in, of all out (n_bodies).
     type(placement_t) :: mold
     integer(int8) :: bytes(storage_size(mold)/8, size(owner))
     integer :: b, n_bytes

@@ -14,23 +14,17 @@ module dotyk_model_discretized_pairs
   private
   public :: drop_empty_pairs, refuse_double_faces
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
 contains
 
   !> Drop pairs without integration points: surfaces that are near each other and nowhere lie opposite each other.
   subroutine drop_empty_pairs(case, surface_a, surface_b, pair, n_dropped)
-    !> The case.
-    type(case_t), intent(inout) :: case
-    !> Slave surfaces (n_pairs).
-    type(surface_t), allocatable, intent(inout) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), allocatable, intent(inout) :: surface_b(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), allocatable, intent(inout) :: pair(:)
-    !> Number of dropped pairs.
-    integer, intent(out) :: n_dropped
+    type(case_t), intent(inout) :: case  !! The case.
+    type(surface_t), allocatable, intent(inout) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), allocatable, intent(inout) :: surface_b(:)  !! Master surfaces (n_pairs).
+    type(contact_pair_t), allocatable, intent(inout) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(out) :: n_dropped  !! Number of dropped pairs.
     type(contact_input_t), allocatable :: contacts(:)
     type(surface_t), allocatable :: surfaces_a(:), surfaces_b(:)
     type(contact_pair_t), allocatable :: pairs(:)
@@ -56,16 +50,11 @@ contains
 
   !> Refuse pairs of the same bodies with points on the same two facets: the contact would count twice.
   subroutine refuse_double_faces(case, surface_a, surface_b, pair, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Problems so far; mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    type(case_t), intent(in) :: case  !! The case.
+    type(surface_t), intent(in) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)  !! Master surfaces (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     real(dp) :: bodies(size(pair))
     integer :: order(size(pair)), first, last
     bodies = min(pair%body_a, pair%body_b)*real(size(case%body) + 1, dp) + max(pair%body_a, pair%body_b)
@@ -84,18 +73,12 @@ contains
 
   !> Compare the pairs of two bodies.
   subroutine compare_pairs(case, of_bodies, surface_a, surface_b, pair, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Pairs of the two bodies, ascending (n).
-    integer, intent(in) :: of_bodies(:)
-    !> Slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Problems so far; mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: of_bodies(:)  !! Pairs of the two bodies, ascending (n).
+    type(surface_t), intent(in) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)  !! Master surfaces (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     type(corner_table_t) :: low, high, both
     integer, allocatable :: owner(:), number_a(:), number_b(:)
     integer :: i, k, p, n, known, entry, other
@@ -133,12 +116,9 @@ contains
 
   !> Number the facets of a surface in a table of the facets of its body.
   subroutine number_facets(table, surface, number)
-    !> Facets of the body so far; those of the surface are added.
-    type(corner_table_t), intent(inout) :: table
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Number of each facet (n_facets).
-    integer, allocatable, intent(out) :: number(:)
+    type(corner_table_t), intent(inout) :: table  !! Facets of the body so far; those of the surface are added.
+    type(surface_t), intent(in) :: surface  !! The surface.
+    integer, allocatable, intent(out) :: number(:)  !! Number of each facet (n_facets).
     type(element_kind_t) :: kind
     integer :: f
     allocate (number(surface%n_facets))

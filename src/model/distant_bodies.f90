@@ -12,21 +12,16 @@ module dotyk_model_distant_bodies
   private
   public :: list_distant_bodies
 
-  !> Bodies up to this many search distances away count [].
-  real(dp), parameter :: beyond = 3
+  real(dp), parameter :: beyond = 3  !! Bodies up to this many search distances away count [].
 
 contains
 
   !> List the bodies in no pair, each with the one that is nearest beyond the search distance of `auto`.
   subroutine list_distant_bodies(case, faces, list, distant)
-    !> The case, with the groups of its input.
-    type(case_t), intent(in) :: case
-    !> Facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> The pairs.
-    type(pair_list_t), intent(in) :: list
-    !> The bodies that have such a neighbour (n_distant).
-    type(distant_body_t), allocatable, intent(out) :: distant(:)
+    type(case_t), intent(in) :: case  !! The case, with the groups of its input.
+    type(body_faces_t), intent(in) :: faces(:)  !! Facets of the bodies (n_bodies).
+    type(pair_list_t), intent(in) :: list  !! The pairs.
+    type(distant_body_t), allocatable, intent(out) :: distant(:)  !! The bodies that have such a neighbour (n_distant).
     type(distant_body_t) :: found(size(faces))
     logical :: alone(size(faces))
     integer :: group, b, k, n
@@ -60,14 +55,10 @@ contains
 
   !> The body that is nearest to one.
   subroutine find_nearest(case, group, faces, body, nearest)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The group with `auto`.
-    integer, intent(in) :: group
-    !> Facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Index of the body.
-    integer, intent(in) :: body
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: group  !! The group with `auto`.
+    type(body_faces_t), intent(in) :: faces(:)  !! Facets of the bodies (n_bodies).
+    integer, intent(in) :: body  !! Index of the body.
     !> The nearest one; no index where all are farther than `beyond` search distances.
     type(distant_body_t), intent(out) :: nearest
     type(near_faces_t) :: near

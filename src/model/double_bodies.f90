@@ -13,10 +13,8 @@ contains
 
   !> Refuse bodies that are the same volume of a mesh in one place; copies of one group are compared already.
   subroutine refuse_doubles(case, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Allocated where there are some; names both lines.
-    type(error_t), allocatable, intent(out) :: error
+    type(case_t), intent(in) :: case  !! The case.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where there are some; names both lines.
     type(problem_list_t) :: problems
     !> Different for different places and names, as a rule.
     real(dp), parameter :: factor(3) = [0.7310585786_dp, 0.2689414213_dp, 0.5772156649_dp]

@@ -14,16 +14,11 @@ contains
 
   !> Drop pairs that are contained in others with the same settings; refuse those with other settings.
   subroutine merge_double_pairs(file, surfaces, list, merged, problems)
-    !> The namelist file.
-    character(*), intent(in) :: file
-    !> Surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> The pairs; those that are dropped have the group 0 on return.
-    type(pair_list_t), intent(inout) :: list
-    !> Pairs that were dropped (n_merged).
-    type(merged_pair_t), allocatable, intent(out) :: merged(:)
-    !> Problems so far; mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    character(*), intent(in) :: file  !! The namelist file.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(pair_list_t), intent(inout) :: list  !! The pairs; those that are dropped have the group 0 on return.
+    type(merged_pair_t), allocatable, intent(out) :: merged(:)  !! Pairs that were dropped (n_merged).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     type(merged_pair_t) :: one
     logical :: overlap, first_in_second, second_in_first
     integer :: k, other, kept, dropped
@@ -69,20 +64,13 @@ contains
 
   !> Compare the faces of two pairs of the same bodies.
   subroutine compare(surfaces, list, first, second, overlap, first_in_second, second_in_first)
-    !> Surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> The pairs.
-    type(pair_list_t), intent(in) :: list
-    !> A pair.
-    integer, intent(in) :: first
-    !> Another pair of the same bodies, maybe the other way round.
-    integer, intent(in) :: second
-    !> Whether they have common facets on both bodies.
-    logical, intent(out) :: overlap
-    !> Whether the second pair has all facets of the first one.
-    logical, intent(out) :: first_in_second
-    !> Whether the first pair has all facets of the second one.
-    logical, intent(out) :: second_in_first
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(pair_list_t), intent(in) :: list  !! The pairs.
+    integer, intent(in) :: first  !! A pair.
+    integer, intent(in) :: second  !! Another pair of the same bodies, maybe the other way round.
+    logical, intent(out) :: overlap  !! Whether they have common facets on both bodies.
+    logical, intent(out) :: first_in_second  !! Whether the second pair has all facets of the first one.
+    logical, intent(out) :: second_in_first  !! Whether the first pair has all facets of the second one.
     logical, allocatable :: one(:), other(:)
     integer :: side, place_one, place_other, b
     overlap = .true.
@@ -110,10 +98,8 @@ contains
 
   !> Whether two pairs have the same gap and penalty parameter.
   pure logical function same_settings(a, b) result(same)
-    !> A pair.
-    type(contact_input_t), intent(in) :: a
-    !> Another pair.
-    type(contact_input_t), intent(in) :: b
+    type(contact_input_t), intent(in) :: a  !! A pair.
+    type(contact_input_t), intent(in) :: b  !! Another pair.
     same = a%gap_kind == b%gap_kind .and. abs(a%gap - b%gap) <= 0 .and. a%gap_formula == b%gap_formula .and. &
            a%theta_kind == b%theta_kind .and. abs(a%theta - b%theta) <= 0 .and. a%theta_formula == b%theta_formula &
            .and. (a%is_layer .eqv. b%is_layer) .and. a%discretization == b%discretization

@@ -11,12 +11,9 @@ contains
 
   !> Whether two bodies are tied to each other: no pair is searched between them.
   pure logical function are_tied(case, a, b)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Index of a body.
-    integer, intent(in) :: a
-    !> Index of the other body.
-    integer, intent(in) :: b
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: a  !! Index of a body.
+    integer, intent(in) :: b  !! Index of the other body.
     are_tied = .false.
     if (.not. allocated(case%tie)) return
     associate (tie => case%tie)
@@ -26,12 +23,9 @@ contains
 
   !> The first exclusion that means two bodies; 0 where none does.
   pure integer function exclusion_of(exclude, a, b) result(i)
-    !> Exclusions of a group (n_exclusions).
-    type(exclusion_t), intent(in) :: exclude(:)
-    !> A body.
-    type(body_input_t), intent(in) :: a
-    !> The other body.
-    type(body_input_t), intent(in) :: b
+    type(exclusion_t), intent(in) :: exclude(:)  !! Exclusions of a group (n_exclusions).
+    type(body_input_t), intent(in) :: a  !! A body.
+    type(body_input_t), intent(in) :: b  !! The other body.
     do i = 1, size(exclude)
       if (is_meant(exclude(i)%a, a) .and. is_meant(exclude(i)%b, b)) return
       if (is_meant(exclude(i)%a, b) .and. is_meant(exclude(i)%b, a)) return
@@ -41,10 +35,8 @@ contains
 
   !> Whether a name with wildcards means a body, or the one of which it is a half.
   pure logical function is_meant(pattern, body)
-    !> Name, maybe with wildcards.
-    character(*), intent(in) :: pattern
-    !> The body.
-    type(body_input_t), intent(in) :: body
+    character(*), intent(in) :: pattern  !! Name, maybe with wildcards.
+    type(body_input_t), intent(in) :: body  !! The body.
     is_meant = pattern == body%name .or. matches(pattern, body%name)
     if (is_meant .or. .not. body%cut%is_cut()) return
     is_meant = pattern == body%cut%whole .or. matches(pattern, body%cut%whole)
@@ -52,10 +44,8 @@ contains
 
   !> Some exclusions as the user writes them.
   pure function exclusion_texts(exclude, chosen) result(texts)
-    !> Exclusions of a group (n_exclusions).
-    type(exclusion_t), intent(in) :: exclude(:)
-    !> Which ones (n_exclusions).
-    logical, intent(in) :: chosen(:)
+    type(exclusion_t), intent(in) :: exclude(:)  !! Exclusions of a group (n_exclusions).
+    logical, intent(in) :: chosen(:)  !! Which ones (n_exclusions).
     type(text_t), allocatable :: texts(:)
     integer :: i, n
     allocate (texts(count(chosen)))

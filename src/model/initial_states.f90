@@ -27,12 +27,9 @@ contains
 
   !> Add a temperature.
   subroutine add_temperature(given, body, error)
-    !> `&temperature`.
-    type(field_input_t), intent(in) :: given
-    !> The body, with its material and nodal forces so far.
-    type(body_t), intent(inout) :: body
-    !> Allocated where the temperature cannot be used.
-    type(error_t), allocatable, intent(out) :: error
+    type(field_input_t), intent(in) :: given  !! `&temperature`.
+    type(body_t), intent(inout) :: body  !! The body, with its material and nodal forces so far.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the temperature cannot be used.
     type(initial_state_t) :: state
     real(dp), allocatable :: value(:, :)
     real(dp) :: extremes(2)
@@ -57,12 +54,9 @@ contains
 
   !> Add an initial stress.
   subroutine add_initial_stress(given, body, error)
-    !> `&initial_stress`.
-    type(field_input_t), intent(in) :: given
-    !> The body, with its material and nodal forces so far.
-    type(body_t), intent(inout) :: body
-    !> Allocated where the stress cannot be used.
-    type(error_t), allocatable, intent(out) :: error
+    type(field_input_t), intent(in) :: given  !! `&initial_stress`.
+    type(body_t), intent(inout) :: body  !! The body, with its material and nodal forces so far.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the stress cannot be used.
     type(initial_state_t) :: state
     real(dp), allocatable :: value(:, :)
     call evaluate(body%mesh, given, 6, value, error)
@@ -78,12 +72,9 @@ contains
   !> Temperatures at the nodes from a field of the mesh file. Nodes of order elevation have those of the
   !> linear elements of the file.
   subroutine evaluate_array(mesh, given, value, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The field, and the temperature of the unstressed body.
-    type(field_input_t), intent(in) :: given
-    !> The values (1, n_nodes) [temperature].
-    real(dp), allocatable, intent(out) :: value(:, :)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(field_input_t), intent(in) :: given  !! The field, and the temperature of the unstressed body.
+    real(dp), allocatable, intent(out) :: value(:, :)  !! The values (1, n_nodes) [temperature].
     !> Allocated where the file has no such field, or a node has no value.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: xi(:, :), shape(:)
@@ -120,16 +111,11 @@ contains
 
   !> Values at the nodes.
   subroutine evaluate(mesh, given, n, value, error)
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Numbers or formulas.
-    type(field_input_t), intent(in) :: given
-    !> How many.
-    integer, intent(in) :: n
-    !> The values (n, n_nodes) [unit of the field].
-    real(dp), allocatable, intent(out) :: value(:, :)
-    !> Allocated where a formula has no value at a node.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(field_input_t), intent(in) :: given  !! Numbers or formulas.
+    integer, intent(in) :: n  !! How many.
+    real(dp), allocatable, intent(out) :: value(:, :)  !! The values (n, n_nodes) [unit of the field].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula has no value at a node.
     type(vector_field_t) :: field
     type(text_t), allocatable :: text(:)
     real(dp) :: of_node(3)
@@ -151,14 +137,10 @@ contains
 
   !> What follows any of them: ranks with parts of a body agree, and formulas that the mesh does not resolve are noted.
   subroutine finish(body, name, formula, error)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> What it is.
-    character(*), intent(in) :: name
-    !> Its formulas (n_formulas).
-    type(text_t), intent(in) :: formula(:)
-    !> Problems so far, of all ranks on return; name the body.
-    type(error_t), allocatable, intent(inout) :: error
+    type(body_t), intent(inout) :: body  !! The body.
+    character(*), intent(in) :: name  !! What it is.
+    type(text_t), intent(in) :: formula(:)  !! Its formulas (n_formulas).
+    type(error_t), allocatable, intent(inout) :: error  !! Problems so far, of all ranks on return; name the body.
     type(text_t), allocatable :: some(:)
     real(dp) :: difference
     integer :: first
@@ -176,10 +158,8 @@ contains
   !> Refuse a material whose expansion makes shear stresses out of the plane where nothing can move across it, as
   !> `check_plane` of the material does for strains.
   subroutine check_expansion(body, error)
-    !> The body.
-    type(body_t), intent(in) :: body
-    !> Allocated where the analysis cannot have the expansion.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the analysis cannot have the expansion.
     !> Components below this fraction of the largest one are the rounding of a rotation.
     real(dp), parameter :: negligible = 1.0e-9_dp
     type(material_field_t) :: field
@@ -201,8 +181,7 @@ contains
 
     !> Whether the expansion makes such stresses at a point.
     logical function makes_shear(x)
-      !> The point (dim) [length].
-      real(dp), intent(in) :: x(:)
+      real(dp), intent(in) :: x(:)  !! The point (dim) [length].
       type(material_t) :: here
       type(error_t), allocatable :: no_value
       real(dp) :: stress(6)

@@ -8,19 +8,15 @@ module dotyk_model_joints
   private
   public :: check_joints, describe_joints, add_remark
 
-  !> Bodies of several parts with a line each.
-  integer, parameter :: most_lines = 12
+  integer, parameter :: most_lines = 12  !! Bodies of several parts with a line each.
 
 contains
 
   !> Refuse a body with overlapping or mismatching elements, or with a crack that is not meant.
   subroutine check_joints(body, joints, error)
-    !> `&body`.
-    type(body_input_t), intent(in) :: body
-    !> How the parts of its volume hang together.
-    type(joints_t), intent(in) :: joints
-    !> Set for a body that is refused.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_input_t), intent(in) :: body  !! `&body`.
+    type(joints_t), intent(in) :: joints  !! How the parts of its volume hang together.
+    type(error_t), allocatable, intent(out) :: error  !! Set for a body that is refused.
     character(:), allocatable :: start
     start = "body '"//body%name//"', mesh '"//body%mesh//"': "
     if (allocated(joints%fault)) then
@@ -34,16 +30,11 @@ contains
 
   !> Tell of parts, cracks and slits of a volume.
   subroutine describe_joints(case, joints, n_bodies, b, remarks)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> How those of the volume hang together.
-    type(joints_t), intent(in) :: joints
-    !> Number of bodies that use it.
-    integer, intent(in) :: n_bodies
-    !> The first of them.
-    integer, intent(in) :: b
-    !> Lines for the log; completed (n_remarks).
-    type(text_t), allocatable, intent(inout) :: remarks(:)
+    type(case_t), intent(in) :: case  !! The case.
+    type(joints_t), intent(in) :: joints  !! How those of the volume hang together.
+    integer, intent(in) :: n_bodies  !! Number of bodies that use it.
+    integer, intent(in) :: b  !! The first of them.
+    type(text_t), allocatable, intent(inout) :: remarks(:)  !! Lines for the log; completed (n_remarks).
     character(:), allocatable :: name, text
     if (allocated(joints%fault)) return
     if (allocated(joints%crack) .and. .not. case%body(b)%crack) return
@@ -67,10 +58,8 @@ contains
 
   !> Add a line for the log.
   subroutine add_remark(remarks, text)
-    !> Lines so far (n_remarks).
-    type(text_t), allocatable, intent(inout) :: remarks(:)
-    !> The line.
-    character(*), intent(in) :: text
+    type(text_t), allocatable, intent(inout) :: remarks(:)  !! Lines so far (n_remarks).
+    character(*), intent(in) :: text  !! The line.
     type(text_t), allocatable :: more(:)
     integer :: n
     n = size(remarks)

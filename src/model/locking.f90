@@ -13,10 +13,8 @@ contains
 
   !> Whether linear triangles, tetrahedra, prisms and pyramids would lock in a body: they are elevated to order 2.
   logical function would_lock(case, b) result(locks)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Index of the body.
-    integer, intent(in) :: b
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: b  !! Index of the body.
     type(material_t) :: material
     type(error_t), allocatable :: failed
     integer :: k

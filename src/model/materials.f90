@@ -21,12 +21,9 @@ contains
 
   !> Build one material.
   subroutine build_material(given, locking, material, error)
-    !> `&material`.
-    type(material_input_t), intent(in) :: given
-    !> One of `locking_*`.
-    integer, intent(in) :: locking
-    !> The material.
-    type(material_t), intent(out) :: material
+    type(material_input_t), intent(in) :: given  !! `&material`.
+    integer, intent(in) :: locking  !! One of `locking_*`.
+    type(material_t), intent(out) :: material  !! The material.
     !> Allocated where the constants are not those of a stable material.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: axes(3, 3)
@@ -59,10 +56,8 @@ contains
 
   !> Set constants that are numbers.
   subroutine set_constants(given, material, error)
-    !> `&material`.
-    type(material_input_t), intent(in) :: given
-    !> The material.
-    type(material_t), intent(out) :: material
+    type(material_input_t), intent(in) :: given  !! `&material`.
+    type(material_t), intent(out) :: material  !! The material.
     !> Allocated where the constants are not those of a stable material.
     type(error_t), allocatable, intent(out) :: error
     select case (given%kind)
@@ -79,8 +74,7 @@ contains
   !> Constants of the elasticity matrix: isotropic: Young's modulus, Poisson's ratio; orthotropic: three Young's moduli,
   !> Poisson's ratios and shear moduli; else the 21 of the stiffness (21) [pressure] or [].
   pure function constants_of(given) result(constant)
-    !> `&material`.
-    type(material_input_t), intent(in) :: given
+    type(material_input_t), intent(in) :: given  !! `&material`.
     real(dp) :: constant(21)
     constant = 0
     select case (given%kind)
@@ -95,18 +89,12 @@ contains
 
   !> Visit the points of a material whose constants are formulas.
   subroutine survey_material(mesh, analysis, number, locking, material, error)
-    !> Elements and nodes of the body, in their place.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Number of the material in the body.
-    integer, intent(in) :: number
-    !> One of `locking_*`.
-    integer, intent(in) :: locking
-    !> The material; its constants are set.
-    type(material_t), intent(inout) :: material
-    !> Allocated where the material is not stable at a point.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body, in their place.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: number  !! Number of the material in the body.
+    integer, intent(in) :: locking  !! One of `locking_*`.
+    type(material_t), intent(inout) :: material  !! The material; its constants are set.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the material is not stable at a point.
     if (.not. material%formulas%vary()) return
     call survey_constants(mesh, analysis, number, locking /= locking_ignore, &
                           merge(linear_simplices_lock, huge(1.0_dp), locking == locking_auto), material, error)
@@ -116,10 +104,8 @@ contains
 
   !> Turn a material with its body.
   subroutine turn_material(rotation, material)
-    !> The rotation (3, 3) [].
-    real(dp), intent(in) :: rotation(3, 3)
-    !> The material, in global axes.
-    type(material_t), intent(inout) :: material
+    real(dp), intent(in) :: rotation(3, 3)  !! The rotation (3, 3) [].
+    type(material_t), intent(inout) :: material  !! The material, in global axes.
     material%formulas%axes = matmul(rotation, material%formulas%axes)
     ! An isotropic material that stands for formulas may have three expansions.
     if (.not. material%isotropic) material%stiffness = rotate_stiffness(material%stiffness, rotation)

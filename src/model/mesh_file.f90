@@ -24,8 +24,7 @@ contains
 
   !> How a case has its geometries meshed.
   pure type(meshing_t) function meshing_of(case) result(meshing)
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     meshing%no_shell = case%no_shell
     meshing%size = case%scene%mesh_size
     meshing%order = case%scene%mesh_order
@@ -34,18 +33,12 @@ contains
   !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes: the first rank lets it do so, and the
   !> others read what is made.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
-    !> Path of the mesh or geometry.
-    character(*), intent(in) :: path
-    !> Dimension of space, for gmsh.
-    integer, intent(in) :: dimension
-    !> The mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> What geometries may do; what was found in this one is set.
-    type(meshing_t), intent(inout) :: meshing
-    !> Allocated where the file cannot be read or meshed.
-    type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    character(*), intent(in) :: path  !! Path of the mesh or geometry.
+    integer, intent(in) :: dimension  !! Dimension of space, for gmsh.
+    type(mesh_t), intent(out) :: mesh  !! The mesh.
+    type(meshing_t), intent(inout) :: meshing  !! What geometries may do; what was found in this one is set.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be read or meshed.
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     logical :: waits
     ! Geometries are meshed by the first rank.
     waits = is_geometry(path) .and. this_rank() > 0
@@ -56,12 +49,9 @@ contains
 
   !> Add the unions of the volumes of bodies that have several to the mesh of their file.
   subroutine add_unions(case, path, mesh)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Path of the mesh, as the bodies name it.
-    character(*), intent(in) :: path
-    !> The mesh.
-    type(mesh_t), intent(inout) :: mesh
+    type(case_t), intent(in) :: case  !! The case.
+    character(*), intent(in) :: path  !! Path of the mesh, as the bodies name it.
+    type(mesh_t), intent(inout) :: mesh  !! The mesh.
     integer :: b
     do b = 1, size(case%body)
       if (size(case%body(b)%volumes) < 2 .or. case%body(b)%mesh /= path) cycle
@@ -72,26 +62,19 @@ contains
 
   !> Whether a file is a geometry that gmsh meshes, or a mesh that it converts.
   pure logical function is_geometry(path)
-    !> Its path.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Its path.
     is_geometry = is_cad_file(path) .or. is_med_file(path)
     if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
   end function is_geometry
 
   !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
-    !> Path of the mesh or geometry.
-    character(*), intent(in) :: path
-    !> Dimension of space, for gmsh.
-    integer, intent(in) :: dimension
-    !> The mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> What geometries may do; what was found in this one is set.
-    type(meshing_t), intent(inout) :: meshing
-    !> Allocated where the file cannot be read or meshed.
-    type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent.
-    type(mesh_selection_t), intent(in), optional :: selection
+    character(*), intent(in) :: path  !! Path of the mesh or geometry.
+    integer, intent(in) :: dimension  !! Dimension of space, for gmsh.
+    type(mesh_t), intent(out) :: mesh  !! The mesh.
+    type(meshing_t), intent(inout) :: meshing  !! What geometries may do; what was found in this one is set.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be read or meshed.
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     character(:), allocatable :: msh
     msh = path
     meshing%for_once = .false.

@@ -17,14 +17,12 @@ module dotyk_model_mesh_shares
   implicit none
   private
 
-  !> The shares of this rank.
-  type, public :: mesh_shares_t
+  type, public :: mesh_shares_t  !! The shares of this rank.
     !> Shares of the files, those of bodies that are the first ones of a file (n_bodies).
     type(mesh_t), allocatable :: mesh(:)
     !> The first body of the same file, and of the same volume (n_bodies).
     integer, allocatable :: first_of_file(:), first_of_volume(:)
-    !> Shares of the volumes, those of first bodies (n_bodies).
-    type(volume_share_t), allocatable, private :: volume(:)
+    type(volume_share_t), allocatable, private :: volume(:)  !! Shares of the volumes, those of first bodies (n_bodies).
     !> Number of bodies that use each of these volumes; 0 for other bodies (n_bodies).
     integer, allocatable, private :: n_uses(:)
     !> Weights of the bodies of the volumes before each one; that of all bodies behind them (n_bodies + 1).
@@ -39,12 +37,9 @@ contains
   !> Read this rank's shares, where a body may be large enough.
   subroutine shares_read(self, case, survey, fewest_unknowns, suits, error)
     class(mesh_shares_t), intent(out) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What the files have of the bodies.
-    type(mesh_survey_t), intent(in) :: survey
-    !> Unknowns that the largest body has at least, where bodies are split.
-    integer, intent(in) :: fewest_unknowns
+    type(case_t), intent(in) :: case  !! The case.
+    type(mesh_survey_t), intent(in) :: survey  !! What the files have of the bodies.
+    integer, intent(in) :: fewest_unknowns  !! Unknowns that the largest body has at least, where bodies are split.
     !> Whether the shares are of use: not for plane analyses, for elements that would be elevated, and for small bodies.
     logical, intent(out) :: suits
     !> The same on all ranks: all files that cannot be read, have no such volume, or inverted elements, one per line.
@@ -99,12 +94,9 @@ contains
   !> The part of this rank of a volume: all volumes are on one curve, in equal lengths for each rank.
   subroutine shares_take_part(self, case, b, volume)
     class(mesh_shares_t), intent(inout) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> First body of the volume.
-    integer, intent(in) :: b
-    !> The part.
-    type(volume_t), intent(out) :: volume
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: b  !! First body of the volume.
+    type(volume_t), intent(out) :: volume  !! The part.
     call volume%take_part(self%mesh(self%first_of_file(b)), case%body(b)%volume, self%volume(b), &
                           self%n_uses(b), self%before(b), self%before(size(self%before)))
   end subroutine shares_take_part

@@ -20,16 +20,13 @@ module dotyk_model_mesh_survey
   implicit none
   private
 
-  !> What the files have.
-  type, public :: mesh_survey_t
-    !> Whether all files could be read, and have the same mesh at each reading.
-    logical :: is_known = .false.
+  type, public :: mesh_survey_t  !! What the files have.
+    logical :: is_known = .false.  !! Whether all files could be read, and have the same mesh at each reading.
     !> The first body of the same file, and of the same volume with elements of the same order (n_bodies).
     integer, allocatable :: first_of_file(:), first_of_volume(:)
     !> Whether linear elements of a body would lock and are elevated to order 2 (n_bodies).
     logical, allocatable :: locks(:)
-    !> What the log is to say of the files (n_remarks).
-    type(text_t), allocatable :: remark(:)
+    type(text_t), allocatable :: remark(:)  !! What the log is to say of the files (n_remarks).
     !> Number of elements of each kind in the volume of a body (n_element_kinds, n_bodies).
     integer(int64), allocatable, private :: n_of_kind(:, :)
   contains
@@ -49,8 +46,7 @@ contains
   !> Count the elements of all bodies.
   subroutine survey_read(self, case)
     class(mesh_survey_t), intent(out) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     type(mesh_selection_t) :: selection
     type(meshing_t) :: meshing
     type(mesh_t) :: mesh
@@ -96,14 +92,10 @@ contains
 
   !> Count the elements of a volume.
   pure subroutine count_elements(mesh, name, dimension, n_of_kind)
-    !> What was read of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the volume.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Number of elements of each kind (n_element_kinds).
-    integer(int64), intent(inout) :: n_of_kind(:)
+    type(mesh_t), intent(in) :: mesh  !! What was read of the file.
+    character(*), intent(in) :: name  !! Physical group of the volume.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer(int64), intent(inout) :: n_of_kind(:)  !! Number of elements of each kind (n_element_kinds).
     logical :: wanted(size(mesh%group))
     integer :: b
     wanted = groups_named(mesh, trim(name), dimension)
@@ -118,10 +110,8 @@ contains
   !> Names of the physical groups of the volumes of some bodies (n_names).
   function survey_volumes(self, case, chosen) result(name)
     class(mesh_survey_t), intent(in) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Which bodies (n_bodies).
-    logical, intent(in) :: chosen(:)
+    type(case_t), intent(in) :: case  !! The case.
+    logical, intent(in) :: chosen(:)  !! Which bodies (n_bodies).
     type(text_t), allocatable :: name(:)
     logical :: used(size(chosen))
     integer :: b, k, n
@@ -143,24 +133,21 @@ contains
   !> Whether two bodies have as many elements of each kind.
   pure logical function survey_alike(self, b, c) result(alike)
     class(mesh_survey_t), intent(in) :: self
-    !> The bodies.
-    integer, intent(in) :: b, c
+    integer, intent(in) :: b, c  !! The bodies.
     alike = all(self%n_of_kind(:, b) == self%n_of_kind(:, c)) .and. (self%locks(b) .eqv. self%locks(c))
   end function survey_alike
 
   !> Nodes that a body has at most, unless it is one element thick in two directions.
   pure real(dp) function survey_most_nodes(self, b) result(n)
     class(mesh_survey_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     n = most_of_expected*self%expected_nodes(b)
   end function survey_most_nodes
 
   !> Number of nodes as in the interior of a mesh of such elements.
   pure real(dp) function survey_expected_nodes(self, b) result(n)
     class(mesh_survey_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     integer :: kind
     n = 1
     do kind = 1, n_element_kinds
@@ -171,12 +158,9 @@ contains
   !> The kind that elements have in a body: of order 2 where linear triangles, tetrahedra, prisms and pyramids would
   !> lock.
   pure integer function kind_in_body(self, b, kind)
-    !> The survey.
-    type(mesh_survey_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Kind in the file.
-    integer, intent(in) :: kind
+    type(mesh_survey_t), intent(in) :: self  !! The survey.
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: kind  !! Kind in the file.
     kind_in_body = kind
     if (.not. self%locks(b)) return
     if (all(self%n_of_kind([element_tri3, element_tet4, element_prism6, element_pyramid5], b) == 0)) return
@@ -198,8 +182,7 @@ contains
 
   !> Nodes for each element of a large mesh: corners, edges, faces and elements of regular ones.
   pure real(dp) function nodes_per_element(kind) result(n)
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     select case (kind)
     case (element_tri3, element_prism6)
       n = 0.5_dp

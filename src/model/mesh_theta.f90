@@ -19,18 +19,12 @@ contains
 
   !> Set the penalty parameters of a pair.
   subroutine set_mesh_theta(factor, body_a, surface_a, body_b, surface_b, pair, error)
-    !> Factor of h/E [].
-    real(dp), intent(in) :: factor
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> The contact pair; its penalty parameters are set.
-    type(contact_pair_t), intent(inout) :: pair
+    real(dp), intent(in) :: factor  !! Factor of h/E [].
+    type(body_t), intent(in) :: body_a  !! Body of the slave side.
+    type(body_t), intent(in) :: body_b  !! Body of the master side.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    type(contact_pair_t), intent(inout) :: pair  !! The contact pair; its penalty parameters are set.
     !> Allocated where a modulus field cannot be evaluated; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: at_points(:)
@@ -44,18 +38,13 @@ contains
 
   !> Add h/E of one side at the points.
   subroutine add_side(body, surface, facet, position, at_points, error)
-    !> Body of the side.
-    type(body_t), intent(in) :: body
-    !> Surface of the side.
-    type(surface_t), intent(in) :: surface
-    !> Facet of each point (n_points).
-    integer, intent(in) :: facet(:)
-    !> Positions of the points (dimension, n_points) [length].
-    real(dp), intent(in) :: position(:, :)
+    type(body_t), intent(in) :: body  !! Body of the side.
+    type(surface_t), intent(in) :: surface  !! Surface of the side.
+    integer, intent(in) :: facet(:)  !! Facet of each point (n_points).
+    real(dp), intent(in) :: position(:, :)  !! Positions of the points (dimension, n_points) [length].
     !> Sum of h/E at the points (n_points) [length/pressure]; that of the side is added.
     real(dp), intent(inout) :: at_points(:)
-    !> Allocated where the modulus field cannot be evaluated.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field cannot be evaluated.
     type(material_field_t) :: stiffness(size(body%material))
     real(dp), allocatable :: size_of(:), point(:, :), weight(:)
     real(dp) :: value(3), young
@@ -96,14 +85,10 @@ contains
 
   !> Size of a facet: its length, or the root of its area [length].
   real(dp) function facet_size(kind, x, point, weight) result(length)
-    !> Element kind of the facet.
-    integer, intent(in) :: kind
-    !> Nodes of the facet (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Points of a rule (dimension-1, n_points) [].
-    real(dp), intent(in) :: point(:, :)
-    !> Its weights (n_points) [].
-    real(dp), intent(in) :: weight(:)
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the facet (dimension, n_nodes) [length].
+    real(dp), intent(in) :: point(:, :)  !! Points of a rule (dimension-1, n_points) [].
+    real(dp), intent(in) :: weight(:)  !! Its weights (n_points) [].
     real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian
     integer :: q
     length = 0

@@ -17,18 +17,13 @@ contains
 
   !> Numbers of the nodes in the whole body, their owners, and the ranks that have them.
   subroutine number_nodes(file_node, n_file_nodes, whole, first_node, n_sharers, sharer)
-    !> Number of each node of this rank in the file, ascending (n_nodes).
-    integer, intent(in) :: file_node(:)
-    !> Number of nodes of the file.
-    integer, intent(in) :: n_file_nodes
-    !> Gets the numbers.
-    type(whole_numbers_t), intent(inout) :: whole
+    integer, intent(in) :: file_node(:)  !! Number of each node of this rank in the file, ascending (n_nodes).
+    integer, intent(in) :: n_file_nodes  !! Number of nodes of the file.
+    type(whole_numbers_t), intent(inout) :: whole  !! Gets the numbers.
     !> The nodes of rank r have the global numbers first_node(r) .. first_node(r + 1) - 1 (0:n_ranks).
     integer, allocatable, intent(out) :: first_node(:)
-    !> Number of ranks that have each node (n_nodes).
-    integer, allocatable, intent(out) :: n_sharers(:)
-    !> The ranks (any).
-    integer, allocatable, intent(out) :: sharer(:)
+    integer, allocatable, intent(out) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, allocatable, intent(out) :: sharer(:)  !! The ranks (any).
     type(node_directory_t) :: directory
     integer(int64), allocatable :: asked(:), answers(:)
     integer(int64) :: n_from(n_ranks()), n_back(n_ranks())
@@ -45,8 +40,7 @@ contains
   !> Number the nodes of a directory by the counts of all of them: each rank adds up its own nodes, so that no rank has
   !> the counts of all owners in all directories.
   subroutine exchange_counts(directory)
-    !> The nodes of this rank's range; gets their numbers.
-    type(node_directory_t), intent(inout) :: directory
+    type(node_directory_t), intent(inout) :: directory  !! The nodes of this rank's range; gets their numbers.
     integer(int64), allocatable :: own(:), before(:), totals(:)
     integer(int64) :: n(n_ranks()), one(n_ranks()), so_far(n_ranks())
     integer :: r
@@ -64,16 +58,11 @@ contains
 
   !> Tell the directories which nodes this rank has.
   subroutine register(node, n_nodes, directory, asked, n_from)
-    !> The nodes, ascending (n).
-    integer, intent(in) :: node(:)
-    !> Number of nodes of all directories.
-    integer, intent(in) :: n_nodes
-    !> The nodes of this rank's range.
-    type(node_directory_t), intent(out) :: directory
-    !> Nodes of this range that ranks have, rank after rank (any).
-    integer(int64), allocatable, intent(out) :: asked(:)
-    !> How many of them are from each rank (n_ranks).
-    integer(int64), intent(out) :: n_from(:)
+    integer, intent(in) :: node(:)  !! The nodes, ascending (n).
+    integer, intent(in) :: n_nodes  !! Number of nodes of all directories.
+    type(node_directory_t), intent(out) :: directory  !! The nodes of this rank's range.
+    integer(int64), allocatable, intent(out) :: asked(:)  !! Nodes of this range that ranks have, rank after rank (any).
+    integer(int64), intent(out) :: n_from(:)  !! How many of them are from each rank (n_ranks).
     integer, allocatable :: first(:)
     call directory_starts(node, n_ranks(), n_nodes, first)
     call deliver(int(node, int64), int(first(1:) - first(:n_ranks() - 1), int64), asked, n_from)
@@ -82,16 +71,11 @@ contains
 
   !> Ask the directories which ranks have the nodes that this rank has told them.
   subroutine ask_sharers(directory, asked, n_from, n_sharers, sharer)
-    !> The nodes of this rank's range.
-    type(node_directory_t), intent(in) :: directory
-    !> Nodes that ranks ask for, rank after rank (any).
-    integer(int64), intent(in) :: asked(:)
-    !> How many of them are from each rank (n_ranks).
-    integer(int64), intent(in) :: n_from(:)
-    !> Number of ranks that have each node of this rank (n_nodes).
-    integer, allocatable, intent(out) :: n_sharers(:)
-    !> The ranks (any).
-    integer, allocatable, intent(out) :: sharer(:)
+    type(node_directory_t), intent(in) :: directory  !! The nodes of this rank's range.
+    integer(int64), intent(in) :: asked(:)  !! Nodes that ranks ask for, rank after rank (any).
+    integer(int64), intent(in) :: n_from(:)  !! How many of them are from each rank (n_ranks).
+    integer, allocatable, intent(out) :: n_sharers(:)  !! Number of ranks that have each node of this rank (n_nodes).
+    integer, allocatable, intent(out) :: sharer(:)  !! The ranks (any).
     integer(int64), allocatable :: answers(:), list(:)
     integer(int64) :: n_list(n_ranks()), n_back(n_ranks()), done
     integer, allocatable :: n_of(:), of(:)
@@ -110,14 +94,10 @@ contains
 
   !> Each rank has one layer of elements more: at each node that this rank owns elements of, the ranks that have it now.
   subroutine hold_more(own, whole, n_sharers, sharer)
-    !> Elements that this rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Number of ranks that have each node (n_nodes).
-    integer, allocatable, intent(inout) :: n_sharers(:)
-    !> The ranks (any).
-    integer, allocatable, intent(inout) :: sharer(:)
+    type(body_mesh_t), intent(in) :: own  !! Elements that this rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    integer, allocatable, intent(inout) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, allocatable, intent(inout) :: sharer(:)  !! The ranks (any).
     type(node_directory_t) :: directory
     logical, allocatable :: at(:), found(:), of_own(:), in_list(:)
     integer(int64), allocatable :: sent(:), got(:), asked(:)
@@ -166,14 +146,10 @@ contains
 
   !> The nodes that a rank has.
   pure subroutine nodes_of(n_sharers, sharer, rank, at)
-    !> Number of ranks that have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> The ranks (any).
-    integer, intent(in) :: sharer(:)
-    !> The rank.
-    integer, intent(in) :: rank
-    !> Whether it has each node (n_nodes).
-    logical, allocatable, intent(out) :: at(:)
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: sharer(:)  !! The ranks (any).
+    integer, intent(in) :: rank  !! The rank.
+    logical, allocatable, intent(out) :: at(:)  !! Whether it has each node (n_nodes).
     integer :: i, k
     allocate (at(size(n_sharers)))
     k = 0

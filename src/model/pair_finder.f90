@@ -31,16 +31,11 @@ contains
   subroutine form_pairs(case, body, surfaces, surface_a, surface_b, report, error)
     !> The case; `contact` has one entry for each pair on return, in the order of the groups.
     type(case_t), intent(inout) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their surfaces (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> Slave surface of each pair (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_a(:)
-    !> Master surface of each pair (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_b(:)
-    !> What was found.
-    type(pair_report_t), intent(out) :: report
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces (n_bodies).
+    type(surface_t), allocatable, intent(out) :: surface_a(:)  !! Slave surface of each pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_b(:)  !! Master surface of each pair (n_pairs).
+    type(pair_report_t), intent(out) :: report  !! What was found.
     !> Allocated where wildcards find no pair, or the same contact is named with different settings.
     type(error_t), allocatable, intent(out) :: error
     type(body_faces_t) :: faces(size(body))
@@ -121,8 +116,7 @@ contains
 
     !> Find the near faces, unless they are those of the search before.
     subroutine search(radius)
-      !> Search distance that the user gives, or 0 [length].
-      real(dp), intent(in) :: radius
+      real(dp), intent(in) :: radius  !! Search distance that the user gives, or 0 [length].
       if (abs(searched - radius) <= 0) return
       call find_near_faces(faces, radius, near)
       call inside%leave_out(near)
@@ -131,12 +125,9 @@ contains
 
     !> Facets of a body around those opposite another one, without those at the cut of a bolt.
     subroutine find_patch(b, facet, patch)
-      !> The body.
-      integer, intent(in) :: b
-      !> Facets opposite the other body, maybe several times (n_near).
-      integer, intent(in) :: facet(:)
-      !> Facets of the patch, ascending (n_patch).
-      integer, allocatable, intent(out) :: patch(:)
+      integer, intent(in) :: b  !! The body.
+      integer, intent(in) :: facet(:)  !! Facets opposite the other body, maybe several times (n_near).
+      integer, allocatable, intent(out) :: patch(:)  !! Facets of the patch, ascending (n_patch).
       if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
       call grow_patch(surfaces(b)%boundary, graph(b), faces(b), facet, patch)
       patch = pack(patch, .not. inside%has(b, patch))
@@ -151,8 +142,7 @@ contains
 
     !> Report that wildcards find no pair, and why.
     subroutine report_none(given)
-      !> `&contact`.
-      type(contact_input_t), intent(in) :: given
+      type(contact_input_t), intent(in) :: given  !! `&contact`.
       character(:), allocatable :: text
       text = ''
       if (group%n_excluded > 0) then
@@ -169,14 +159,10 @@ contains
 
     !> Say that none of the bodies of a side has the surface, if so.
     subroutine report_lacking(key, bodies, name, text)
-      !> Key of the side.
-      character(*), intent(in) :: key
-      !> Bodies that the side names (n).
-      integer, intent(in) :: bodies(:)
-      !> The surface, maybe with wildcards.
-      character(*), intent(in) :: name
-      !> Message so far.
-      character(:), allocatable, intent(inout) :: text
+      character(*), intent(in) :: key  !! Key of the side.
+      integer, intent(in) :: bodies(:)  !! Bodies that the side names (n).
+      character(*), intent(in) :: name  !! The surface, maybe with wildcards.
+      character(:), allocatable, intent(inout) :: text  !! Message so far.
       type(text_t) :: names(size(bodies))
       integer :: i
       do i = 1, size(bodies)
@@ -189,12 +175,9 @@ contains
 
     !> Whether the group leaves out two bodies.
     logical function is_excluded(given, a, b)
-      !> `&contact`.
-      type(contact_input_t), intent(in) :: given
-      !> Index of a body.
-      integer, intent(in) :: a
-      !> Index of the other body.
-      integer, intent(in) :: b
+      type(contact_input_t), intent(in) :: given  !! `&contact`.
+      integer, intent(in) :: a  !! Index of a body.
+      integer, intent(in) :: b  !! Index of the other body.
       integer :: place
       place = exclusion_of(given%exclude, case%body(a), case%body(b))
       is_excluded = place > 0
@@ -205,22 +188,14 @@ contains
 
     !> Add a pair that the search has found.
     subroutine add_found(given, k, a, b, contact_a, place_a, contact_b, place_b)
-      !> `&contact`, with the names of the surfaces.
-      type(contact_input_t), intent(in) :: given
-      !> Its number among the groups.
-      integer, intent(in) :: k
-      !> Slave body.
-      integer, intent(in) :: a
-      !> Master body.
-      integer, intent(in) :: b
-      !> Slave surface.
-      type(surface_t), intent(in) :: contact_a
-      !> Its index among the named surfaces of the body, or 0.
-      integer, intent(in) :: place_a
-      !> Master surface.
-      type(surface_t), intent(in) :: contact_b
-      !> Its index among the named surfaces of the body, or 0.
-      integer, intent(in) :: place_b
+      type(contact_input_t), intent(in) :: given  !! `&contact`, with the names of the surfaces.
+      integer, intent(in) :: k  !! Its number among the groups.
+      integer, intent(in) :: a  !! Slave body.
+      integer, intent(in) :: b  !! Master body.
+      type(surface_t), intent(in) :: contact_a  !! Slave surface.
+      integer, intent(in) :: place_a  !! Its index among the named surfaces of the body, or 0.
+      type(surface_t), intent(in) :: contact_b  !! Master surface.
+      integer, intent(in) :: place_b  !! Its index among the named surfaces of the body, or 0.
       type(contact_input_t) :: contact
       real(dp) :: distance
       distance = search_distance(faces(a), faces(b), given%search_radius)
@@ -242,10 +217,8 @@ contains
 
     !> Find the pairs of a group that names bodies with wildcards: those of its surfaces that are near each other.
     subroutine find_named(given, k)
-      !> `&contact`.
-      type(contact_input_t), intent(in) :: given
-      !> Its number among the groups.
-      integer, intent(in) :: k
+      type(contact_input_t), intent(in) :: given  !! `&contact`.
+      integer, intent(in) :: k  !! Its number among the groups.
       logical, allocatable :: in_a(:), in_b(:)
       logical :: is_a(size(body)), is_b(size(body)), is_near
       integer :: i, turn, a, b, place_a, place_b
@@ -279,10 +252,8 @@ contains
 
     !> Find the pairs of a group with `auto`: faces of any two bodies that are near each other.
     subroutine find_auto(given, k)
-      !> `&contact`.
-      type(contact_input_t), intent(in) :: given
-      !> Its number among the groups.
-      integer, intent(in) :: k
+      type(contact_input_t), intent(in) :: given  !! `&contact`.
+      integer, intent(in) :: k  !! Its number among the groups.
       type(surface_t) :: patch_a, patch_b
       integer, allocatable :: facet_a(:), facet_b(:)
       logical :: first
@@ -318,16 +289,11 @@ contains
 
   !> Add a pair of named surfaces.
   subroutine add_named(list, contact, group, surfaces_a, surfaces_b)
-    !> Pairs so far.
-    type(pair_list_t), intent(inout) :: list
-    !> The pair, its bodies set.
-    type(contact_input_t), intent(in) :: contact
-    !> Group of the input.
-    integer, intent(in) :: group
-    !> Surfaces of the slave body.
-    type(body_surfaces_t), intent(in) :: surfaces_a
-    !> Surfaces of the master body.
-    type(body_surfaces_t), intent(in) :: surfaces_b
+    type(pair_list_t), intent(inout) :: list  !! Pairs so far.
+    type(contact_input_t), intent(in) :: contact  !! The pair, its bodies set.
+    integer, intent(in) :: group  !! Group of the input.
+    type(body_surfaces_t), intent(in) :: surfaces_a  !! Surfaces of the slave body.
+    type(body_surfaces_t), intent(in) :: surfaces_b  !! Surfaces of the master body.
     integer :: a, b
     a = surfaces_a%find(contact%surface_a)
     b = surfaces_b%find(contact%surface_b)
@@ -336,12 +302,9 @@ contains
 
   !> Name of a pair that was found; it names a folder of the results file.
   pure function pair_name(group, a, b) result(name)
-    !> Name of the group; may be empty.
-    character(*), intent(in) :: group
-    !> Name of the slave body.
-    character(*), intent(in) :: a
-    !> Name of the master body.
-    character(*), intent(in) :: b
+    character(*), intent(in) :: group  !! Name of the group; may be empty.
+    character(*), intent(in) :: a  !! Name of the slave body.
+    character(*), intent(in) :: b  !! Name of the master body.
     character(:), allocatable :: name
     integer :: i
     name = a//' - '//b
@@ -353,14 +316,10 @@ contains
 
   !> Give the pairs back in the order of their groups.
   subroutine order_pairs(case, list, surface_a, surface_b)
-    !> The case; its contacts are set.
-    type(case_t), intent(inout) :: case
-    !> The pairs.
-    type(pair_list_t), intent(in) :: list
-    !> Slave surfaces (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_a(:)
-    !> Master surfaces (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_b(:)
+    type(case_t), intent(inout) :: case  !! The case; its contacts are set.
+    type(pair_list_t), intent(in) :: list  !! The pairs.
+    type(surface_t), allocatable, intent(out) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_b(:)  !! Master surfaces (n_pairs).
     integer :: start(size(case%contact) + 1), k, i
     start = 0
     do k = 1, list%n

@@ -5,26 +5,19 @@ module dotyk_model_pair_list
   implicit none
   private
 
-  !> The pairs.
-  type, public :: pair_list_t
-    !> Number of pairs.
-    integer :: n = 0
+  type, public :: pair_list_t  !! The pairs.
+    integer :: n = 0  !! Number of pairs.
     !> Pairs as if the input named each of them; the first n are in use (n_allocated).
     type(contact_input_t), allocatable :: contact(:)
-    !> Their slave surfaces (n_allocated).
-    type(surface_t), allocatable :: surface_a(:)
-    !> Their master surfaces (n_allocated).
-    type(surface_t), allocatable :: surface_b(:)
-    !> Groups of the input that they come from (n_allocated).
-    integer, allocatable :: group(:)
+    type(surface_t), allocatable :: surface_a(:)  !! Their slave surfaces (n_allocated).
+    type(surface_t), allocatable :: surface_b(:)  !! Their master surfaces (n_allocated).
+    integer, allocatable :: group(:)  !! Groups of the input that they come from (n_allocated).
     !> Indices of the named slave surfaces of their bodies; 0 for parts of the boundary (n_allocated).
     integer, allocatable :: place_a(:)
-    !> The same of the master surfaces (n_allocated).
-    integer, allocatable :: place_b(:)
+    integer, allocatable :: place_b(:)  !! The same of the master surfaces (n_allocated).
     !> First pair of each body that has a higher number than its partner; 0 where there is none (n_bodies).
     integer, allocatable, private :: first(:)
-    !> Next pair of this body; 0 at the end (n_allocated).
-    integer, allocatable, private :: next(:)
+    integer, allocatable, private :: next(:)  !! Next pair of this body; 0 at the end (n_allocated).
   contains
     procedure :: init => list_init
     procedure :: add => list_add
@@ -36,8 +29,7 @@ contains
   !> Empty list.
   subroutine list_init(self, n_bodies)
     class(pair_list_t), intent(out) :: self
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
+    integer, intent(in) :: n_bodies  !! Number of bodies.
     integer, parameter :: room = 16
     allocate (self%contact(room), self%surface_a(room), self%surface_b(room), self%group(room), self%place_a(room), &
               self%place_b(room), self%next(room), self%first(n_bodies))
@@ -47,18 +39,12 @@ contains
   !> Add a pair.
   subroutine list_add(self, contact, group, surface_a, place_a, surface_b, place_b)
     class(pair_list_t), intent(inout) :: self
-    !> The pair, its bodies set.
-    type(contact_input_t), intent(in) :: contact
-    !> Group of the input.
-    integer, intent(in) :: group
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Index among the named surfaces of its body, or 0.
-    integer, intent(in) :: place_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Index among the named surfaces of its body, or 0.
-    integer, intent(in) :: place_b
+    type(contact_input_t), intent(in) :: contact  !! The pair, its bodies set.
+    integer, intent(in) :: group  !! Group of the input.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    integer, intent(in) :: place_a  !! Index among the named surfaces of its body, or 0.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    integer, intent(in) :: place_b  !! Index among the named surfaces of its body, or 0.
     integer :: b
     if (self%n == size(self%contact)) call enlarge(self)
     self%n = self%n + 1
@@ -75,8 +61,7 @@ contains
 
   !> Double the room.
   subroutine enlarge(self)
-    !> The list.
-    type(pair_list_t), intent(inout) :: self
+    type(pair_list_t), intent(inout) :: self  !! The list.
     type(contact_input_t), allocatable :: contact(:)
     type(surface_t), allocatable :: surface(:)
     integer :: n
@@ -99,12 +84,9 @@ contains
   !> The next pair of two bodies, the latest first; 0 at the end.
   pure integer function list_between(self, a, b, after) result(pair)
     class(pair_list_t), intent(in) :: self
-    !> One body.
-    integer, intent(in) :: a
-    !> The other body.
-    integer, intent(in) :: b
-    !> The pair before; 0 to begin.
-    integer, intent(in) :: after
+    integer, intent(in) :: a  !! One body.
+    integer, intent(in) :: b  !! The other body.
+    integer, intent(in) :: after  !! The pair before; 0 to begin.
     if (after == 0) then
       pair = self%first(max(a, b))
     else

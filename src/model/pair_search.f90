@@ -21,22 +21,14 @@ contains
 
   !> Discretize one contact pair.
   subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, division, pair, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> `&contact`.
-    type(contact_input_t), intent(in) :: given
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Whether ranks divide the search.
-    type(division_t), intent(in) :: division
-    !> The contact pair.
-    type(contact_pair_t), intent(out) :: pair
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_input_t), intent(in) :: given  !! `&contact`.
+    type(body_t), intent(in) :: body_a  !! Body of the slave side.
+    type(body_t), intent(in) :: body_b  !! Body of the master side.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    type(division_t), intent(in) :: division  !! Whether ranks divide the search.
+    type(contact_pair_t), intent(out) :: pair  !! The contact pair.
     !> Allocated where the gap formula, the surfaces or theta cannot be used.
     type(error_t), allocatable, intent(out) :: error
     type(pair_settings_t) :: settings
@@ -77,10 +69,8 @@ contains
 
   !> Whether the penalty parameter of a pair may be zero.
   pure logical function allows_zero_theta(case, given)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> `&contact`.
-    type(contact_input_t), intent(in) :: given
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_input_t), intent(in) :: given  !! `&contact`.
     allows_zero_theta = .not. given%is_layer .and. any(case%solver%scheme == [scheme_auto, scheme_dual])
   end function allows_zero_theta
 end module dotyk_model_pair_search

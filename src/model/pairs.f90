@@ -28,8 +28,7 @@ module dotyk_model_pairs
   !> Depth of the Winkler foundation that approximates the compliance of a body, relative to the size of the body: about
   !> that of a contact zone [].
   real(dp), parameter :: foundation_depth = 0.1_dp
-  !> From this number of pairs per thread on, pairs are searched in parallel.
-  integer, parameter :: many = 8
+  integer, parameter :: many = 8  !! From this number of pairs per thread on, pairs are searched in parallel.
   !> From this number of facets of a pair on, ranks divide its search: below, the exchanges take as long.
   real(dp), parameter :: least_divided = 200
 
@@ -37,22 +36,16 @@ contains
 
   !> Form and discretize all contact pairs; all problems are reported together.
   subroutine find_pairs(case, body, surfaces, surface_a, surface_b, pair, theta, found, error)
-    !> The case; `contact` has one entry for each pair on return.
-    type(case_t), intent(inout) :: case
-    !> Assembled bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their surfaces that pairs may need (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    type(case_t), intent(inout) :: case  !! The case; `contact` has one entry for each pair on return.
+    type(body_t), intent(in) :: body(:)  !! Assembled bodies (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces that pairs may need (n_bodies).
     !> Slave surface of each pair; divided into smooth sheets (n_pairs).
     type(surface_t), allocatable, intent(out) :: surface_a(:)
-    !> Master surface of each pair, likewise (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_b(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), allocatable, intent(out) :: pair(:)
+    type(surface_t), allocatable, intent(out) :: surface_b(:)  !! Master surface of each pair, likewise (n_pairs).
+    type(contact_pair_t), allocatable, intent(out) :: pair(:)  !! Contact pairs (n_pairs).
     !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: theta(:)
-    !> What the search for pairs found.
-    type(pair_report_t), intent(out) :: found
+    type(pair_report_t), intent(out) :: found  !! What the search for pairs found.
     !> Allocated where pairs cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
@@ -128,12 +121,9 @@ contains
 
   !> Make the pairs that one rank each has searched known to all ranks.
   subroutine share_searched(owner, pair, failed)
-    !> Rank of each pair, or `all_ranks` (n_pairs).
-    integer, intent(in) :: owner(:)
-    !> The pairs; those of other ranks are set (n_pairs).
-    type(contact_pair_t), intent(inout) :: pair(:)
-    !> Their errors, likewise (n_pairs).
-    type(error_slot_t), intent(inout) :: failed(:)
+    integer, intent(in) :: owner(:)  !! Rank of each pair, or `all_ranks` (n_pairs).
+    type(contact_pair_t), intent(inout) :: pair(:)  !! The pairs; those of other ranks are set (n_pairs).
+    type(error_slot_t), intent(inout) :: failed(:)  !! Their errors, likewise (n_pairs).
     type(error_slot_t), allocatable :: of_dealt(:)
     integer, allocatable :: dealt(:)
     integer :: k
@@ -148,12 +138,9 @@ contains
 
   !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
   subroutine foundation_compliance(body, pair, foundation, tie)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Compliance of each row (n_rows) [length/pressure].
-    real(dp), allocatable, intent(out) :: foundation(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    real(dp), allocatable, intent(out) :: foundation(:)  !! Compliance of each row (n_rows) [length/pressure].
     !> Ties, whose rows follow those of the pairs; none if absent (n_ties).
     type(tied_surfaces_t), intent(in), optional :: tie(:)
     real(dp) :: compliance(size(body))
@@ -186,8 +173,7 @@ contains
 
     !> Append the rows of one pair.
     subroutine append(rows)
-      !> The pair.
-      type(contact_pair_t), intent(in) :: rows
+      type(contact_pair_t), intent(in) :: rows  !! The pair.
       foundation = [foundation, spread(compliance(rows%body_a) + compliance(rows%body_b), 1, rows%n_rows)]
     end subroutine append
   end subroutine foundation_compliance

@@ -16,12 +16,9 @@ contains
 
   !> Set the penalty parameters of a pair by a formula of the position on surface_a.
   subroutine set_formula_theta(text, allows_zero, pair, error)
-    !> The formula, in x, y, z [length/pressure].
-    character(*), intent(in) :: text
-    !> Whether the formula may be zero at points.
-    logical, intent(in) :: allows_zero
-    !> The contact pair; its penalty parameters are set.
-    type(contact_pair_t), intent(inout) :: pair
+    character(*), intent(in) :: text  !! The formula, in x, y, z [length/pressure].
+    logical, intent(in) :: allows_zero  !! Whether the formula may be zero at points.
+    type(contact_pair_t), intent(inout) :: pair  !! The contact pair; its penalty parameters are set.
     !> Allocated where the formula cannot be read, or is negative, zero though it must not be, too large or no number at
     !> a point; names the pair and the point.
     type(error_t), allocatable, intent(out) :: error
@@ -55,8 +52,7 @@ contains
   contains
     !> Whether a value is no penalty parameter.
     pure logical function is_wrong(value)
-      !> Value of the formula [length/pressure].
-      real(dp), intent(in) :: value
+      real(dp), intent(in) :: value  !! Value of the formula [length/pressure].
       is_wrong = ieee_is_nan(value) .or. is_too_large(value)
       if (.not. is_wrong) is_wrong = value < 0 .or. (.not. value > 0 .and. .not. allows_zero)
     end function is_wrong
@@ -64,12 +60,9 @@ contains
 
   !> Set the penalty parameters of the rows of a pair, means of values at its points.
   subroutine set_row_theta(factor, at_points, pair)
-    !> Factor of the values [].
-    real(dp), intent(in) :: factor
-    !> Values at the points (n_points) [length/pressure].
-    real(dp), intent(in) :: at_points(:)
-    !> The contact pair; its penalty parameters are set.
-    type(contact_pair_t), intent(inout) :: pair
+    real(dp), intent(in) :: factor  !! Factor of the values [].
+    real(dp), intent(in) :: at_points(:)  !! Values at the points (n_points) [length/pressure].
+    type(contact_pair_t), intent(inout) :: pair  !! The contact pair; its penalty parameters are set.
     integer :: i, k
     ! Weights of dual shape functions may be negative: theta of a row is the mean by their magnitudes.
     associate (average => pair%average)

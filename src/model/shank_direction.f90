@@ -12,8 +12,7 @@ module dotyk_model_shank_direction
   private
   public :: angle_to_shank
 
-  !> Greatest number of corners of a facet.
-  integer, parameter :: max_corners = 4
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
   !> A body is a shank where the mean squared cosine between the normals around the cut and its direction is less than
   !> this fraction of that of any other direction: a cone of 17 degrees still is, the foot of a head is not [].
   real(dp), parameter :: clearly = 0.2_dp
@@ -25,12 +24,9 @@ contains
   !> The normals n of the faces beside the cut are perpendicular to a shank: its direction is the eigenvector of the
   !> smallest eigenvalue of the sum of A n n^T over these faces of areas A.
   real(dp) function angle_to_shank(mesh, cut, normal) result(angle)
-    !> Mesh of one half.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Its faces at the cut.
-    type(surface_t), intent(in) :: cut
-    !> Unit normal of the cut (3) [].
-    real(dp), intent(in) :: normal(3)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of one half.
+    type(surface_t), intent(in) :: cut  !! Its faces at the cut.
+    real(dp), intent(in) :: normal(3)  !! Unit normal of the cut (3) [].
     type(surface_t) :: boundary
     type(corner_table_t) :: faces
     type(element_kind_t) :: kind

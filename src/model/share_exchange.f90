@@ -11,12 +11,9 @@ contains
 
   !> Shares for other ranks, to them.
   subroutine deliver_shares(share, number, x)
-    !> That for each rank; none where not allocated (0:n_ranks-1).
-    type(layer_share_t), intent(in) :: share(0:)
-    !> Whole numbers of those that came (any).
-    integer(int64), allocatable, intent(out) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), allocatable, intent(out) :: x(:)
+    type(layer_share_t), intent(in) :: share(0:)  !! That for each rank; none where not allocated (0:n_ranks-1).
+    integer(int64), allocatable, intent(out) :: number(:)  !! Whole numbers of those that came (any).
+    real(dp), allocatable, intent(out) :: x(:)  !! Their coordinates (any) [length].
     integer(int64), allocatable :: sent(:), got(:)
     integer(int64) :: n(size(share)), n_from(size(share)), done
     integer :: r
@@ -36,12 +33,9 @@ contains
 
   !> One share of each rank, to all ranks.
   subroutine gather_shares(share, number, x)
-    !> That of this rank.
-    type(layer_share_t), intent(in) :: share
-    !> Whole numbers of those of all ranks (any).
-    integer(int64), allocatable, intent(out) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), allocatable, intent(out) :: x(:)
+    type(layer_share_t), intent(in) :: share  !! That of this rank.
+    integer(int64), allocatable, intent(out) :: number(:)  !! Whole numbers of those of all ranks (any).
+    real(dp), allocatable, intent(out) :: x(:)  !! Their coordinates (any) [length].
     integer(int64), allocatable :: all(:)
     call gather_all(packed(share), all)
     call unpack_shares(all, number, x)
@@ -49,8 +43,7 @@ contains
 
   !> A share as one list: the lengths, whole numbers, bits of the coordinates (any).
   pure function packed(share) result(list)
-    !> The share.
-    type(layer_share_t), intent(in) :: share
+    type(layer_share_t), intent(in) :: share  !! The share.
     integer(int64), allocatable :: list(:)
     list = [size(share%number, kind=int64), size(share%x, kind=int64), share%number, &
             transfer(share%x, [integer(int64) ::], size(share%x))]
@@ -58,12 +51,9 @@ contains
 
   !> Shares, one after the other.
   pure subroutine unpack_shares(list, number, x)
-    !> As from `packed` (any).
-    integer(int64), intent(in) :: list(:)
-    !> Whole numbers of all of them (any).
-    integer(int64), allocatable, intent(out) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), allocatable, intent(out) :: x(:)
+    integer(int64), intent(in) :: list(:)  !! As from `packed` (any).
+    integer(int64), allocatable, intent(out) :: number(:)  !! Whole numbers of all of them (any).
+    real(dp), allocatable, intent(out) :: x(:)  !! Their coordinates (any) [length].
     integer(int64) :: at, n, m, n_numbers, n_x
     integer :: pass
     do pass = 1, 2

@@ -21,32 +21,22 @@ contains
 
   !> Take the faces of a rigid body without volume.
   subroutine take_rigid_surface(mesh, scene, given, body_mesh, error)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> The body.
-    type(body_input_t), intent(in) :: given
-    !> Its faces.
-    type(body_mesh_t), intent(out) :: body_mesh
-    !> Set for an unknown name and faces that are no surface.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(body_input_t), intent(in) :: given  !! The body.
+    type(body_mesh_t), intent(out) :: body_mesh  !! Its faces.
+    type(error_t), allocatable, intent(out) :: error  !! Set for an unknown name and faces that are no surface.
     call extract_rigid_surface(mesh, given%volume, scene%dimension, scene%analysis == analysis_axisymmetric, &
                                facing_t(given%has_facing, given%facing), body_mesh, error)
   end subroutine take_rigid_surface
 
   !> Go on with one half of a body that a bolt cuts, along faces of its elements.
   subroutine cut_volume(mesh, given, body_mesh, whole, error)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> The half.
-    type(body_input_t), intent(in) :: given
-    !> Mesh of the whole body; that of the half on return.
-    type(body_mesh_t), intent(inout) :: body_mesh
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(out) :: whole
-    !> Set where the body cannot be cut in two halves.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    type(body_input_t), intent(in) :: given  !! The half.
+    type(body_mesh_t), intent(inout) :: body_mesh  !! Mesh of the whole body; that of the half on return.
+    type(body_mesh_t), intent(out) :: whole  !! Mesh of the whole body.
+    type(error_t), allocatable, intent(out) :: error  !! Set where the body cannot be cut in two halves.
     type(cut_input_t) :: cut
     type(joints_t) :: joints
     logical, allocatable :: is_ahead(:)
@@ -95,25 +85,18 @@ contains
 
   !> The surface of a half at the cut.
   subroutine take_cut(whole, half, surface)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Mesh of the half.
-    type(body_mesh_t), intent(in) :: half
-    !> The surface.
-    type(surface_t), intent(out) :: surface
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the whole body.
+    type(body_mesh_t), intent(in) :: half  !! Mesh of the half.
+    type(surface_t), intent(out) :: surface  !! The surface.
     call extract_cut(whole, half, cut_surface, surface)
   end subroutine take_cut
 
   !> Refuse what both halves of a body would get wholly: total forces, masses and total stiffnesses.
   subroutine refuse_on_both_halves(case, support_used, load_used, problems)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Whether a support acts on its body (n_supports).
-    logical, intent(in) :: support_used(:)
-    !> The same of loads (n_loads).
-    logical, intent(in) :: load_used(:)
-    !> Problems so far; mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    type(case_t), intent(in) :: case  !! The case.
+    logical, intent(in) :: support_used(:)  !! Whether a support acts on its body (n_supports).
+    logical, intent(in) :: load_used(:)  !! The same of loads (n_loads).
+    type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     integer :: k
     do k = 1, size(case%support)
       if (.not. case%support(k)%stiffness > 0) cycle
@@ -131,11 +114,9 @@ contains
 
     !> Whether the item of a first half is that of the second half, too.
     pure logical function is_on_both(body, line, used, k)
-      !> Bodies of the items, their lines, and whether they act (n).
-      integer, intent(in) :: body(:), line(:)
+      integer, intent(in) :: body(:), line(:)  !! Bodies of the items, their lines, and whether they act (n).
       logical, intent(in) :: used(:)
-      !> The item.
-      integer, intent(in) :: k
+      integer, intent(in) :: k  !! The item.
       is_on_both = .false.
       if (body(k) == 0) return
       if (used(k) .and. case%body(body(k))%cut%half == 1) &
@@ -144,12 +125,9 @@ contains
 
     !> Add the problem.
     subroutine refuse(line, group, what, body)
-      !> Line of the group.
-      integer, intent(in) :: line
-      !> The group, and what both halves would get.
-      character(*), intent(in) :: group, what
-      !> The first half.
-      integer, intent(in) :: body
+      integer, intent(in) :: line  !! Line of the group.
+      character(*), intent(in) :: group, what  !! The group, and what both halves would get.
+      integer, intent(in) :: body  !! The first half.
       call problems%add(case%file//':'//to_text(line)//': '//group//': the surface lies on both halves of body '// &
                         quoted(case%body(body)%cut%whole)//', and each would get '//what//': name a surface of one '// &
                         'half, or '//quoted(case%body(body)%name)//' or '//quoted(case%body(body + 1)%name)// &

@@ -22,8 +22,7 @@ module dotyk_model_ties
   private
   public :: find_ties, set_bolts
 
-  !> Surfaces are tied up to this distance, in facets [].
-  real(dp), parameter :: most_distant = 0.5_dp
+  real(dp), parameter :: most_distant = 0.5_dp  !! Surfaces are tied up to this distance, in facets [].
   !> The rotated side of a sector lies on the other one up to this fraction of a facet: what facets of curved sides are
   !> apart.
   real(dp), parameter :: most_off_sector = 0.1_dp
@@ -36,20 +35,13 @@ contains
 
   !> Discretize all ties; all problems are reported together.
   subroutine find_ties(case, body, surfaces, pair, surface_a, surface_b, tie, error)
-    !> The case; ties of halves that do not have their surfaces are dropped.
-    type(case_t), intent(inout) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their named surfaces (n_bodies).
-    type(body_surfaces_t), intent(in) :: surfaces(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Their slave surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Their master surfaces (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
-    !> The ties, in the order of the input (n_ties).
-    type(tied_surfaces_t), allocatable, intent(out) :: tie(:)
+    type(case_t), intent(inout) :: case  !! The case; ties of halves that do not have their surfaces are dropped.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_surfaces_t), intent(in) :: surfaces(:)  !! Their named surfaces (n_bodies).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)  !! Their slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)  !! Their master surfaces (n_pairs).
+    type(tied_surfaces_t), allocatable, intent(out) :: tie(:)  !! The ties, in the order of the input (n_ties).
     !> Allocated where ties cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
@@ -106,12 +98,9 @@ contains
 
   !> Drop the ties of halves of cut bodies that the other side does not reach, where it reaches another half.
   subroutine drop_distant_halves(case, tie, failed)
-    !> The case.
-    type(case_t), intent(inout) :: case
-    !> The ties; rows where one was found (n_ties).
-    type(tied_surfaces_t), allocatable, intent(inout) :: tie(:)
-    !> Why there is none (n_ties).
-    type(error_slot_t), allocatable, intent(inout) :: failed(:)
+    type(case_t), intent(inout) :: case  !! The case.
+    type(tied_surfaces_t), allocatable, intent(inout) :: tie(:)  !! The ties; rows where one was found (n_ties).
+    type(error_slot_t), allocatable, intent(inout) :: failed(:)  !! Why there is none (n_ties).
     type(tied_surfaces_t), allocatable :: kept(:)
     type(error_slot_t), allocatable :: left(:)
     logical :: is_kept(size(tie))
@@ -142,12 +131,9 @@ contains
 
   !> Drop the ties of halves of cut bodies that do not have the surface: it is on the other half.
   subroutine drop_absent_ties(case, surfaces, problems)
-    !> The case.
-    type(case_t), intent(inout) :: case
-    !> Named surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(in) :: surfaces(:)
-    !> Mistakes are added.
-    type(problem_list_t), intent(inout) :: problems
+    type(case_t), intent(inout) :: case  !! The case.
+    type(body_surfaces_t), intent(in) :: surfaces(:)  !! Named surfaces of the bodies (n_bodies).
+    type(problem_list_t), intent(inout) :: problems  !! Mistakes are added.
     logical :: is_there(size(case%tie))
     integer :: i, k
     do k = 1, size(case%tie)
@@ -178,8 +164,7 @@ contains
   !> Make the side of a tie that both halves of a cut body have its slave side: rows at a vertex of another body that
   !> meets both halves would hold it to one of them.
   subroutine make_halves_slaves(case)
-    !> The case, without ties of surfaces that are not there.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case, without ties of surfaces that are not there.
     logical :: is_exchanged(size(case%tie))
     integer :: i, k
     do k = 1, size(is_exchanged)
@@ -197,10 +182,8 @@ contains
 
   !> Whether two ties are one of the input: of the same bodies, or of halves of these.
   pure logical function joins_halves_of(case, one, other) result(joins)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> The ties.
-    integer, intent(in) :: one, other
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: one, other  !! The ties.
     joins = case%tie(one)%line == case%tie(other)%line
     if (joins) joins = has_same_whole(case%tie(one)%body_a, case%tie(other)%body_a) .and. &
                        has_same_whole(case%tie(one)%body_b, case%tie(other)%body_b)
@@ -209,8 +192,7 @@ contains
 
     !> Whether two bodies are one, or halves of one.
     pure logical function has_same_whole(a, b)
-      !> The bodies.
-      integer, intent(in) :: a, b
+      integer, intent(in) :: a, b  !! The bodies.
       has_same_whole = a == b
       if (has_same_whole .or. .not. (case%body(a)%cut%is_cut() .and. case%body(b)%cut%is_cut())) return
       has_same_whole = case%body(a)%cut%whole == case%body(b)%cut%whole
@@ -219,14 +201,10 @@ contains
 
   !> Whether a contact pair has points between a slave facet and a master facet that are both tied, to each other.
   logical function is_tied_contact(tie, pair, surface_a, surface_b) result(is_tied)
-    !> The tie.
-    type(tied_surfaces_t), intent(in) :: tie
-    !> The pair.
-    type(contact_pair_t), intent(in) :: pair
-    !> Its slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Its master surface.
-    type(surface_t), intent(in) :: surface_b
+    type(tied_surfaces_t), intent(in) :: tie  !! The tie.
+    type(contact_pair_t), intent(in) :: pair  !! The pair.
+    type(surface_t), intent(in) :: surface_a  !! Its slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Its master surface.
     is_tied = .false.
     associate (rows => tie%component(1))
       if (pair%body_a == rows%body_a .and. pair%body_b == rows%body_b) is_tied = joins(tie%surface_a, tie%surface_b)
@@ -239,10 +217,8 @@ contains
 
     !> Whether points of the pair join facets of two surfaces.
     logical function joins(one, other)
-      !> Surface of the slave body.
-      type(surface_t), intent(in) :: one
-      !> Surface of the master body.
-      type(surface_t), intent(in) :: other
+      type(surface_t), intent(in) :: one  !! Surface of the slave body.
+      type(surface_t), intent(in) :: other  !! Surface of the master body.
       logical, allocatable :: tied_a(:), tied_b(:)
       integer :: p
       call find_common_facets(surface_a, one, tied_a)
@@ -253,20 +229,13 @@ contains
 
   !> Discretize one tie.
   subroutine find_tie(given, axisymmetric, body_a, body_b, surfaces_a, surfaces_b, tie, error)
-    !> `&tie`.
-    type(tie_input_t), intent(in) :: given
-    !> Whether the bodies are axisymmetric.
-    logical, intent(in) :: axisymmetric
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> Surfaces of the slave body.
-    type(body_surfaces_t), intent(in) :: surfaces_a
-    !> Surfaces of the master body.
-    type(body_surfaces_t), intent(in) :: surfaces_b
-    !> The tie.
-    type(tied_surfaces_t), intent(out) :: tie
+    type(tie_input_t), intent(in) :: given  !! `&tie`.
+    logical, intent(in) :: axisymmetric  !! Whether the bodies are axisymmetric.
+    type(body_t), intent(in) :: body_a  !! Body of the slave side.
+    type(body_t), intent(in) :: body_b  !! Body of the master side.
+    type(body_surfaces_t), intent(in) :: surfaces_a  !! Surfaces of the slave body.
+    type(body_surfaces_t), intent(in) :: surfaces_b  !! Surfaces of the master body.
+    type(tied_surfaces_t), intent(out) :: tie  !! The tie.
     !> The surfaces are too far from each other, or do not face each other.
     type(error_t), allocatable, intent(out) :: error
     type(pair_settings_t) :: settings
@@ -329,8 +298,7 @@ contains
   !> A half that is a head there has the cut in its underside, whose normals are those of a shank across; or it is no
   !> shank at all, and its angle 0.
   pure real(dp) function angle_of_halves(a, b) result(angle)
-    !> Angles of the halves, 0 where they are no shank [degrees].
-    real(dp), intent(in) :: a, b
+    real(dp), intent(in) :: a, b  !! Angles of the halves, 0 where they are no shank [degrees].
     ! Beyond it one half alone says nothing [degrees].
     real(dp), parameter :: across = 60
     angle = min(a, b)
@@ -342,14 +310,10 @@ contains
   !> Radius, height and angle of the nodes of a surface around an axis, which points to the same side for either sign
   !> of its direction (3, n_nodes of the surface) [length, length, degrees].
   function cylindrical(axis, centre, mesh, surface)
-    !> Direction of the axis (3) [].
-    real(dp), intent(in) :: axis(3)
-    !> A point of it (3) [length].
-    real(dp), intent(in) :: centre(3)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> The surface.
-    type(surface_t), intent(in) :: surface
+    real(dp), intent(in) :: axis(3)  !! Direction of the axis (3) [].
+    real(dp), intent(in) :: centre(3)  !! A point of it (3) [length].
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    type(surface_t), intent(in) :: surface  !! The surface.
     real(dp), allocatable :: cylindrical(:, :)
     real(dp) :: frame(3, 3), arm(3)
     integer, allocatable :: node(:)
@@ -367,12 +331,9 @@ contains
 
   !> Find the axis of a bolt, and how it is pulled together.
   subroutine tighten(given, bolt, error)
-    !> `&bolt`.
-    type(tie_input_t), intent(in) :: given
-    !> The bolt, with the normal of its cut.
-    type(tied_surfaces_t), intent(inout) :: bolt
-    !> The cut is not flat.
-    type(error_t), allocatable, intent(out) :: error
+    type(tie_input_t), intent(in) :: given  !! `&bolt`.
+    type(tied_surfaces_t), intent(inout) :: bolt  !! The bolt, with the normal of its cut.
+    type(error_t), allocatable, intent(out) :: error  !! The cut is not flat.
     if (norm2(bolt%normal) < nearly_flat) then
       call set_error(error, '&bolt '//quoted(given%name)//': the surface '//quoted(bolt%surface_a%name)// &
                      ' is not flat: a bolt is cut across its axis', exit_bad_input)
@@ -385,12 +346,9 @@ contains
 
   !> Tighten or lock the bolts of a load case.
   subroutine set_bolts(given, load_case, tie)
-    !> `&tie` and `&bolt` (n_ties).
-    type(tie_input_t), intent(in) :: given(:)
-    !> The load case.
-    integer, intent(in) :: load_case
-    !> The same, with the shortenings of the load case before (n_ties).
-    type(tied_surfaces_t), intent(inout) :: tie(:)
+    type(tie_input_t), intent(in) :: given(:)  !! `&tie` and `&bolt` (n_ties).
+    integer, intent(in) :: load_case  !! The load case.
+    type(tied_surfaces_t), intent(inout) :: tie(:)  !! The same, with the shortenings of the load case before (n_ties).
     integer :: k
     do k = 1, size(tie)
       if (given(k)%is_bolt) &

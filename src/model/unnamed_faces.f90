@@ -23,18 +23,12 @@ contains
 
   !> List the faces of all bodies that are near each other and in no pair.
   subroutine list_unnamed_faces(case, surfaces, faces, near, list, unnamed)
-    !> The case, with the groups of its input.
-    type(case_t), intent(in) :: case
-    !> Surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> Facets of the bodies (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Facets that are near each other (n_near).
-    type(near_faces_t), intent(in) :: near(:)
-    !> The pairs.
-    type(pair_list_t), intent(in) :: list
-    !> Faces in no pair, by bodies (n_unnamed).
-    type(unnamed_faces_t), allocatable, intent(out) :: unnamed(:)
+    type(case_t), intent(in) :: case  !! The case, with the groups of its input.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)  !! Facets of the bodies (n_bodies).
+    type(near_faces_t), intent(in) :: near(:)  !! Facets that are near each other (n_near).
+    type(pair_list_t), intent(in) :: list  !! The pairs.
+    type(unnamed_faces_t), allocatable, intent(out) :: unnamed(:)  !! Faces in no pair, by bodies (n_unnamed).
     type(unnamed_faces_t) :: found(size(near))
     logical, allocatable :: open(:), seen(:)
     integer :: i, k, n, least
@@ -70,14 +64,10 @@ contains
   !> Leave out facets that face each other by their curvature, or that of their polygons, alone: a flank beside the end
   !> of a cylinder that is in a pair touches the other body by the rim of this end.
   pure subroutine leave_flanks(a, b, near, counts)
-    !> Facets of the first body.
-    type(body_faces_t), intent(in) :: a
-    !> Facets of the second body.
-    type(body_faces_t), intent(in) :: b
-    !> Facets of the two bodies that are near each other.
-    type(near_faces_t), intent(in) :: near
-    !> Facets that count so far (near%n).
-    logical, intent(inout) :: counts(:)
+    type(body_faces_t), intent(in) :: a  !! Facets of the first body.
+    type(body_faces_t), intent(in) :: b  !! Facets of the second body.
+    type(near_faces_t), intent(in) :: near  !! Facets of the two bodies that are near each other.
+    logical, intent(inout) :: counts(:)  !! Facets that count so far (near%n).
     integer :: i
     do i = 1, size(counts)
       if (.not. counts(i)) cycle
@@ -87,14 +77,10 @@ contains
 
   !> Leave out the facets that the pairs of two bodies have.
   subroutine leave_pairs(surfaces, near, list, open)
-    !> Surfaces of the bodies (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> Facets of the two bodies.
-    type(near_faces_t), intent(in) :: near
-    !> The pairs.
-    type(pair_list_t), intent(in) :: list
-    !> Facets in no pair so far (near%n).
-    logical, intent(inout) :: open(:)
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(near_faces_t), intent(in) :: near  !! Facets of the two bodies.
+    type(pair_list_t), intent(in) :: list  !! The pairs.
+    logical, intent(inout) :: open(:)  !! Facets in no pair so far (near%n).
     logical, allocatable :: in_a(:), in_b(:)
     integer :: k, place_a, place_b
     k = 0
@@ -116,12 +102,9 @@ contains
 
   !> Whether some group leaves out two bodies.
   logical function is_left_out(case, a, b) result(left_out)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Index of a body.
-    integer, intent(in) :: a
-    !> Index of the other body.
-    integer, intent(in) :: b
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: a  !! Index of a body.
+    integer, intent(in) :: b  !! Index of the other body.
     integer :: k
     left_out = .true.
     if (are_tied(case, a, b)) return

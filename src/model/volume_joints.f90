@@ -23,16 +23,11 @@ contains
 
   !> Faces of own elements on the boundary of the volume, and what is wrong with faces.
   subroutine find_boundary(own, whole, n_sharers, candidates, faults)
-    !> Elements that this rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> Number of ranks that have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> The faces.
-    type(boundary_candidates_t), intent(out) :: candidates
-    !> The faults, the same on all ranks.
-    type(share_faults_t), intent(out) :: faults
+    type(body_mesh_t), intent(in) :: own  !! Elements that this rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    type(boundary_candidates_t), intent(out) :: candidates  !! The faces.
+    type(share_faults_t), intent(out) :: faults  !! The faults, the same on all ranks.
     type(key_answers_t) :: answers
     integer(int64), allocatable :: packed(:), all(:)
     call candidates%find(own, whole%node, n_sharers, this_rank())
@@ -45,10 +40,8 @@ contains
 
   !> Ask the directories of the faces and nodes of keys, which are on all ranks.
   subroutine ask_directories(keys, answers)
-    !> Keys of this rank (key_length, n).
-    integer, intent(in) :: keys(:, :)
-    !> What the directories of all ranks tell.
-    type(key_answers_t), intent(out) :: answers
+    integer, intent(in) :: keys(:, :)  !! Keys of this rank (key_length, n).
+    type(key_answers_t), intent(out) :: answers  !! What the directories of all ranks tell.
     type(tag_links_t) :: part_links, piece_links
     integer(int64), allocatable :: got(:), back(:), parts(:), pieces(:)
     integer(int64) :: n_from(n_ranks()), n_back(n_ranks())
@@ -70,16 +63,11 @@ contains
 
   !> Send columns to ranks.
   subroutine deal_columns(column, to, order, got, n_from)
-    !> The columns (rows, n).
-    integer, intent(in) :: column(:, :)
-    !> Rank of each (n).
-    integer, intent(in) :: to(:)
-    !> The order in which they are sent (n).
-    integer, allocatable, intent(out) :: order(:)
-    !> What the ranks have sent to this one, rank after rank (any).
-    integer(int64), allocatable, intent(out) :: got(:)
-    !> How many of these numbers are from each rank (n_ranks).
-    integer(int64), intent(out) :: n_from(:)
+    integer, intent(in) :: column(:, :)  !! The columns (rows, n).
+    integer, intent(in) :: to(:)  !! Rank of each (n).
+    integer, allocatable, intent(out) :: order(:)  !! The order in which they are sent (n).
+    integer(int64), allocatable, intent(out) :: got(:)  !! What the ranks have sent to this one, rank after rank (any).
+    integer(int64), intent(out) :: n_from(:)  !! How many of these numbers are from each rank (n_ranks).
     integer(int64) :: n_to(n_ranks())
     order = by_owner(to)
     n_to = numbers(to, spread(size(column, 1, int64), 1, size(to)))
@@ -88,12 +76,9 @@ contains
 
   !> Tags of all ranks, joined by the links of all directories.
   subroutine gather_tags(tag, links, linked)
-    !> Tags of this rank (any).
-    integer(int64), intent(in) :: tag(:)
-    !> Links of its directory.
-    type(tag_links_t), intent(in) :: links
-    !> All of them, the same on all ranks.
-    type(linked_tags_t), intent(out) :: linked
+    integer(int64), intent(in) :: tag(:)  !! Tags of this rank (any).
+    type(tag_links_t), intent(in) :: links  !! Links of its directory.
+    type(linked_tags_t), intent(out) :: linked  !! All of them, the same on all ranks.
     integer(int64), allocatable :: own(:), all_tags(:), all_links(:)
     allocate (own(0))
     if (links%n > 0) own = reshape(links%link(:, :links%n), [2*links%n])
@@ -104,16 +89,11 @@ contains
 
   !> How the parts of the volume hang together.
   subroutine find_joints(own, whole, layer, faults, joints)
-    !> Elements that this rank owns.
-    type(body_mesh_t), intent(in) :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(in) :: whole
-    !> The surface.
-    type(surface_layer_t), intent(in) :: layer
-    !> What is wrong with faces.
-    type(share_faults_t), intent(in) :: faults
-    !> The joints, the same on all ranks.
-    type(joints_t), intent(out) :: joints
+    type(body_mesh_t), intent(in) :: own  !! Elements that this rank owns.
+    type(whole_numbers_t), intent(in) :: whole  !! Their numbers in the whole body.
+    type(surface_layer_t), intent(in) :: layer  !! The surface.
+    type(share_faults_t), intent(in) :: faults  !! What is wrong with faces.
+    type(joints_t), intent(out) :: joints  !! The joints, the same on all ranks.
     real(dp), allocatable :: shortest(:), length(:)
     integer, allocatable :: node(:)
     integer(int64), allocatable :: all(:)

@@ -30,20 +30,13 @@ module dotyk_model_volume_parts
   implicit none
   private
 
-  !> What this rank has read of a volume.
-  type, public :: volume_share_t
-    !> The elements, and their nodes.
-    type(body_mesh_t), private :: own
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), private :: whole
-    !> Number of each node in the file, ascending (n_nodes).
-    integer, allocatable, private :: file_node(:)
-    !> Number of nodes of the file.
-    integer, private :: n_file_nodes = 0
-    !> Box of the whole volume (dimension) [length].
-    real(dp), allocatable, private :: low(:), high(:)
-    !> Nodes of the elements of all ranks.
-    integer(int64), private :: n_element_nodes = 0
+  type, public :: volume_share_t  !! What this rank has read of a volume.
+    type(body_mesh_t), private :: own  !! The elements, and their nodes.
+    type(whole_numbers_t), private :: whole  !! Their numbers in the whole body.
+    integer, allocatable, private :: file_node(:)  !! Number of each node in the file, ascending (n_nodes).
+    integer, private :: n_file_nodes = 0  !! Number of nodes of the file.
+    real(dp), allocatable, private :: low(:), high(:)  !! Box of the whole volume (dimension) [length].
+    integer(int64), private :: n_element_nodes = 0  !! Nodes of the elements of all ranks.
   contains
     procedure :: take => share_take
     procedure :: weight => share_weight
@@ -55,12 +48,9 @@ contains
   !> Take the elements of a volume that this rank has read.
   subroutine share_take(self, mesh, name, dimension, error)
     class(volume_share_t), intent(out) :: self
-    !> What this rank has read of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the volume.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(mesh_t), intent(in) :: mesh  !! What this rank has read of the file.
+    character(*), intent(in) :: name  !! Physical group of the volume.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> The same on all ranks: an unknown name, an empty group, coordinates out of range, inverted or degenerate
     !> elements.
     type(error_t), allocatable, intent(out) :: error
@@ -99,22 +89,16 @@ contains
   !> The part of this rank, and the surface of the volume. The share is given up.
   subroutine share_make_part(self, mesh, name, n_bodies, before, all_weight, part, layer, joints, error)
     class(volume_share_t), intent(inout) :: self
-    !> What this rank has read of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the volume.
-    character(*), intent(in) :: name
-    !> Number of bodies that use the volume.
-    integer, intent(in) :: n_bodies
+    type(mesh_t), intent(in) :: mesh  !! What this rank has read of the file.
+    character(*), intent(in) :: name  !! Physical group of the volume.
+    integer, intent(in) :: n_bodies  !! Number of bodies that use the volume.
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
     !> The part; `mesh_node` is not allocated, its size is not measured (`measure_part`).
     type(body_mesh_t), intent(out) :: part
-    !> The surface, the same on all ranks.
-    type(surface_layer_t), intent(out) :: layer
-    !> How its parts hang together; there is no part where they cannot.
-    type(joints_t), intent(out) :: joints
-    !> The same on all ranks: elements are repeated.
-    type(error_t), allocatable, intent(out) :: error
+    type(surface_layer_t), intent(out) :: layer  !! The surface, the same on all ranks.
+    type(joints_t), intent(out) :: joints  !! How its parts hang together; there is no part where they cannot.
+    type(error_t), allocatable, intent(out) :: error  !! The same on all ranks: elements are repeated.
     type(boundary_candidates_t) :: candidates
     type(share_faults_t) :: faults
     type(body_part_t) :: body_part
@@ -143,12 +127,9 @@ contains
 
   !> Elements move to the ranks of their places on the curve.
   subroutine move_elements(self, n_bodies, before, all_weight)
-    !> What was read in; what this rank owns out.
     class(volume_share_t), intent(inout) :: self
-    !> As in `make_part`.
-    integer, intent(in) :: n_bodies
-    !> As in `make_part`.
-    integer(int64), intent(in) :: before, all_weight
+    integer, intent(in) :: n_bodies  !! As in `make_part`.
+    integer(int64), intent(in) :: before, all_weight  !! As in `make_part`.
     type(layer_share_t) :: share(0:n_ranks() - 1)
     type(surface_layer_t) :: got
     integer(int64), allocatable :: number(:)
@@ -187,14 +168,10 @@ contains
 
   !> The surface of the volume, on all ranks.
   subroutine find_layer(self, mesh, candidates, layer)
-    !> What this rank owns.
     class(volume_share_t), intent(in) :: self
-    !> What this rank has read of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> Faces of own elements on the boundary.
-    type(boundary_candidates_t), intent(in) :: candidates
-    !> The surface.
-    type(surface_layer_t), intent(out) :: layer
+    type(mesh_t), intent(in) :: mesh  !! What this rank has read of the file.
+    type(boundary_candidates_t), intent(in) :: candidates  !! Faces of own elements on the boundary.
+    type(surface_layer_t), intent(out) :: layer  !! The surface.
     type(layer_share_t) :: share
     integer(int64), allocatable :: inner(:), number(:)
     real(dp), allocatable :: x(:)
@@ -206,18 +183,12 @@ contains
 
   !> Own elements, those around them that other ranks own, and samples.
   subroutine fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
-    !> What this rank owns.
     class(volume_share_t), intent(in) :: self
-    !> Faces of own elements on the boundary.
-    type(boundary_candidates_t), intent(in) :: candidates
-    !> Number of ranks that have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
-    !> The ranks (any).
-    integer, intent(in) :: sharer(:)
-    !> Whole numbers of the shares that came (any).
-    integer(int64), allocatable, intent(out) :: number(:)
-    !> Their coordinates (any) [length].
-    real(dp), allocatable, intent(out) :: x(:)
+    type(boundary_candidates_t), intent(in) :: candidates  !! Faces of own elements on the boundary.
+    integer, intent(in) :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: sharer(:)  !! The ranks (any).
+    integer(int64), allocatable, intent(out) :: number(:)  !! Whole numbers of the shares that came (any).
+    real(dp), allocatable, intent(out) :: x(:)  !! Their coordinates (any) [length].
     type(layer_share_t) :: share(0:n_ranks() - 1), sample
     integer(int64), allocatable :: of_samples(:)
     real(dp), allocatable :: x_of_samples(:)

@@ -25,26 +25,17 @@ module dotyk_model_volumes
   implicit none
   private
 
-  !> A volume and its extracted surfaces.
-  type, public :: volume_t
-    !> Its elements, at the position in the mesh file.
-    type(body_mesh_t) :: mesh
-    !> How its parts hang together.
-    type(joints_t) :: joints
-    !> Allocated where the mesh has no such volume.
-    type(error_t), allocatable :: error
-    !> Number of extracted surfaces.
-    integer, private :: n = 0
-    !> Extracted surfaces; the first n are in use (n_allocated).
-    type(surface_t), allocatable, private :: surface(:)
+  type, public :: volume_t  !! A volume and its extracted surfaces.
+    type(body_mesh_t) :: mesh  !! Its elements, at the position in the mesh file.
+    type(joints_t) :: joints  !! How its parts hang together.
+    type(error_t), allocatable :: error  !! Allocated where the mesh has no such volume.
+    integer, private :: n = 0  !! Number of extracted surfaces.
+    type(surface_t), allocatable, private :: surface(:)  !! Extracted surfaces; the first n are in use (n_allocated).
     !> Names of its physical groups of surfaces; allocated when first asked for (n_names).
     type(text_t), allocatable, private :: name(:)
-    !> Its whole boundary; allocated when first asked for.
-    type(surface_t), allocatable, private :: boundary
-    !> Whether it is one half of a body that a bolt cuts.
-    logical, private :: is_half = .false.
-    !> Its surface, where this rank has a part of its elements.
-    type(surface_layer_t), allocatable, private :: layer
+    type(surface_t), allocatable, private :: boundary  !! Its whole boundary; allocated when first asked for.
+    logical, private :: is_half = .false.  !! Whether it is one half of a body that a bolt cuts.
+    type(surface_layer_t), allocatable, private :: layer  !! Its surface, where this rank has a part of its elements.
   contains
     procedure :: take => volume_take
     procedure :: take_part => volume_take_part
@@ -59,12 +50,9 @@ contains
   !> Extract the volume of a body from a mesh, or its surface where it has no volume.
   subroutine volume_take(self, mesh, scene, given, locks)
     class(volume_t), intent(out) :: self
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> The scene, for its dimension and analysis.
-    type(scene_input_t), intent(in) :: scene
-    !> The body.
-    type(body_input_t), intent(in) :: given
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    type(scene_input_t), intent(in) :: scene  !! The scene, for its dimension and analysis.
+    type(body_input_t), intent(in) :: given  !! The body.
     !> Whether linear triangles, tetrahedra, prisms and pyramids would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
     type(body_mesh_t) :: uncut
@@ -88,14 +76,10 @@ contains
   !> Make the part of this rank, with all ranks.
   subroutine volume_take_part(self, mesh, name, share, n_bodies, before, all_weight)
     class(volume_t), intent(out) :: self
-    !> What this rank has read of the file.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the volume.
-    character(*), intent(in) :: name
-    !> What it has read of the volume; given up.
-    type(volume_share_t), intent(inout) :: share
-    !> Number of bodies that use the volume.
-    integer, intent(in) :: n_bodies
+    type(mesh_t), intent(in) :: mesh  !! What this rank has read of the file.
+    character(*), intent(in) :: name  !! Physical group of the volume.
+    type(volume_share_t), intent(inout) :: share  !! What it has read of the volume; given up.
+    integer, intent(in) :: n_bodies  !! Number of bodies that use the volume.
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
     allocate (self%layer)
@@ -107,10 +91,8 @@ contains
   !> The whole boundary of the volume.
   subroutine volume_take_boundary(self, mesh, boundary)
     class(volume_t), intent(inout) :: self
-    !> Mesh of the volume.
-    type(mesh_t), intent(in) :: mesh
-    !> The boundary.
-    type(surface_t), intent(out) :: boundary
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    type(surface_t), intent(out) :: boundary  !! The boundary.
     integer, allocatable :: number(:)
     if (.not. allocated(self%boundary)) then
       allocate (self%boundary)
@@ -129,10 +111,8 @@ contains
   !> Whether the volume has a surface of a name.
   logical function volume_has_surface(self, mesh, name) result(has)
     class(volume_t), intent(inout) :: self
-    !> Mesh of the volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the surface, maybe with wildcards.
-    character(*), intent(in) :: name
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    character(*), intent(in) :: name  !! Physical group of the surface, maybe with wildcards.
     integer :: i
     if (.not. allocated(self%name)) then
       if (allocated(self%layer)) then
@@ -167,14 +147,10 @@ contains
   !> surface.
   logical function volume_lies_on_axis(self, mesh, x, analysis, name) result(lies)
     class(volume_t), intent(inout) :: self
-    !> Mesh of the volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Nodes of the body in place (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Physical group of the surface.
-    character(*), intent(in) :: name
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body in place (dimension, n_nodes) [length].
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    character(*), intent(in) :: name  !! Physical group of the surface.
     type(surface_t) :: surface
     type(error_t), allocatable :: failed
     lies = .false.
@@ -186,14 +162,10 @@ contains
   !> Extract a surface of the volume, or copy it where it is extracted already.
   subroutine volume_take_surface(self, mesh, name, surface, error)
     class(volume_t), intent(inout) :: self
-    !> Mesh of the volume.
-    type(mesh_t), intent(in) :: mesh
-    !> Physical group of the surface.
-    character(*), intent(in) :: name
-    !> The surface.
-    type(surface_t), intent(out) :: surface
-    !> Allocated where the volume has no such surface.
-    type(error_t), allocatable, intent(out) :: error
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    character(*), intent(in) :: name  !! Physical group of the surface.
+    type(surface_t), intent(out) :: surface  !! The surface.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the volume has no such surface.
     type(surface_t), allocatable :: more(:)
     integer :: i
     do i = 1, self%n

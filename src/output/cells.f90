@@ -7,18 +7,14 @@ module dotyk_output_cells
   implicit none
   private
 
-  !> Cells of one part, in the order of the blocks of its body.
-  type, public :: cells_t
+  type, public :: cells_t  !! Cells of one part, in the order of the blocks of its body.
     !> Nodes of all cells, one cell after the other, from 0, in the order of VTK (n_connectivity).
     integer(int64), allocatable :: connectivity(:)
     !> Offsets of the cells in `connectivity`, from 0, and its length (n_cells + 1).
     integer(int64), allocatable :: offset(:)
-    !> Cell types of VTK (n_cells).
-    integer(int8), allocatable :: vtk_type(:)
-    !> Element tags of the mesh file (n_cells).
-    integer(int64), allocatable :: tag(:)
-    !> Numbers of their materials (n_cells).
-    integer(int32), allocatable :: material(:)
+    integer(int8), allocatable :: vtk_type(:)  !! Cell types of VTK (n_cells).
+    integer(int64), allocatable :: tag(:)  !! Element tags of the mesh file (n_cells).
+    integer(int32), allocatable :: material(:)  !! Numbers of their materials (n_cells).
   end type cells_t
 
   public :: cells_of_body, connectivity_length
@@ -27,8 +23,7 @@ contains
 
   !> Sum of the nodes of all cells of a body, of the whole body where this rank holds a part of it.
   pure integer(int64) function connectivity_length(mesh) result(length)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
     type(element_kind_t) :: kind
     integer :: k
     length = 0
@@ -40,10 +35,8 @@ contains
 
   !> The cells of a body.
   subroutine cells_of_body(mesh, cells)
-    !> Mesh of the body; its blocks tell their materials.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Its cells.
-    type(cells_t), intent(out) :: cells
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body; its blocks tell their materials.
+    type(cells_t), intent(out) :: cells  !! Its cells.
     type(element_kind_t) :: kind
     integer(int64) :: first_node, node_count
     integer(int64) :: n_ids
@@ -76,20 +69,15 @@ contains
 
   !> Connectivity of the cells of one block.
   pure subroutine fill_connectivity(n_nodes, n_cells, node, vtk_order, first_node, connectivity, last)
-    !> Nodes per cell.
-    integer, intent(in) :: n_nodes
-    !> Number of elements.
-    integer, intent(in) :: n_cells
+    integer, intent(in) :: n_nodes  !! Nodes per cell.
+    integer, intent(in) :: n_cells  !! Number of elements.
     !> Nodes of the elements, from 1, in the order of gmsh (at least n_nodes, n_cells).
     integer, intent(in) :: node(:, :)
-    !> Local node of gmsh for each node of VTK (n_nodes).
-    integer, intent(in) :: vtk_order(n_nodes)
-    !> Length of the connectivity of earlier blocks.
-    integer(int64), intent(in) :: first_node
+    integer, intent(in) :: vtk_order(n_nodes)  !! Local node of gmsh for each node of VTK (n_nodes).
+    integer(int64), intent(in) :: first_node  !! Length of the connectivity of earlier blocks.
     !> Nodes of all cells, counted from 0 (n_nodes, n_cells).
     integer(int64), intent(out) :: connectivity(n_nodes, n_cells)
-    !> Offsets of the ends of the cells (n_cells).
-    integer(int64), intent(out) :: last(n_cells)
+    integer(int64), intent(out) :: last(n_cells)  !! Offsets of the ends of the cells (n_cells).
     integer :: i, j
     do j = 1, n_cells
       do i = 1, n_nodes

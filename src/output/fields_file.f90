@@ -14,24 +14,15 @@ module dotyk_output_fields_file
   implicit none
   private
 
-  !> Meshes and fields being written.
-  type, public :: fields_file_t
-    !> Path of the finished file.
-    character(:), allocatable :: path
-    !> Its path until it is finished.
-    character(:), allocatable :: temporary
-    !> The open file.
-    type(hdf5_file_t) :: file
-    !> Points before each part (n_parts + 1).
-    integer(int64), allocatable :: first_point(:)
-    !> Cells before each part (n_parts + 1).
-    integer(int64), allocatable :: first_cell(:)
-    !> Connectivity entries before each part (n_parts + 1).
-    integer(int64), allocatable :: first_id(:)
-    !> Steps of time for VTK, the load cases; 0: none.
-    integer :: n_steps = 0
-    !> The step that is written.
-    integer :: step = 1
+  type, public :: fields_file_t  !! Meshes and fields being written.
+    character(:), allocatable :: path  !! Path of the finished file.
+    character(:), allocatable :: temporary  !! Its path until it is finished.
+    type(hdf5_file_t) :: file  !! The open file.
+    integer(int64), allocatable :: first_point(:)  !! Points before each part (n_parts + 1).
+    integer(int64), allocatable :: first_cell(:)  !! Cells before each part (n_parts + 1).
+    integer(int64), allocatable :: first_id(:)  !! Connectivity entries before each part (n_parts + 1).
+    integer :: n_steps = 0  !! Steps of time for VTK, the load cases; 0: none.
+    integer :: step = 1  !! The step that is written.
     !> The first failure of a `put_...` of the results file, kept for its `commit`.
     type(error_t), allocatable :: failure
   contains
@@ -57,28 +48,18 @@ contains
   subroutine fields_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
                            want_contact, want_error, want_reaction, want_nodal_stress, error, n_steps)
     class(fields_file_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Nodes of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_points(:)
-    !> Elements of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_cells(:)
+    character(*), intent(in) :: path  !! Path of the file.
+    integer(int64), intent(in), contiguous :: n_points(:)  !! Nodes of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_cells(:)  !! Elements of each body (n_parts).
     !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
     integer(int64), intent(in), contiguous :: n_connectivity(:)
-    !> Whether displacements will be written.
-    logical, intent(in) :: want_displacement
-    !> Whether stresses will be written.
-    logical, intent(in) :: want_stress
-    !> Whether the fields of contact will be written.
-    logical, intent(in) :: want_contact
-    !> Whether discretization errors of the elements will be written.
-    logical, intent(in) :: want_error
-    !> Whether reactions at nodes will be written.
-    logical, intent(in) :: want_reaction
-    !> Whether stresses at nodes will be written.
-    logical, intent(in) :: want_nodal_stress
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: want_displacement  !! Whether displacements will be written.
+    logical, intent(in) :: want_stress  !! Whether stresses will be written.
+    logical, intent(in) :: want_contact  !! Whether the fields of contact will be written.
+    logical, intent(in) :: want_error  !! Whether discretization errors of the elements will be written.
+    logical, intent(in) :: want_reaction  !! Whether reactions at nodes will be written.
+    logical, intent(in) :: want_nodal_stress  !! Whether stresses at nodes will be written.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     !> Steps of time, all with fields of their own on the same meshes; 0 or absent: fields without time.
     integer, intent(in), optional :: n_steps
     if (allocated(self%failure)) deallocate (self%failure)
@@ -103,10 +84,8 @@ contains
   !> Write what VTK needs to know of the steps of time: meshes and tags are those of the first one.
   subroutine fields_finish_steps(self, n_written, error)
     class(fields_file_t), intent(in) :: self
-    !> Steps that were written.
-    integer, intent(in) :: n_written
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: n_written  !! Steps that were written.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     associate (n_parts => size(self%first_point) - 1)
       call create_steps(self%file, n_written, n_parts, self%first_point(n_parts + 1), self%first_cell(n_parts + 1), &
                         error)
@@ -115,26 +94,21 @@ contains
 
   !> First value of a part in the fields of the nodes.
   pure integer(int64) function point_of(self, part) result(point)
-    !> The file.
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the body.
     point = (self%step - 1)*self%first_point(size(self%first_point)) + self%first_point(part)
   end function point_of
 
   !> First value of a part in the fields of the elements.
   pure integer(int64) function cell_of(self, part) result(cell)
-    !> The file.
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the body.
     cell = (self%step - 1)*self%first_cell(size(self%first_cell)) + self%first_cell(part)
   end function cell_of
 
   !> Offsets of parts: 0, n(1), n(1) + n(2), ...
   pure function running_sum(n) result(total)
-    !> Numbers (n_parts).
-    integer(int64), intent(in) :: n(:)
+    integer(int64), intent(in) :: n(:)  !! Numbers (n_parts).
     integer(int64) :: total(size(n) + 1)
     integer :: i
     total(1) = 0
@@ -146,12 +120,9 @@ contains
   !> Write the geometry of one body.
   subroutine fields_write_part(self, part, mesh, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Mesh of the body; its blocks tell their materials, by numbers in the file.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: part  !! Index of the body.
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body; its blocks tell their materials, by numbers in the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     type(cells_t) :: cells
     integer(int64) :: point, cell, id
     call cells_of_body(mesh, cells)
@@ -173,12 +144,9 @@ contains
   !> Write the displacements of one body.
   subroutine fields_write_displacement(self, part, displacement, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Displacements of the nodes (dimension, n_nodes) [length].
-    real(dp), intent(in), contiguous :: displacement(:, :)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: part  !! Index of the body.
+    real(dp), intent(in), contiguous :: displacement(:, :)  !! Displacements of the nodes (dimension, n_nodes) [length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/PointData/displacement', point_of(self, part), &
                             with_three_components(displacement), error)
   end subroutine fields_write_displacement
@@ -186,56 +154,41 @@ contains
   !> Write numbers at the nodes of one body.
   subroutine write_nodal_reals(self, part, name, values, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Name of the field.
-    character(*), intent(in) :: name
-    !> Values at the nodes (n_nodes) [any].
-    real(dp), intent(in), contiguous :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: part  !! Index of the body.
+    character(*), intent(in) :: name  !! Name of the field.
+    real(dp), intent(in), contiguous :: values(:)  !! Values at the nodes (n_nodes) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
   end subroutine write_nodal_reals
 
   !> Write integers at the nodes of one body.
   subroutine write_nodal_integers(self, part, name, values, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Name of the field.
-    character(*), intent(in) :: name
-    !> Values at the nodes (n_nodes).
-    integer(int32), intent(in), contiguous :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: part  !! Index of the body.
+    character(*), intent(in) :: name  !! Name of the field.
+    integer(int32), intent(in), contiguous :: values(:)  !! Values at the nodes (n_nodes).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
   end subroutine write_nodal_integers
 
   !> Write vectors at the nodes of one body.
   subroutine write_nodal_vectors(self, part, name, values, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Name of the field.
-    character(*), intent(in) :: name
-    !> Values at the nodes (dimension, n_nodes) [any].
-    real(dp), intent(in), contiguous :: values(:, :)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: part  !! Index of the body.
+    character(*), intent(in) :: name  !! Name of the field.
+    real(dp), intent(in), contiguous :: values(:, :)  !! Values at the nodes (dimension, n_nodes) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), with_three_components(values), error)
   end subroutine write_nodal_vectors
 
   !> Write the stresses of one body.
   subroutine fields_write_stress(self, part, stress, von_mises, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the body.
     !> Mean stresses xx yy zz xy yz xz of the elements, in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(in), contiguous :: stress(:, :)
-    !> Von Mises stresses of the means (n_elements) [pressure].
-    real(dp), intent(in), contiguous :: von_mises(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in), contiguous :: von_mises(:)  !! Von Mises stresses of the means (n_elements) [pressure].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(int64) :: cell
     cell = cell_of(self, part)
     call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
@@ -245,16 +198,12 @@ contains
   !> Write the stresses at the nodes of one body.
   subroutine fields_write_nodal_stress(self, part, stress, von_mises, principal, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
-    !> Stresses xx yy zz xy yz xz (6, n_nodes) [pressure].
-    real(dp), intent(in), contiguous :: stress(:, :)
-    !> Von Mises stresses (n_nodes) [pressure].
-    real(dp), intent(in), contiguous :: von_mises(:)
+    integer, intent(in) :: part  !! Index of the body.
+    real(dp), intent(in), contiguous :: stress(:, :)  !! Stresses xx yy zz xy yz xz (6, n_nodes) [pressure].
+    real(dp), intent(in), contiguous :: von_mises(:)  !! Von Mises stresses (n_nodes) [pressure].
     !> Principal stresses, the greatest first (3, n_nodes) [pressure].
     real(dp), intent(in), contiguous :: principal(:, :)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/PointData/nodal_stress', point_of(self, part), stress, error)
     if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_von_mises', von_mises, error)
     if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_principal_stress', principal, error)
@@ -263,12 +212,10 @@ contains
   !> Write the discretization errors of the elements of one body.
   subroutine fields_write_discretization_error(self, part, value, error)
     class(fields_file_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: part
+    integer, intent(in) :: part  !! Index of the body.
     !> Relative errors in the energy norm, elements in the order of the blocks (n_elements) [].
     real(dp), intent(in), contiguous :: value(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%file%put_part('/VTKHDF/CellData/discretization_error', cell_of(self, part), value, error)
   end subroutine fields_write_discretization_error
 

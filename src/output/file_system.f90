@@ -14,10 +14,8 @@ contains
   !> Check that a file can be created at a path, by creating one of a temporary name beside it; an existing file stays
   !> untouched. Leftovers of killed runs are deleted.
   subroutine check_writable(path, error)
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Allocated where it cannot, with exit code `exit_not_written`.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: path  !! Path of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where it cannot, with exit code `exit_not_written`.
     character(:), allocatable :: reason
     character(300) :: message
     integer :: unit, status, mark
@@ -55,12 +53,9 @@ contains
 
   !> Refuse to replace a file that is no HDF5 file: the input, a mesh, notes.
   subroutine check_replaceable(path, error)
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Allocated where the file is there and no results file.
-    type(error_t), allocatable, intent(out) :: error
-    !> Second to fourth byte of HDF5 files.
-    character(*), parameter :: signature = 'HDF'
+    character(*), intent(in) :: path  !! Path of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file is there and no results file.
+    character(*), parameter :: signature = 'HDF'  !! Second to fourth byte of HDF5 files.
     character(4) :: head
     integer :: unit, status, length
     open (newunit=unit, file=path, access='stream', form='unformatted', action='read', status='old', iostat=status)
@@ -76,20 +71,16 @@ contains
 
   !> Name beside a path that no other process uses.
   function temporary_name(path) result(name)
-    !> Path of the file.
-    character(*), intent(in) :: path
+    character(*), intent(in) :: path  !! Path of the file.
     character(:), allocatable :: name
     name = path//own_mark()//'.tmp'
   end function temporary_name
 
   !> Write a file through to the disk and rename it in one step, in place of an existing file.
   subroutine replace_file(temporary, path, error)
-    !> Path of the finished file.
-    character(*), intent(in) :: temporary
-    !> Its final path.
-    character(*), intent(in) :: path
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: temporary  !! Path of the finished file.
+    character(*), intent(in) :: path  !! Its final path.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(:), allocatable :: reason
     call sync_file(temporary, reason)
     if (len(reason) > 0) then

@@ -16,8 +16,7 @@ module dotyk_output_hdf5
   private
   public :: hdf5_real, hdf5_int32, hdf5_int64, hdf5_uint8
 
-  !> A file open for writing.
-  type, extends(hdf5_handle_t), public :: hdf5_file_t
+  type, extends(hdf5_handle_t), public :: hdf5_file_t  !! A file open for writing.
   contains
     procedure, private :: put_text, put_integer, put_long, put_real, put_integers, put_longs, put_reals
     !> put_attribute(object, name, value, error): a text, a number or a 1-d vector at a group or dataset.
@@ -35,132 +34,96 @@ contains
   !> Write rows of a dataset of reals.
   subroutine part_real_1d(self, name, first, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Values (n) [any].
-    real(dp), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    real(dp), intent(in), contiguous, target :: values(:)  !! Values (n) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_rows(self, name, hdf5_real, first, shape(values, int64), c_loc(values), error)
   end subroutine part_real_1d
 
   !> Write rows of a dataset of vectors.
   subroutine part_real_2d(self, name, first, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Rows of values (width, n) [any].
-    real(dp), intent(in), contiguous, target :: values(:, :)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    real(dp), intent(in), contiguous, target :: values(:, :)  !! Rows of values (width, n) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_rows(self, name, hdf5_real, first, shape(values, int64), c_loc(values), error)
   end subroutine part_real_2d
 
   !> Write rows of a dataset of 8-bit integers.
   subroutine part_int8(self, name, first, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Values (n).
-    integer(int8), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    integer(int8), intent(in), contiguous, target :: values(:)  !! Values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_rows(self, name, hdf5_uint8, first, shape(values, int64), c_loc(values), error)
   end subroutine part_int8
 
   !> Write rows of a dataset of 32-bit integers.
   subroutine part_int32(self, name, first, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Values (n).
-    integer(int32), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    integer(int32), intent(in), contiguous, target :: values(:)  !! Values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_rows(self, name, hdf5_int32, first, shape(values, int64), c_loc(values), error)
   end subroutine part_int32
 
   !> Write rows of a dataset of 64-bit integers.
   subroutine part_int64(self, name, first, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Values (n).
-    integer(int64), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    integer(int64), intent(in), contiguous, target :: values(:)  !! Values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_rows(self, name, hdf5_int64, first, shape(values, int64), c_loc(values), error)
   end subroutine part_int64
 
   !> Write a dataset of reals.
   subroutine dataset_real_1d(self, name, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Values (n) [any].
-    real(dp), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    real(dp), intent(in), contiguous, target :: values(:)  !! Values (n) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_dataset(self, name, hdf5_real, shape(values, int64), c_loc(values), error)
   end subroutine dataset_real_1d
 
   !> Write a dataset of vectors.
   subroutine dataset_real_2d(self, name, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Rows of values (width, n) [any].
-    real(dp), intent(in), contiguous, target :: values(:, :)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    real(dp), intent(in), contiguous, target :: values(:, :)  !! Rows of values (width, n) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_dataset(self, name, hdf5_real, shape(values, int64), c_loc(values), error)
   end subroutine dataset_real_2d
 
   !> Write a dataset of 32-bit integers.
   subroutine dataset_int32(self, name, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Values (n).
-    integer(int32), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int32), intent(in), contiguous, target :: values(:)  !! Values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_dataset(self, name, hdf5_int32, shape(values, int64), c_loc(values), error)
   end subroutine dataset_int32
 
   !> Write a dataset of 64-bit integers.
   subroutine dataset_int64(self, name, values, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> Values (n).
-    integer(int64), intent(in), contiguous, target :: values(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer(int64), intent(in), contiguous, target :: values(:)  !! Values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_dataset(self, name, hdf5_int64, shape(values, int64), c_loc(values), error)
   end subroutine dataset_int64
 
   !> A text of any length, stored without padding.
   subroutine put_text(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Its text.
-    character(*), intent(in) :: value
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    character(*), intent(in) :: value  !! Its text.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(kind=c_char), allocatable, target :: letters(:)
     integer(hid_t) :: type_id
     integer :: status, i
@@ -181,84 +144,60 @@ contains
   !> Write an integer as attribute.
   subroutine put_integer(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute.
-    integer(int32), intent(in), target :: value
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int32), intent(in), target :: value  !! Value of the attribute.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_std_i32le, [integer(hsize_t) ::], c_loc(value), error)
   end subroutine put_integer
 
   !> Write a 64-bit integer as attribute.
   subroutine put_long(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute.
-    integer(int64), intent(in), target :: value
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int64), intent(in), target :: value  !! Value of the attribute.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_std_i64le, [integer(hsize_t) ::], c_loc(value), error)
   end subroutine put_long
 
   !> Write a real as attribute.
   subroutine put_real(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute [any].
-    real(dp), intent(in), target :: value
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    real(dp), intent(in), target :: value  !! Value of the attribute [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_ieee_f64le, [integer(hsize_t) ::], c_loc(value), error)
   end subroutine put_real
 
   !> Write integers as attribute.
   subroutine put_integers(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Its values (n).
-    integer(int32), intent(in), contiguous, target :: value(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int32), intent(in), contiguous, target :: value(:)  !! Its values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_std_i32le, shape(value, hsize_t), c_loc(value), error)
   end subroutine put_integers
 
   !> Write 64-bit integers as attribute.
   subroutine put_longs(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Its values (n).
-    integer(int64), intent(in), contiguous, target :: value(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int64), intent(in), contiguous, target :: value(:)  !! Its values (n).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_std_i64le, shape(value, hsize_t), c_loc(value), error)
   end subroutine put_longs
 
   !> Write reals as attribute.
   subroutine put_reals(self, object, name, value, error)
     class(hdf5_file_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Values of the attribute (n) [any].
-    real(dp), intent(in), contiguous, target :: value(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    real(dp), intent(in), contiguous, target :: value(:)  !! Values of the attribute (n) [any].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call write_attribute(self, object, name, h5t_ieee_f64le, shape(value, hsize_t), c_loc(value), error)
   end subroutine put_reals
 end module dotyk_output_hdf5

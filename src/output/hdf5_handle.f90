@@ -22,14 +22,10 @@ module dotyk_output_hdf5_handle
   integer, parameter, public :: hdf5_int64 = 3  !< 64-bit integer
   integer, parameter, public :: hdf5_uint8 = 4  !< unsigned 8-bit integer; in memory `int8` values 0..127
 
-  !> A file open for writing.
-  type, public :: hdf5_handle_t
-    !> Name of the file in messages.
-    character(:), allocatable :: label
-    !> Handle of HDF5.
-    integer(hid_t) :: id = -1
-    !> Whether the file is open.
-    logical :: is_open = .false.
+  type, public :: hdf5_handle_t  !! A file open for writing.
+    character(:), allocatable :: label  !! Name of the file in messages.
+    integer(hid_t) :: id = -1  !! Handle of HDF5.
+    logical :: is_open = .false.  !! Whether the file is open.
   contains
     procedure :: create => file_create
     procedure :: close => file_close
@@ -47,10 +43,8 @@ contains
   !> Make the error of a failed call.
   subroutine fail(self, what, error)
     class(hdf5_handle_t), intent(in) :: self
-    !> Name of what is written, or empty.
-    character(*), intent(in) :: what
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: what  !! Name of what is written, or empty.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(:), allocatable :: reason
     reason = hdf5_reason()
     if (len(what) > 0) reason = reason//' (at '//what//')'
@@ -60,12 +54,9 @@ contains
   !> Create a file, in place of one of the same name.
   subroutine file_create(self, path, error, label)
     class(hdf5_handle_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
-    !> Name of the file in messages; `path` if absent.
-    character(*), intent(in), optional :: label
+    character(*), intent(in) :: path  !! Path of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
+    character(*), intent(in), optional :: label  !! Name of the file in messages; `path` if absent.
     integer(hid_t) :: access
     integer :: status
     call start_hdf5()
@@ -85,8 +76,7 @@ contains
   !> Flush and close the file.
   subroutine file_close(self, error)
     class(hdf5_handle_t), intent(inout) :: self
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer :: status
     if (.not. self%is_open) return
     call h5fclose_f(self%id, status)
@@ -97,8 +87,7 @@ contains
   !> Whether the file has an object.
   logical function file_has(self, name) result(has)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path in the file; its parents exist.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Path in the file; its parents exist.
     integer :: status
     call h5lexists_f(self%id, name, has, status)
     has = has .and. status >= 0
@@ -107,8 +96,7 @@ contains
   !> Number of groups and datasets in a group.
   integer function file_n_members(self, group) result(n)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: group
+    character(*), intent(in) :: group  !! Path in the file.
     integer :: status
     call h5gn_members_f(self%id, group, n, status)
     if (status < 0) n = 0
@@ -117,10 +105,8 @@ contains
   !> Name of one of them.
   function file_member(self, group, i) result(name)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: group
-    !> Its index, from 1.
-    integer, intent(in) :: i
+    character(*), intent(in) :: group  !! Path in the file.
+    integer, intent(in) :: i  !! Its index, from 1.
     character(:), allocatable :: name
     character(80) :: text
     integer :: kind, status
@@ -132,10 +118,8 @@ contains
   !> Add a group to an existing one.
   subroutine file_add_group(self, name, error)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: name
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Path in the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(hid_t) :: group
     integer :: status
     call h5gcreate_f(self%id, name, group, status)
@@ -149,16 +133,12 @@ contains
   !> Make a dataset of full size, which is filled by parts.
   subroutine file_new_dataset(self, name, number_kind, extent, error, zero)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: name
-    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
-    integer, intent(in) :: number_kind
+    character(*), intent(in) :: name  !! Path in the file.
+    integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     !> Fortran shape of the dataset; the last extent is filled by parts (1 or 2).
     integer(int64), intent(in) :: extent(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
-    !> Whether rows that are not written are zero; undefined if absent.
-    logical, intent(in), optional :: zero
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
+    logical, intent(in), optional :: zero  !! Whether rows that are not written are zero; undefined if absent.
     integer(hid_t) :: space, dataset, creation
     integer :: status
     call h5screate_simple_f(size(extent), int(extent, hsize_t), space, status)
@@ -179,8 +159,7 @@ contains
 
   !> Type of numbers in the file.
   integer(hid_t) function file_type(number_kind) result(type_id)
-    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
-    integer, intent(in) :: number_kind
+    integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     select case (number_kind)
     case (hdf5_int32)
       type_id = h5t_std_i32le
@@ -196,18 +175,12 @@ contains
   !> Write rows of a dataset. Memory has the types of the file: all machines are little-endian.
   subroutine write_rows(self, name, number_kind, first, extent, values, error)
     class(hdf5_handle_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
-    integer, intent(in) :: number_kind
-    !> Number of rows before the first one.
-    integer(int64), intent(in) :: first
-    !> Shape of the values (1 or 2).
-    integer(int64), intent(in) :: extent(:)
-    !> Address of the first value.
-    type(c_ptr), intent(in) :: values
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer(int64), intent(in) :: first  !! Number of rows before the first one.
+    integer(int64), intent(in) :: extent(:)  !! Shape of the values (1 or 2).
+    type(c_ptr), intent(in) :: values  !! Address of the first value.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(hid_t) :: dataset, space, memory
     integer(hsize_t) :: offset(size(extent))
     integer :: status, ignored
@@ -233,16 +206,11 @@ contains
   !> Write a whole dataset.
   subroutine write_dataset(self, name, number_kind, extent, values, error)
     class(hdf5_handle_t), intent(in) :: self
-    !> Name of the dataset or attribute, with its path.
-    character(*), intent(in) :: name
-    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
-    integer, intent(in) :: number_kind
-    !> Shape of the values (1 or 2).
-    integer(int64), intent(in) :: extent(:)
-    !> Address of the first value.
-    type(c_ptr), intent(in) :: values
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
+    integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer(int64), intent(in) :: extent(:)  !! Shape of the values (1 or 2).
+    type(c_ptr), intent(in) :: values  !! Address of the first value.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     call self%new_dataset(name, number_kind, extent, error)
     if (allocated(error)) return
     call write_rows(self, name, number_kind, 0_int64, extent, values, error)
@@ -251,18 +219,12 @@ contains
   !> Write an attribute.
   subroutine write_attribute(self, object, name, type_id, extent, values, error)
     class(hdf5_handle_t), intent(in) :: self
-    !> Path of the group or dataset.
-    character(*), intent(in) :: object
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Type in memory and in the file.
-    integer(hid_t), intent(in) :: type_id
-    !> Shape of the values (0 for a scalar, 1 for a vector).
-    integer(hsize_t), intent(in) :: extent(:)
-    !> Address of the first value.
-    type(c_ptr), intent(in) :: values
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: object  !! Path of the group or dataset.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(hid_t), intent(in) :: type_id  !! Type in memory and in the file.
+    integer(hsize_t), intent(in) :: extent(:)  !! Shape of the values (0 for a scalar, 1 for a vector).
+    type(c_ptr), intent(in) :: values  !! Address of the first value.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(hid_t) :: space, attribute
     integer :: status, ignored
     if (size(extent) == 0) then

@@ -11,14 +11,10 @@ module dotyk_output_hdf5_read
   implicit none
   private
 
-  !> A file open for reading.
-  type, public :: hdf5_source_t
-    !> Its name.
-    character(:), allocatable :: path
-    !> HDF5's handle.
-    integer(hid_t) :: id = -1
-    !> Whether the handle is that of an open file.
-    logical :: is_open = .false.
+  type, public :: hdf5_source_t  !! A file open for reading.
+    character(:), allocatable :: path  !! Its name.
+    integer(hid_t) :: id = -1  !! HDF5's handle.
+    logical :: is_open = .false.  !! Whether the handle is that of an open file.
   contains
     procedure :: open => source_open
     procedure :: close => source_close
@@ -33,20 +29,16 @@ contains
   !> Make the error of a failed call.
   subroutine fail(self, what, error)
     class(hdf5_source_t), intent(in) :: self
-    !> Object of the file.
-    character(*), intent(in) :: what
-    !> Always set, with HDF5's own reason.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: what  !! Object of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Always set, with HDF5's own reason.
     call set_error(error, quoted(self%path)//' cannot be read: '//hdf5_reason()//' (at '//what//')')
   end subroutine fail
 
   !> Open a file.
   subroutine source_open(self, path, error)
     class(hdf5_source_t), intent(inout) :: self
-    !> Path of the file.
-    character(*), intent(in) :: path
-    !> Allocated where there is no such file, or it is no HDF5 file.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: path  !! Path of the file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where there is no such file, or it is no HDF5 file.
     integer(hid_t) :: access
     integer :: status
     call start_hdf5()
@@ -69,10 +61,8 @@ contains
 
   !> Whether a group or dataset exists; its parents do.
   logical function source_has(self, name) result(has)
-    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Path in the file.
     integer :: status
     call h5lexists_f(self%id, name, has, status)
     has = has .and. status >= 0
@@ -80,10 +70,8 @@ contains
 
   !> Number of groups and datasets in a group; 0 where it cannot be read.
   integer function source_n_members(self, group) result(n)
-    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
-    !> Path in the file.
-    character(*), intent(in) :: group
+    character(*), intent(in) :: group  !! Path in the file.
     integer :: status
     call h5gn_members_f(self%id, group, n, status)
     if (status < 0) n = 0
@@ -91,10 +79,8 @@ contains
 
   !> Number of values of a dataset; -1 where there is none.
   integer(int64) function source_n_values(self, name) result(n)
-    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
-    !> Path in the file; its parents exist.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Path in the file; its parents exist.
     integer(hid_t) :: dataset, space
     integer(hsize_t) :: n_points
     integer :: status, ignored
@@ -114,14 +100,11 @@ contains
   !> Read a dataset, whatever its shape. The array has the size that the caller expects: what a damaged file says of
   !> its size makes none.
   subroutine source_read_reals(self, name, values, error)
-    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
-    !> Path in the file; its parents exist.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Path in the file; its parents exist.
     !> Numbers of the file, converted to reals, in the order of the file (n) [any].
     real(dp), contiguous, target, intent(out) :: values(:)
-    !> The dataset is missing, of another size, or unreadable.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! The dataset is missing, of another size, or unreadable.
     integer(hid_t) :: dataset
     type(c_ptr) :: buffer
     integer :: status, ignored

@@ -6,49 +6,36 @@ module dotyk_output_hdf5_reason
   implicit none
   private
 
-  !> H5E_error2_t of HDF5's C interface.
-  type, bind(c) :: error_record_t
+  type, bind(c) :: error_record_t  !! H5E_error2_t of HDF5's C interface.
     integer(c_int64_t) :: class_id, major, minor
     integer(c_int) :: line
     type(c_ptr) :: function_name, file_name, description
   end type error_record_t
 
-  !> Longest text that is kept.
-  integer, parameter :: reason_length = 200
+  integer, parameter :: reason_length = 200  !! Longest text that is kept.
 
-  !> Text that the walk along the error stack of HDF5 has found.
-  type, bind(c) :: reason_t
-    !> The text, padded with blanks (reason_length).
-    character(kind=c_char) :: text(reason_length)
-    !> 1 where the text is a message of the operating system, 0 otherwise.
-    integer(c_int) :: from_system
+  type, bind(c) :: reason_t  !! Text that the walk along the error stack of HDF5 has found.
+    character(kind=c_char) :: text(reason_length)  !! The text, padded with blanks (reason_length).
+    integer(c_int) :: from_system  !! 1 where the text is a message of the operating system, 0 otherwise.
   end type reason_t
 
   interface
     integer(c_int) function h5ewalk2(stack, direction, visit, client) bind(c, name='H5Ewalk2')
       import :: c_int, c_int64_t, c_funptr, c_ptr
-      !> Error stack.
-      integer(c_int64_t), value :: stack
-      !> Upward or downward.
-      integer(c_int), value :: direction
-      !> Callback for each record.
-      type(c_funptr), value :: visit
-      !> Argument of the callback.
-      type(c_ptr), value :: client
+      integer(c_int64_t), value :: stack  !! Error stack.
+      integer(c_int), value :: direction  !! Upward or downward.
+      type(c_funptr), value :: visit  !! Callback for each record.
+      type(c_ptr), value :: client  !! Argument of the callback.
     end function h5ewalk2
     integer(c_int) function c_setenv(name, value, overwrite) bind(c, name='setenv')
       import :: c_char, c_int
-      !> Name, ended by a null character.
-      character(kind=c_char), intent(in) :: name(*)
-      !> Value, ended by a null character.
-      character(kind=c_char), intent(in) :: value(*)
-      !> Whether an existing value is replaced.
-      integer(c_int), value :: overwrite
+      character(kind=c_char), intent(in) :: name(*)  !! Name, ended by a null character.
+      character(kind=c_char), intent(in) :: value(*)  !! Value, ended by a null character.
+      integer(c_int), value :: overwrite  !! Whether an existing value is replaced.
     end function c_setenv
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_size_t, c_ptr
-      !> Text, ended by a null character.
-      type(c_ptr), value, intent(in) :: text
+      type(c_ptr), value, intent(in) :: text  !! Text, ended by a null character.
     end function c_strlen
   end interface
 
@@ -86,12 +73,9 @@ contains
 
   !> Visit one record of the error stack of HDF5, the innermost first.
   integer(c_int) function visit_error(number, record, client) result(status) bind(c)
-    !> Place in the stack, from 0.
-    integer(c_int), value :: number
-    !> Record of the stack.
-    type(error_record_t), intent(in) :: record
-    !> Not used.
-    type(c_ptr), value :: client
+    integer(c_int), value :: number  !! Place in the stack, from 0.
+    type(error_record_t), intent(in) :: record  !! Record of the stack.
+    type(c_ptr), value :: client  !! Not used.
     character(*), parameter :: mark = "error message = '"
     character(kind=c_char), pointer :: letters(:)
     type(reason_t), pointer :: reason

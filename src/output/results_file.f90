@@ -10,10 +10,8 @@ module dotyk_output_results_file
   implicit none
   private
 
-  !> A results file being written.
-  type, extends(fields_file_t), public :: results_file_t
-    !> Group of the results, `/dotyk` where not allocated: a load case has its own.
-    character(:), allocatable :: root
+  type, extends(fields_file_t), public :: results_file_t  !! A results file being written.
+    character(:), allocatable :: root  !! Group of the results, `/dotyk` where not allocated: a load case has its own.
   contains
     procedure :: begin_case => results_begin_case
     procedure :: end_cases => results_end_cases
@@ -35,8 +33,7 @@ contains
 
   !> Group of a contact pair below `/dotyk`.
   pure function contact_group(name) result(group)
-    !> Name of the contact pair.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Name of the contact pair.
     character(:), allocatable :: group
     integer :: i
     group = trim(name)
@@ -51,12 +48,9 @@ contains
   !> What follows is of a load case.
   subroutine results_begin_case(self, step, name, error)
     class(results_file_t), intent(inout) :: self
-    !> Number of the case.
-    integer, intent(in) :: step
-    !> Its name.
-    character(*), intent(in) :: name
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: step  !! Number of the case.
+    character(*), intent(in) :: name  !! Its name.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     self%step = step
     self%root = '/dotyk/cases/'//name
     call self%file%add_group(self%root, error)
@@ -67,14 +61,10 @@ contains
   !> What follows is of all load cases.
   subroutine results_end_cases(self, names, n_written, n_cases, error)
     class(results_file_t), intent(inout) :: self
-    !> Names of the cases that were written, separated by line feeds.
-    character(*), intent(in) :: names
-    !> Their number.
-    integer, intent(in) :: n_written
-    !> Number of those of the scene: more where the run was interrupted.
-    integer, intent(in) :: n_cases
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    character(*), intent(in) :: names  !! Names of the cases that were written, separated by line feeds.
+    integer, intent(in) :: n_written  !! Their number.
+    integer, intent(in) :: n_cases  !! Number of those of the scene: more where the run was interrupted.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     deallocate (self%root)
     call self%finish_steps(n_written, error)
     if (.not. allocated(error)) call self%file%put_attribute('/dotyk/cases', 'names', names, error)
@@ -84,18 +74,15 @@ contains
   !> Add the group of a contact pair; `commit` reports a failure.
   subroutine results_add_group(self, group)
     class(results_file_t), intent(inout) :: self
-    !> Path of the group below /dotyk.
-    character(*), intent(in) :: group
+    character(*), intent(in) :: group  !! Path of the group below /dotyk.
     if (allocated(self%failure)) return
     call self%file%add_group(dotyk_path(self, group), self%failure)
   end subroutine results_add_group
 
   !> Path in the file of a group below `/dotyk`.
   pure function dotyk_path(self, group) result(path)
-    !> The file.
     class(results_file_t), intent(in) :: self
-    !> Path of the group below /dotyk; empty for /dotyk itself.
-    character(*), intent(in) :: group
+    character(*), intent(in) :: group  !! Path of the group below /dotyk; empty for /dotyk itself.
     character(:), allocatable :: path
     path = '/dotyk'
     if (allocated(self%root)) path = self%root
@@ -105,12 +92,9 @@ contains
   !> Write a text as attribute.
   subroutine put_text(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Its text.
-    character(*), intent(in) :: value
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    character(*), intent(in) :: value  !! Its text.
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_text
@@ -118,12 +102,9 @@ contains
   !> Write an integer as attribute.
   subroutine put_integer(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute.
-    integer(int32), intent(in) :: value
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int32), intent(in) :: value  !! Value of the attribute.
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_integer
@@ -131,12 +112,9 @@ contains
   !> Write a 64-bit integer as attribute.
   subroutine put_long(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute.
-    integer(int64), intent(in) :: value
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    integer(int64), intent(in) :: value  !! Value of the attribute.
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_long
@@ -144,12 +122,9 @@ contains
   !> Write a real as attribute.
   subroutine put_real(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Value of the attribute [any].
-    real(dp), intent(in) :: value
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    real(dp), intent(in) :: value  !! Value of the attribute [any].
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_real
@@ -157,24 +132,18 @@ contains
   !> Write a logical as attribute.
   subroutine put_logical(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Its value; 1 for true in the file.
-    logical, intent(in) :: value
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    logical, intent(in) :: value  !! Its value; 1 for true in the file.
     call self%put_integer(group, name, merge(1, 0, value))
   end subroutine put_logical
 
   !> Write reals as attribute.
   subroutine put_reals(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the attribute.
-    character(*), intent(in) :: name
-    !> Values of the attribute (n) [any].
-    real(dp), intent(in), contiguous :: value(:)
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the attribute.
+    real(dp), intent(in), contiguous :: value(:)  !! Values of the attribute (n) [any].
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(self, group), name, value, self%failure)
   end subroutine put_reals
@@ -182,12 +151,9 @@ contains
   !> Write a dataset of reals.
   subroutine array_real(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the dataset.
-    character(*), intent(in) :: name
-    !> Values (n) [any].
-    real(dp), intent(in), contiguous :: values(:)
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the dataset.
+    real(dp), intent(in), contiguous :: values(:)  !! Values (n) [any].
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_real
@@ -195,12 +161,9 @@ contains
   !> Write a dataset of 32-bit integers.
   subroutine array_integer(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the dataset.
-    character(*), intent(in) :: name
-    !> Values (n).
-    integer(int32), intent(in), contiguous :: values(:)
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the dataset.
+    integer(int32), intent(in), contiguous :: values(:)  !! Values (n).
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_integer
@@ -208,12 +171,9 @@ contains
   !> Write a dataset of 64-bit integers.
   subroutine array_long(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the dataset.
-    character(*), intent(in) :: name
-    !> Values (n).
-    integer(int64), intent(in), contiguous :: values(:)
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the dataset.
+    integer(int64), intent(in), contiguous :: values(:)  !! Values (n).
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(self, group)//'/'//name, values, self%failure)
   end subroutine array_long
@@ -221,12 +181,9 @@ contains
   !> Write a dataset of vectors, with three components.
   subroutine array_vectors(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    !> Group below /dotyk.
-    character(*), intent(in) :: group
-    !> Name of the dataset.
-    character(*), intent(in) :: name
-    !> Vectors (width, n) [any].
-    real(dp), intent(in), contiguous :: values(:, :)
+    character(*), intent(in) :: group  !! Group below /dotyk.
+    character(*), intent(in) :: name  !! Name of the dataset.
+    real(dp), intent(in), contiguous :: values(:, :)  !! Vectors (width, n) [any].
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(self, group)//'/'//name, with_three_components(values), self%failure)
   end subroutine array_vectors
@@ -234,8 +191,7 @@ contains
   !> Finish the file and rename it, in place of an older one; where a write has failed, the file is deleted.
   subroutine results_commit(self, error)
     class(results_file_t), intent(inout) :: self
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     if (allocated(self%failure)) then
       call move_alloc(self%failure, error)
     else

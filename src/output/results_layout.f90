@@ -11,12 +11,9 @@ contains
 
   !> Create the groups and the attributes for VTK.
   subroutine create_groups(file, has_cases, error)
-    !> The results file.
-    type(hdf5_file_t), intent(in) :: file
-    !> Whether it has load cases: each gets groups of its own when it is written.
-    logical, intent(in) :: has_cases
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_file_t), intent(in) :: file  !! The results file.
+    logical, intent(in) :: has_cases  !! Whether it has load cases: each gets groups of its own when it is written.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
                                            '/dotyk', '/dotyk/timing']
     integer :: i
@@ -36,12 +33,9 @@ contains
 
   !> Create the groups of the results, those of a load case or of a file without any.
   subroutine create_result_groups(file, root, error)
-    !> The results file.
-    type(hdf5_file_t), intent(in) :: file
-    !> Group that they are in.
-    character(*), intent(in) :: root
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_file_t), intent(in) :: file  !! The results file.
+    character(*), intent(in) :: root  !! Group that they are in.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(*), parameter :: names(*) = [character(8) :: 'summary', 'history', 'contact', 'bodies', 'supports', &
                                            'loads']
     integer :: i
@@ -53,18 +47,12 @@ contains
 
   !> Create the group of the steps of time, for VTK: where each step begins in the datasets.
   subroutine create_steps(file, n_steps, n_parts, points, cells, error)
-    !> The results file, with all fields.
-    type(hdf5_file_t), intent(in) :: file
-    !> Number of steps.
-    integer, intent(in) :: n_steps
-    !> Number of bodies.
-    integer, intent(in) :: n_parts
-    !> Number of nodes of all bodies.
-    integer(int64), intent(in) :: points
-    !> Number of elements of all bodies.
-    integer(int64), intent(in) :: cells
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_file_t), intent(in) :: file  !! The results file, with all fields.
+    integer, intent(in) :: n_steps  !! Number of steps.
+    integer, intent(in) :: n_parts  !! Number of bodies.
+    integer(int64), intent(in) :: points  !! Number of nodes of all bodies.
+    integer(int64), intent(in) :: cells  !! Number of elements of all bodies.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(*), parameter :: constant(*) = [character(30) :: 'PartOffsets', 'PointOffsets', 'CellOffsets', &
                                               'ConnectivityIdOffsets', 'PointDataOffsets/node_tag', &
                                               'CellDataOffsets/body', 'CellDataOffsets/material', &
@@ -91,10 +79,8 @@ contains
 
     !> Offsets of all fields of nodes or elements, but for those that are the same in all steps.
     subroutine put_offsets(place, offset)
-      !> Their group.
-      character(*), intent(in) :: place
-      !> First value of each step (n_steps).
-      integer(int64), intent(in), contiguous :: offset(:)
+      character(*), intent(in) :: place  !! Their group.
+      integer(int64), intent(in), contiguous :: offset(:)  !! First value of each step (n_steps).
       character(:), allocatable :: path
       integer :: k
       do k = 1, file%n_members('/VTKHDF/'//place)
@@ -108,16 +94,12 @@ contains
 
   !> Create the datasets of the geometry.
   subroutine create_geometry(file, n_points, n_cells, n_connectivity, error)
-    !> The results file.
-    type(hdf5_file_t), intent(in) :: file
-    !> Nodes of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_points(:)
-    !> Elements of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_cells(:)
+    type(hdf5_file_t), intent(in) :: file  !! The results file.
+    integer(int64), intent(in), contiguous :: n_points(:)  !! Nodes of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_cells(:)  !! Elements of each body (n_parts).
     !> Sum of the nodes of all elements of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_connectivity(:)
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(int64) :: points, cells, ids
     integer :: n_parts
     n_parts = size(n_points)
@@ -141,26 +123,16 @@ contains
   !> Create the datasets of the fields; parts that are not written are zero.
   subroutine create_fields(file, points, cells, want_displacement, want_stress, want_contact, want_error, &
                            want_reaction, want_nodal_stress, error)
-    !> The results file.
-    type(hdf5_file_t), intent(in) :: file
-    !> Number of nodes of all bodies.
-    integer(int64), intent(in) :: points
-    !> Number of elements of all bodies.
-    integer(int64), intent(in) :: cells
-    !> Whether displacements will be written.
-    logical, intent(in) :: want_displacement
-    !> Whether stresses will be written.
-    logical, intent(in) :: want_stress
-    !> Whether the fields of contact will be written.
-    logical, intent(in) :: want_contact
-    !> Whether discretization errors will be written.
-    logical, intent(in) :: want_error
-    !> Whether reactions at nodes will be written.
-    logical, intent(in) :: want_reaction
-    !> Whether stresses at nodes will be written.
-    logical, intent(in) :: want_nodal_stress
-    !> Allocated where the file cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_file_t), intent(in) :: file  !! The results file.
+    integer(int64), intent(in) :: points  !! Number of nodes of all bodies.
+    integer(int64), intent(in) :: cells  !! Number of elements of all bodies.
+    logical, intent(in) :: want_displacement  !! Whether displacements will be written.
+    logical, intent(in) :: want_stress  !! Whether stresses will be written.
+    logical, intent(in) :: want_contact  !! Whether the fields of contact will be written.
+    logical, intent(in) :: want_error  !! Whether discretization errors will be written.
+    logical, intent(in) :: want_reaction  !! Whether reactions at nodes will be written.
+    logical, intent(in) :: want_nodal_stress  !! Whether stresses at nodes will be written.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     if (want_displacement) then
       call file%new_dataset('/VTKHDF/PointData/displacement', hdf5_real, [3_int64, points], error, zero=.true.)
       if (allocated(error)) return
@@ -202,8 +174,7 @@ contains
 
   !> Vectors with three components; plane vectors get z = 0 (3, n) [any].
   pure function with_three_components(x) result(y)
-    !> Vectors (2 or 3, n) [any].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Vectors (2 or 3, n) [any].
     real(dp), allocatable :: y(:, :)
     integer :: i, dimension
     dimension = min(3, size(x, 1))

@@ -11,10 +11,8 @@ module dotyk_ranks_division
   implicit none
   private
 
-  !> Whether and how ranks divide the work of a loop.
-  type, public :: division_t
-    !> Whether they do; otherwise this rank does all of it, and exchanges nothing.
-    logical :: is_divided = .false.
+  type, public :: division_t  !! Whether and how ranks divide the work of a loop.
+    logical :: is_divided = .false.  !! Whether they do; otherwise this rank does all of it, and exchanges nothing.
   contains
     procedure, private :: portion_of_costs, portion_of_items
     !> The items of a rank.
@@ -36,12 +34,9 @@ contains
   !> A rank for each item of a list: large ones are divided among all, the others are dealt out, the largest first, each
   !> to the rank with least work so far.
   pure function deal_out(cost, least) result(owner)
-    !> Work of the items, not negative (n) [any].
-    real(dp), intent(in) :: cost(:)
-    !> Work from which on it pays to divide an item [as cost].
-    real(dp), intent(in) :: least
-    !> Ranks, or `all_ranks` (n).
-    integer :: owner(size(cost))
+    real(dp), intent(in) :: cost(:)  !! Work of the items, not negative (n) [any].
+    real(dp), intent(in) :: least  !! Work from which on it pays to divide an item [as cost].
+    integer :: owner(size(cost))  !! Ranks, or `all_ranks` (n).
     real(dp) :: load(n_ranks()), total
     integer :: order(size(cost)), i, r
     owner = this_rank()
@@ -63,14 +58,10 @@ contains
   !> The items of a rank, of which each takes as much work.
   pure subroutine portion_of_items(self, n, first, last, rank)
     class(division_t), intent(in) :: self
-    !> Number of items.
-    integer, intent(in) :: n
-    !> First item of the rank.
-    integer, intent(out) :: first
-    !> Its last item; first-1 where it has none.
-    integer, intent(out) :: last
-    !> The rank; this one if absent.
-    integer, intent(in), optional :: rank
+    integer, intent(in) :: n  !! Number of items.
+    integer, intent(out) :: first  !! First item of the rank.
+    integer, intent(out) :: last  !! Its last item; first-1 where it has none.
+    integer, intent(in), optional :: rank  !! The rank; this one if absent.
     integer :: r
     first = 1
     last = n
@@ -84,12 +75,9 @@ contains
   !> The items of a rank: about as much work for each.
   pure subroutine portion_of_costs(self, cost, first, last)
     class(division_t), intent(in) :: self
-    !> Work of the items, not negative (n) [any].
-    real(dp), intent(in) :: cost(:)
-    !> First item of this rank.
-    integer, intent(out) :: first
-    !> Its last item; first-1 where it has none.
-    integer, intent(out) :: last
+    real(dp), intent(in) :: cost(:)  !! Work of the items, not negative (n) [any].
+    integer, intent(out) :: first  !! First item of this rank.
+    integer, intent(out) :: last  !! Its last item; first-1 where it has none.
     real(dp) :: total, before
     integer :: i, owner
     first = 1
@@ -111,8 +99,7 @@ contains
   !> Whether something holds on any rank that has a portion.
   logical function division_any_holds(self, holds) result(any_holds)
     class(division_t), intent(in) :: self
-    !> Whether it holds for this rank.
-    logical, intent(in) :: holds
+    logical, intent(in) :: holds  !! Whether it holds for this rank.
     any_holds = holds
     if (self%is_divided) any_holds = on_any_rank(holds)
   end function division_any_holds
@@ -120,12 +107,9 @@ contains
   !> As many numbers of each item.
   subroutine fill_columns(self, value, first, last)
     class(division_t), intent(in) :: self
-    !> Those of the portion of this rank in, of all out (any, n) [any].
-    real(dp), intent(inout) :: value(:, :)
-    !> First item of this rank.
-    integer, intent(in) :: first
-    !> Its last item.
-    integer, intent(in) :: last
+    real(dp), intent(inout) :: value(:, :)  !! Those of the portion of this rank in, of all out (any, n) [any].
+    integer, intent(in) :: first  !! First item of this rank.
+    integer, intent(in) :: last  !! Its last item.
     real(dp), allocatable :: all(:)
     if (.not. self%is_divided) return
     call join_numbers(size(value, 1, int64)*(last - first + 1), value(:, first:last), all)
@@ -137,10 +121,8 @@ contains
     class(division_t), intent(in) :: self
     !> Those of the portion of this rank in, of all out (n) [any].
     real(dp), intent(inout), contiguous, target :: value(:)
-    !> First item of this rank.
-    integer, intent(in) :: first
-    !> Its last item.
-    integer, intent(in) :: last
+    integer, intent(in) :: first  !! First item of this rank.
+    integer, intent(in) :: last  !! Its last item.
     real(dp), pointer :: columns(:, :)
     columns(1:1, 1:size(value)) => value
     call fill_columns(self, columns, first, last)
@@ -149,12 +131,9 @@ contains
   !> One integer of each item.
   subroutine fill_integers(self, value, first, last)
     class(division_t), intent(in) :: self
-    !> Those of the portion of this rank in, of all out (n).
-    integer, intent(inout) :: value(:)
-    !> First item of this rank.
-    integer, intent(in) :: first
-    !> Its last item.
-    integer, intent(in) :: last
+    integer, intent(inout) :: value(:)  !! Those of the portion of this rank in, of all out (n).
+    integer, intent(in) :: first  !! First item of this rank.
+    integer, intent(in) :: last  !! Its last item.
     real(dp), allocatable :: numbers(:)
     if (.not. self%is_divided) return
     numbers = value
@@ -165,12 +144,9 @@ contains
   !> One logical of each item.
   subroutine fill_logicals(self, value, first, last)
     class(division_t), intent(in) :: self
-    !> Those of the portion of this rank in, of all out (n).
-    logical, intent(inout) :: value(:)
-    !> First item of this rank.
-    integer, intent(in) :: first
-    !> Its last item.
-    integer, intent(in) :: last
+    logical, intent(inout) :: value(:)  !! Those of the portion of this rank in, of all out (n).
+    integer, intent(in) :: first  !! First item of this rank.
+    integer, intent(in) :: last  !! Its last item.
     real(dp), allocatable :: numbers(:)
     if (.not. self%is_divided) return
     numbers = merge(1.0_dp, 0.0_dp, value)
@@ -181,8 +157,7 @@ contains
   !> Lists of any length of the portions, one after the other.
   subroutine division_append(self, list)
     class(division_t), intent(in) :: self
-    !> That of this rank in, those of all ranks out (rows, n) [any].
-    real(dp), allocatable, intent(inout) :: list(:, :)
+    real(dp), allocatable, intent(inout) :: list(:, :)  !! That of this rank in, those of all ranks out (rows, n) [any].
     real(dp), allocatable :: all(:)
     integer :: rows
     if (.not. self%is_divided) return
@@ -194,12 +169,9 @@ contains
 
   !> Numbers of all ranks, whatever the shape of those of this one.
   subroutine join_numbers(n, own, all)
-    !> How many this rank has.
-    integer(int64), intent(in) :: n
-    !> Those of this rank (n) [any].
-    real(dp), intent(in) :: own(n)
-    !> Those of all ranks (any) [as own].
-    real(dp), allocatable, intent(out) :: all(:)
+    integer(int64), intent(in) :: n  !! How many this rank has.
+    real(dp), intent(in) :: own(n)  !! Those of this rank (n) [any].
+    real(dp), allocatable, intent(out) :: all(:)  !! Those of all ranks (any) [as own].
     call join(own, all)
   end subroutine join_numbers
 end module dotyk_ranks_division

@@ -21,25 +21,18 @@ module dotyk_ranks_exchange
   public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
     add_counts, add_up, deliver, gather_all, greatest, join
 
-  !> What exchanges have cost this rank so far.
-  type, public :: exchange_cost_t
-    !> Time in which it waited for other ranks [s].
-    real(dp) :: waited = 0
+  type, public :: exchange_cost_t  !! What exchanges have cost this rank so far.
+    real(dp) :: waited = 0  !! Time in which it waited for other ranks [s].
     !> Processor time that it spent on that: ranks that wait ask for messages again and again [s].
     real(dp) :: processor = 0
-    !> Number of exchanges.
-    integer(int64) :: n = 0
-    !> Numbers that it got from other ranks [bytes].
-    real(dp) :: bytes = 0
+    integer(int64) :: n = 0  !! Number of exchanges.
+    real(dp) :: bytes = 0  !! Numbers that it got from other ranks [bytes].
   end type exchange_cost_t
 
-  !> That of this rank.
-  type(exchange_cost_t) :: cost
+  type(exchange_cost_t) :: cost  !! That of this rank.
 
-  !> Values of one item.
-  type, public :: item_t
-    !> (any) [any]; not allocated where there are none.
-    real(dp), allocatable :: value(:)
+  type, public :: item_t  !! Values of one item.
+    real(dp), allocatable :: value(:)  !! (any) [any]; not allocated where there are none.
   end type item_t
 
   !> Make the values of all items known to all ranks.
@@ -52,8 +45,7 @@ module dotyk_ranks_exchange
     of_parts = 6, of_sums = 7, of_parcels = 8, of_lists = 9, of_counts = 10, of_joined = 11
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
-  !> Size of an item that is not allocated.
-  integer(int64), parameter :: not_there = -1
+  integer(int64), parameter :: not_there = -1  !! Size of an item that is not allocated.
 
 contains
 
@@ -70,16 +62,14 @@ contains
 
   !> Whether this rank computes an item, alone or with all others.
   elemental logical function is_own(owner)
-    !> Rank of the item, or `all_ranks`.
-    integer, intent(in) :: owner
+    integer, intent(in) :: owner  !! Rank of the item, or `all_ranks`.
     is_own = owner == this_rank() .or. owner == all_ranks
   end function is_own
 
   !> Whether there is something to exchange. Items of all ranks are agreed on, no more: they have no other owner beside
   !> them.
   logical function is_shared(owner)
-    !> Rank of each item (n_items).
-    integer, intent(in) :: owner(:)
+    integer, intent(in) :: owner(:)  !! Rank of each item (n_items).
     is_shared = n_ranks() > 1
     if (.not. is_shared .or. size(owner) == 0) return
     is_shared = owner(1) /= all_ranks
@@ -88,8 +78,7 @@ contains
 
   !> Whether something holds on any rank.
   logical function on_any_rank(holds) result(any_holds)
-    !> Whether it holds on this rank.
-    logical, intent(in) :: holds
+    logical, intent(in) :: holds  !! Whether it holds on this rank.
     integer(int64) :: all(greeting_length, n_ranks())
     any_holds = holds
     if (n_ranks() == 1) return
@@ -100,12 +89,9 @@ contains
 
   !> Values of the items of all ranks.
   subroutine share_items(owner, item, same)
-    !> Rank that has each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Items of this rank in, all of them out (n_items).
-    type(item_t), intent(inout) :: item(:)
-    !> Numbers that must be the same on all ranks, for a check.
-    real(dp), intent(in), optional :: same(:)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    type(item_t), intent(inout) :: item(:)  !! Items of this rank in, all of them out (n_items).
+    real(dp), intent(in), optional :: same(:)  !! Numbers that must be the same on all ranks, for a check.
     integer(int64) :: length(size(item)), n(n_ranks()), first
     integer(int64), allocatable :: own_length(:), all_length(:)
     real(dp), allocatable :: own(:), all(:)
@@ -144,10 +130,8 @@ contains
 
   !> One number of each item.
   subroutine share_values(owner, value)
-    !> Rank that has each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Values of the items of this rank in, of all out (n_items) [any].
-    real(dp), intent(inout) :: value(:)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    real(dp), intent(inout) :: value(:)  !! Values of the items of this rank in, of all out (n_items) [any].
     real(dp) :: all(size(value))
     integer :: i
     if (.not. is_shared(owner)) return
@@ -158,10 +142,8 @@ contains
 
   !> One logical of each item.
   subroutine share_logicals(owner, value)
-    !> Rank that has each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Values of the items of this rank in, of all out (n_items).
-    logical, intent(inout) :: value(:)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    logical, intent(inout) :: value(:)  !! Values of the items of this rank in, of all out (n_items).
     real(dp) :: number(size(value))
     if (.not. is_shared(owner)) return
     number = merge(1.0_dp, 0.0_dp, value)
@@ -171,10 +153,8 @@ contains
 
   !> Bytes of each item, as many of each: derived types without allocatable components, by `transfer`.
   subroutine share_flat(owner, bytes)
-    !> Rank that has each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Those of the items of this rank in, of all out (n_bytes, n_items).
-    integer(int8), intent(inout) :: bytes(:, :)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    integer(int8), intent(inout) :: bytes(:, :)  !! Those of the items of this rank in, of all out (n_bytes, n_items).
     integer(int8), allocatable :: all(:)
     integer :: i
     if (.not. is_shared(owner)) return
@@ -187,8 +167,7 @@ contains
 
   !> Sums of the numbers of all ranks, in the order of the ranks.
   subroutine add_up(value)
-    !> Those of this rank in, their sums on all ranks out (n) [any].
-    real(dp), intent(inout) :: value(:)
+    real(dp), intent(inout) :: value(:)  !! Those of this rank in, their sums on all ranks out (n) [any].
     real(dp) :: all(size(value), n_ranks())
     if (n_ranks() == 1) return
     call gather_alike(value, all)
@@ -197,8 +176,7 @@ contains
 
   !> Sums of the integers of all ranks.
   subroutine add_counts(value)
-    !> Those of this rank in, their sums on all ranks out (n).
-    integer(int64), intent(inout) :: value(:)
+    integer(int64), intent(inout) :: value(:)  !! Those of this rank in, their sums on all ranks out (n).
     if (n_ranks() == 1) return
     call agree_on(of_counts, size(value, kind=int64))
     call add_integers(value)
@@ -206,8 +184,7 @@ contains
 
   !> The greatest of the numbers of all ranks.
   subroutine greatest(value)
-    !> Those of this rank in, the greatest ones on all ranks out (n) [any].
-    real(dp), intent(inout) :: value(:)
+    real(dp), intent(inout) :: value(:)  !! Those of this rank in, the greatest ones on all ranks out (n) [any].
     real(dp) :: all(size(value), n_ranks())
     if (n_ranks() == 1) return
     call gather_alike(value, all)
@@ -216,10 +193,8 @@ contains
 
   !> As many numbers of each rank.
   subroutine gather_alike(value, all)
-    !> Those of this rank (n) [any].
-    real(dp), intent(in) :: value(:)
-    !> Those of all ranks (n, n_ranks) [as value].
-    real(dp), intent(out) :: all(:, :)
+    real(dp), intent(in) :: value(:)  !! Those of this rank (n) [any].
+    real(dp), intent(out) :: all(:, :)  !! Those of all ranks (n, n_ranks) [as value].
     real(dp) :: flat(size(all))
     call agree_on(of_sums, size(value, kind=int64))
     call gather_reals(value, spread(size(value, kind=int64), 1, n_ranks()), flat)
@@ -228,8 +203,7 @@ contains
 
   !> Parts of all ranks on the first one, one rank after the other.
   subroutine collect(own, all)
-    !> Those of this rank (any) [any].
-    real(dp), intent(in) :: own(:)
+    real(dp), intent(in) :: own(:)  !! Those of this rank (any) [any].
     !> Those of all ranks on the first one, of size 0 on the others (any) [as own].
     real(dp), allocatable, intent(out) :: all(:)
     integer(int64) :: n(n_ranks())
@@ -245,14 +219,11 @@ contains
 
   !> Integers for each rank, to that rank.
   subroutine deliver(own, n, all, n_from)
-    !> Those for rank 0, for rank 1, and so on (sum(n)).
-    integer(int64), intent(in) :: own(:)
-    !> Number for each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
+    integer(int64), intent(in) :: own(:)  !! Those for rank 0, for rank 1, and so on (sum(n)).
+    integer(int64), intent(in) :: n(:)  !! Number for each rank (n_ranks).
     !> Those for this rank, from rank 0, from rank 1, and so on (sum(n_from)).
     integer(int64), allocatable, intent(out) :: all(:)
-    !> Number from each rank (n_ranks).
-    integer(int64), intent(out) :: n_from(:)
+    integer(int64), intent(out) :: n_from(:)  !! Number from each rank (n_ranks).
     call agree_on(of_parcels, 1_int64)
     call deliver_integers(own, n, all, n_from)
     cost%bytes = cost%bytes + 8*(sum(n_from) - n_from(this_rank() + 1))
@@ -260,10 +231,8 @@ contains
 
   !> Integers of all ranks on all ranks, one rank after the other.
   subroutine gather_all(own, all)
-    !> Those of this rank (any).
-    integer(int64), intent(in) :: own(:)
-    !> Those of all ranks (any).
-    integer(int64), allocatable, intent(out) :: all(:)
+    integer(int64), intent(in) :: own(:)  !! Those of this rank (any).
+    integer(int64), allocatable, intent(out) :: all(:)  !! Those of all ranks (any).
     integer(int64) :: n(n_ranks())
     call find_lengths(of_lists, size(own, kind=int64), n)
     allocate (all(sum(n)))
@@ -273,10 +242,8 @@ contains
 
   !> Parts of all ranks on all of them, one rank after the other.
   subroutine join(own, all)
-    !> Those of this rank (any) [any].
-    real(dp), intent(in) :: own(:)
-    !> Those of all ranks (any) [as own].
-    real(dp), allocatable, intent(out) :: all(:)
+    real(dp), intent(in) :: own(:)  !! Those of this rank (any) [any].
+    real(dp), allocatable, intent(out) :: all(:)  !! Those of all ranks (any) [as own].
     integer(int64) :: n(n_ranks())
     if (n_ranks() == 1) then
       all = own
@@ -290,22 +257,17 @@ contains
 
   !> Lengths of the parts of all ranks, where their exchange begins.
   subroutine find_lengths(what, own, n)
-    !> Kind of the exchange.
-    integer(int64), intent(in) :: what
-    !> Length of the part of this rank.
-    integer(int64), intent(in) :: own
-    !> Lengths of those of all ranks (n_ranks).
-    integer(int64), intent(out) :: n(:)
+    integer(int64), intent(in) :: what  !! Kind of the exchange.
+    integer(int64), intent(in) :: own  !! Length of the part of this rank.
+    integer(int64), intent(out) :: n(:)  !! Lengths of those of all ranks (n_ranks).
     call agree_on(what, 1_int64)
     call gather_integers([own], spread(1_int64, 1, n_ranks()), n)
   end subroutine find_lengths
 
   !> Errors of the items of all ranks, so that all ranks report all of them.
   subroutine share_errors(owner, failed)
-    !> Rank that has each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Errors of the items of this rank in, of all out (n_items).
-    type(error_slot_t), intent(inout) :: failed(:)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    type(error_slot_t), intent(inout) :: failed(:)  !! Errors of the items of this rank in, of all out (n_items).
     type(item_t), allocatable :: text(:)
     character(:), allocatable :: message
     integer :: i, k
@@ -331,8 +293,7 @@ contains
 
   !> An error of one rank becomes that of all: where several have one, that of the lowest.
   subroutine agree_on_error(error)
-    !> That of this rank in, the same on all ranks out.
-    type(error_t), allocatable, intent(inout) :: error
+    type(error_t), allocatable, intent(inout) :: error  !! That of this rank in, the same on all ranks out.
     type(error_slot_t) :: failed(n_ranks())
     integer :: r
     call move_alloc(error, failed(this_rank() + 1)%error)
@@ -346,12 +307,9 @@ contains
 
   !> Begin an exchange: all ranks do the same, with the same numbers, and agree on interrupts.
   subroutine agree_on(what, n, same)
-    !> Kind of the exchange.
-    integer(int64), intent(in) :: what
-    !> Number of items.
-    integer(int64), intent(in) :: n
-    !> Numbers that must be the same on all ranks.
-    real(dp), intent(in), optional :: same(:)
+    integer(int64), intent(in) :: what  !! Kind of the exchange.
+    integer(int64), intent(in) :: n  !! Number of items.
+    real(dp), intent(in), optional :: same(:)  !! Numbers that must be the same on all ranks.
     integer(int64) :: all(greeting_length, n_ranks()), sum
     real(dp) :: began, began_processor
     sum = 0
@@ -368,10 +326,8 @@ contains
   !> End all ranks where they are not about to do the same: an error of the program, or processors that round
   !> differently. Agree on interrupts.
   subroutine check(all, n_alike)
-    !> Greetings of all ranks (greeting_length, n_ranks).
-    integer(int64), intent(in) :: all(:, :)
-    !> How many of their numbers must be alike, but for the third one.
-    integer, intent(in) :: n_alike
+    integer(int64), intent(in) :: all(:, :)  !! Greetings of all ranks (greeting_length, n_ranks).
+    integer, intent(in) :: n_alike  !! How many of their numbers must be alike, but for the third one.
     integer :: i, code
     do i = 1, n_alike
       if (i == 3 .or. .not. any(all(i, :) /= all(i, 1))) cycle
@@ -386,8 +342,7 @@ contains
 
   !> A number that tells arrays apart that differ in any bit.
   pure integer(int64) function checksum(value) result(sum)
-    !> Numbers (n).
-    real(dp), intent(in) :: value(:)
+    real(dp), intent(in) :: value(:)  !! Numbers (n).
     integer :: i
     sum = size(value)
     do i = 1, size(value)

@@ -10,8 +10,7 @@ contains
 
   !> Items in the order in which they are gathered: by ranks, then by their own order.
   pure function by_owner(owner) result(order)
-    !> Rank of each item (n_items).
-    integer, intent(in) :: owner(:)
+    integer, intent(in) :: owner(:)  !! Rank of each item (n_items).
     integer :: order(size(owner)), first(0:maxval([owner, 0]) + 1), i
     first = 0
     do i = 1, size(owner)
@@ -28,10 +27,8 @@ contains
 
   !> Numbers that each rank has.
   pure function numbers(owner, length) result(n)
-    !> Rank of each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Numbers of each item (n_items).
-    integer(int64), intent(in) :: length(:)
+    integer, intent(in) :: owner(:)  !! Rank of each item (n_items).
+    integer(int64), intent(in) :: length(:)  !! Numbers of each item (n_items).
     integer(int64) :: n(n_ranks())
     integer :: i
     n = 0

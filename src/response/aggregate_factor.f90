@@ -17,12 +17,9 @@ contains
 
   !> Order and analyse the factorization of the Galerkin matrix.
   subroutine analyze_aggregates(self, response, error)
-    !> The space; gets the matrix in place of its block rows.
-    type(aggregate_space_t), intent(inout) :: self
-    !> Compliance operator of the space.
-    type(direct_response_t), intent(inout) :: response
-    !> As in `analyze` of `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(aggregate_space_t), intent(inout) :: self  !! The space; gets the matrix in place of its block rows.
+    type(direct_response_t), intent(inout) :: response  !! Compliance operator of the space.
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze` of `direct_response_t`.
     integer, allocatable :: order(:), permutation(:), equation(:, :)
     integer :: i
     call lower_triangle(self%rows, self%matrix)
@@ -41,12 +38,9 @@ contains
 
   !> Factorize the Galerkin matrix.
   subroutine factorize_aggregates(self, response, report, error)
-    !> The space; without its matrix on return.
-    type(aggregate_space_t), intent(inout) :: self
-    !> Compliance operator of the space.
-    type(direct_response_t), intent(inout) :: response
-    !> Condition of the Galerkin matrix.
-    type(factorization_report_t), intent(out) :: report
+    type(aggregate_space_t), intent(inout) :: self  !! The space; without its matrix on return.
+    type(direct_response_t), intent(inout) :: response  !! Compliance operator of the space.
+    type(factorization_report_t), intent(out) :: report  !! Condition of the Galerkin matrix.
     !> Allocated where the Galerkin matrix is not positive definite beside its null vectors, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: spring(:)

@@ -16,18 +16,14 @@ module dotyk_response_aggregate_space
   implicit none
   private
 
-  !> The space.
-  type, public :: aggregate_space_t
-    !> Number of unknowns of the aggregates.
-    integer :: n = 0
-    !> Interpolation P from the aggregates.
-    type(block_prolongator_t) :: prolongator
+  type, public :: aggregate_space_t  !! The space.
+    integer :: n = 0  !! Number of unknowns of the aggregates.
+    type(block_prolongator_t) :: prolongator  !! Interpolation P from the aggregates.
     !> Until it is analysed: the Galerkin matrix P^T K P by block rows [force/length], vectors that it maps to little,
     !> and its null vectors, orthonormal (n, any) [].
     type(block_rows_t) :: rows
     real(dp), allocatable :: near_null(:, :), mode(:, :)
-    !> From then on until it is factorized: the Galerkin matrix [force/length].
-    type(sparse_symmetric_t) :: matrix
+    type(sparse_symmetric_t) :: matrix  !! From then on until it is factorized: the Galerkin matrix [force/length].
   contains
     procedure :: init => space_init
     procedure :: restrict => space_restrict
@@ -44,14 +40,10 @@ contains
   !> Find the aggregates, and the Galerkin matrix.
   subroutine space_init(self, fine, x, constraint, mode, error)
     class(aggregate_space_t), intent(inout) :: self
-    !> The stiffness; the smoother is prepared on return.
-    type(chebyshev_t), intent(inout) :: fine
-    !> Coordinates of the nodes (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Their equations and axes.
-    type(constraint_t), intent(in) :: constraint
-    !> Rigid body modes that the supports leave, orthonormal (n_fine, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
+    type(chebyshev_t), intent(inout) :: fine  !! The stiffness; the smoother is prepared on return.
+    real(dp), intent(in) :: x(:, :)  !! Coordinates of the nodes (dim, n_nodes) [length].
+    type(constraint_t), intent(in) :: constraint  !! Their equations and axes.
+    real(dp), intent(in) :: mode(:, :)  !! Rigid body modes that the supports leave, orthonormal (n_fine, n_modes) [].
     !> Allocated where a diagonal block of the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     type(aggregation_level_t) :: level
@@ -72,12 +64,9 @@ contains
   !> P^T r.
   subroutine space_restrict(self, factor, r, coarse)
     class(aggregate_space_t), intent(in) :: self
-    !> Factor of the result [].
-    real(dp), intent(in) :: factor
-    !> Forces in nodal axes, zero along held components (n_fine) [force].
-    real(sp), intent(in), contiguous :: r(:)
-    !> On the aggregates (n) [force].
-    real(dp), intent(out) :: coarse(:)
+    real(dp), intent(in) :: factor  !! Factor of the result [].
+    real(sp), intent(in), contiguous :: r(:)  !! Forces in nodal axes, zero along held components (n_fine) [force].
+    real(dp), intent(out) :: coarse(:)  !! On the aggregates (n) [force].
     real(sp), allocatable :: low(:)
     allocate (low(self%n))
     call self%prolongator%restrict(r, low)
@@ -87,20 +76,16 @@ contains
   !> P x.
   subroutine space_prolong(self, coarse, x)
     class(aggregate_space_t), intent(in) :: self
-    !> Of the aggregates (n) [length].
-    real(dp), intent(in), contiguous :: coarse(:)
-    !> Displacements in nodal axes (n_fine) [length].
-    real(dp), intent(out), contiguous :: x(:)
+    real(dp), intent(in), contiguous :: coarse(:)  !! Of the aggregates (n) [length].
+    real(dp), intent(out), contiguous :: x(:)  !! Displacements in nodal axes (n_fine) [length].
     call self%prolongator%prolong(coarse, x)
   end subroutine space_prolong
 
   !> B P.
   subroutine space_carry_rows(self, rows, coarse)
     class(aggregate_space_t), intent(in) :: self
-    !> Rows B over the unknowns of the body (n_rows x n_fine) [].
-    type(sparse_rows_t), intent(in) :: rows
-    !> The rows over the unknowns of the aggregates (n_rows x n) [].
-    type(sparse_rows_t), intent(inout) :: coarse
+    type(sparse_rows_t), intent(in) :: rows  !! Rows B over the unknowns of the body (n_rows x n_fine) [].
+    type(sparse_rows_t), intent(inout) :: coarse  !! The rows over the unknowns of the aggregates (n_rows x n) [].
     integer, allocatable :: row(:), column(:)
     real(dp), allocatable :: value(:)
     integer :: i, j, k, l, c, node, pass, n

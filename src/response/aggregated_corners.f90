@@ -12,12 +12,9 @@ module dotyk_response_aggregated_corners
   implicit none
   private
 
-  !> The levels. It owns a factor: never copy it, destroy it in the end.
-  type, public :: aggregated_corners_t
-    !> Smoothed aggregation over all components of the corners, in nodal axes.
-    type(smoothed_aggregation_t) :: levels
-    !> Cycles of a solve: symmetric with any number.
-    integer :: cycles = 1
+  type, public :: aggregated_corners_t  !! The levels. It owns a factor: never copy it, destroy it in the end.
+    type(smoothed_aggregation_t) :: levels  !! Smoothed aggregation over all components of the corners, in nodal axes.
+    integer :: cycles = 1  !! Cycles of a solve: symmetric with any number.
     !> Equation of each component of each corner, 0 where it is held (dim*n_corners).
     integer, allocatable :: equation(:)
   contains
@@ -35,8 +32,7 @@ contains
     class(aggregated_corners_t), intent(inout) :: self
     !> Assembled, with the corner space by block rows, whose arrays are taken over.
     type(two_levels_t), intent(inout) :: levels
-    !> As in `smoothed_aggregation_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `smoothed_aggregation_t`.
     type(body_modes_t) :: modes
     real(dp), allocatable :: vector(:, :), mode(:, :), reduced(:)
     integer :: k
@@ -57,10 +53,8 @@ contains
   !> Make the levels below the aggregates of a body of linear elements.
   subroutine corners_init_aggregates(self, aggregates, error)
     class(aggregated_corners_t), intent(inout) :: self
-    !> With their Galerkin matrix, whose arrays are taken over.
-    type(aggregate_space_t), intent(inout) :: aggregates
-    !> As in `smoothed_aggregation_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(aggregate_space_t), intent(inout) :: aggregates  !! With their Galerkin matrix, whose arrays are taken over.
+    type(error_t), allocatable, intent(out) :: error  !! As in `smoothed_aggregation_t`.
     integer :: i
     self%equation = [(i, i=1, aggregates%n)]
     self%levels%threshold = self%levels%coarse_threshold
@@ -72,8 +66,7 @@ contains
   !> x := about K_c^+ x.
   subroutine corners_solve(self, x)
     class(aggregated_corners_t), intent(in) :: self
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), allocatable :: b(:), y(:), rest(:), step(:)
     integer :: k
     allocate (b(self%levels%n), y(self%levels%n))

@@ -17,22 +17,17 @@ module dotyk_response_body_grid
 
   !> The levels of one body. An extension has the operator of the corner space.
   type, abstract, extends(preconditioned_system_t), public :: body_grid_t
-    !> Number of unknowns of the system: components times nodes.
-    integer :: n = 0
-    !> The stiffness by block rows, with its smoother.
-    type(chebyshev_t) :: fine
-    !> Equations of the body and nodal axes, nodes in the order of the rows.
-    type(constraint_t) :: constraint
+    integer :: n = 0  !! Number of unknowns of the system: components times nodes.
+    type(chebyshev_t) :: fine  !! The stiffness by block rows, with its smoother.
+    type(constraint_t) :: constraint  !! Equations of the body and nodal axes, nodes in the order of the rows.
     !> Interpolation from the corners, or from aggregates of linear elements.
     type(coarse_interpolation_t) :: interpolation
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
     !> Least and greatest Ritz value of the preconditioned stiffness in all solves so far [].
     real(dp) :: least = 1, greatest = 1
-    !> Whether no eigenvalue is below `least_eigenvalue`, all but certainly.
-    logical :: is_sure = .false.
-    !> Largest residual that a solve has left, relative, in the norm of the preconditioner [].
-    real(dp) :: worst = 0
+    logical :: is_sure = .false.  !! Whether no eigenvalue is below `least_eigenvalue`, all but certainly.
+    real(dp) :: worst = 0  !! Largest residual that a solve has left, relative, in the norm of the preconditioner [].
   contains
     procedure :: multiply => grid_multiply
     procedure :: to_system => grid_to_system
@@ -41,23 +36,18 @@ module dotyk_response_body_grid
     procedure :: take_spectrum => grid_take_spectrum
     procedure :: make_sure_of_least => grid_make_sure_of_least
     procedure :: force_norm => grid_force_norm
-    !> x := K_c^+ x in the corner space, about.
-    procedure(solve_corners), deferred :: solve_coarse
-    !> Cost of such a solve.
-    procedure(count_entries), deferred :: corner_entries
+    procedure(solve_corners), deferred :: solve_coarse  !! x := K_c^+ x in the corner space, about.
+    procedure(count_entries), deferred :: corner_entries  !! Cost of such a solve.
     !> Make ready for compliances of contact rows; one thread at a time.
     procedure(change_grid), deferred :: prepare_rows
-    !> Compliance of contact rows in the corner space.
-    procedure(form_compliance), deferred :: form_row_compliance
-    !> Give back all memory.
-    procedure(change_grid), deferred :: destroy
+    procedure(form_compliance), deferred :: form_row_compliance  !! Compliance of contact rows in the corner space.
+    procedure(change_grid), deferred :: destroy  !! Give back all memory.
   end type body_grid_t
 
   abstract interface
     !> x := K_c^+ x.
     subroutine solve_corners(self, x)
       import :: body_grid_t, dp
-      !> The levels.
       class(body_grid_t), intent(in) :: self
       !> Forces on the corners in, displacements out (interpolation%n) [force], [length].
       real(dp), intent(inout) :: x(:)
@@ -66,26 +56,22 @@ module dotyk_response_body_grid
     !> Entries that a solve in the corner space reads.
     pure real(dp) function count_entries(self)
       import :: body_grid_t, dp
-      !> The levels.
       class(body_grid_t), intent(in) :: self
     end function count_entries
 
     !> Change what the levels have.
     subroutine change_grid(self)
       import :: body_grid_t
-      !> The levels.
       class(body_grid_t), intent(inout) :: self
     end subroutine change_grid
 
     !> B P K_c^+ P^T B^T.
     subroutine form_compliance(self, rows, value)
       import :: body_grid_t, sparse_rows_t, dp
-      !> The levels, ready by `prepare_rows` if there are rows.
       class(body_grid_t), intent(in) :: self
       !> The rows over the equations of the corner space, B P (n x n_corner_equations) [].
       type(sparse_rows_t), intent(in) :: rows
-      !> (n, n) [length/force].
-      real(dp), allocatable, intent(out) :: value(:, :)
+      real(dp), allocatable, intent(out) :: value(:, :)  !! (n, n) [length/force].
     end subroutine form_compliance
   end interface
 
@@ -96,8 +82,7 @@ module dotyk_response_body_grid
   real(dp), parameter :: least_share = 0.01_dp
   !> Reduction of the residual, as a fraction of the share, that makes sure of the least eigenvalue [].
   real(dp), parameter :: small_of_share = 1.0e-2_dp
-  !> Iterations at most.
-  integer, parameter :: most_steps = 400
+  integer, parameter :: most_steps = 400  !! Iterations at most.
   !> Fractions of their multiples have no order.
   real(dp), parameter :: golden = 0.6180339887498949_dp, silver = 0.4142135623730951_dp
 
@@ -106,30 +91,24 @@ contains
   !> y = K x.
   subroutine grid_multiply(self, x, y)
     class(body_grid_t), intent(in) :: self
-    !> Displacements x (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Forces y (n) [force].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Displacements x (n) [length].
+    real(dp), intent(out), contiguous :: y(:)  !! Forces y (n) [force].
     call self%fine%multiply(x, y)
   end subroutine grid_multiply
 
   !> A vector over the equations of the body as one of the system.
   subroutine grid_to_system(self, x, y)
     class(body_grid_t), intent(in) :: self
-    !> Vector over the equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
-    !> Vector of the system (n) [as x].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector over the equations (n_equations) [any].
+    real(dp), intent(out), contiguous :: y(:)  !! Vector of the system (n) [as x].
     call to_unknowns(size(self%constraint%equation), self%constraint%equation, x, y)
   end subroutine grid_to_system
 
   !> A vector of the system as one over the equations of the body.
   subroutine grid_to_equations(self, y, x)
     class(body_grid_t), intent(in) :: self
-    !> Vector of the system (n) [any].
-    real(dp), intent(in), contiguous :: y(:)
-    !> Vector over the equations (n_equations) [as y].
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(in), contiguous :: y(:)  !! Vector of the system (n) [any].
+    real(dp), intent(inout) :: x(:)  !! Vector over the equations (n_equations) [as y].
     call to_equations(size(self%constraint%equation), self%constraint%equation, y, x)
   end subroutine grid_to_equations
 
@@ -143,8 +122,7 @@ contains
   !> below `least_eigenvalue`.
   subroutine grid_take_spectrum(self, outcome)
     class(body_grid_t), intent(inout) :: self
-    !> The iteration.
-    type(cg_outcome_t), intent(in) :: outcome
+    type(cg_outcome_t), intent(in) :: outcome  !! The iteration.
     real(dp) :: least, greatest
     if (outcome%steps == 0) return
     call outcome%ritz_values(least, greatest)
@@ -155,7 +133,6 @@ contains
 
   !> Share of a start without order along an eigenvector, at least [].
   pure real(dp) function share_of_start(self) result(share)
-    !> The levels.
     class(body_grid_t), intent(in) :: self
     share = least_share/sqrt(real(self%n, dp))
   end function share_of_start
@@ -188,14 +165,10 @@ contains
 
   !> Numbers without order at free components, zero at held ones.
   pure subroutine without_order(n, equation, ratio, x)
-    !> Number of unknowns.
-    integer, intent(in) :: n
-    !> Their equations, 0 where held (n).
-    integer, intent(in) :: equation(n)
-    !> Fractions of its multiples are taken [].
-    real(dp), intent(in) :: ratio
-    !> Between -1/2 and 1/2 (n) [].
-    real(dp), intent(out) :: x(n)
+    integer, intent(in) :: n  !! Number of unknowns.
+    integer, intent(in) :: equation(n)  !! Their equations, 0 where held (n).
+    real(dp), intent(in) :: ratio  !! Fractions of its multiples are taken [].
+    real(dp), intent(out) :: x(n)  !! Between -1/2 and 1/2 (n) [].
     integer :: i
     do i = 1, n
       x(i) = merge(modulo(i*ratio, 1.0_dp) - 0.5_dp, 0.0_dp, equation(i) > 0)
@@ -206,8 +179,7 @@ contains
   !> is at least `least_eigenvalue` times the inverse.
   real(dp) function grid_force_norm(self, r) result(norm)
     class(body_grid_t), intent(in) :: self
-    !> Forces over the unknowns (n) [force].
-    real(dp), intent(in), contiguous :: r(:)
+    real(dp), intent(in), contiguous :: r(:)  !! Forces over the unknowns (n) [force].
     real(dp), allocatable :: z(:)
     allocate (z(size(r)))
     call self%precondition(r, z)

@@ -9,16 +9,11 @@ module dotyk_response_coarse_interpolation
   implicit none
   private
 
-  !> The interpolation.
-  type, public :: coarse_interpolation_t
-    !> Unknowns of the coarse level.
-    integer :: n = 0
-    !> Corners.
-    type(corner_space_t) :: space
-    !> Their equations and nodal axes.
-    type(constraint_t) :: corner_constraint
-    !> Aggregates; empty where there are corners.
-    type(aggregate_space_t) :: aggregates
+  type, public :: coarse_interpolation_t  !! The interpolation.
+    integer :: n = 0  !! Unknowns of the coarse level.
+    type(corner_space_t) :: space  !! Corners.
+    type(constraint_t) :: corner_constraint  !! Their equations and nodal axes.
+    type(aggregate_space_t) :: aggregates  !! Aggregates; empty where there are corners.
   contains
     procedure :: restrict => interpolation_restrict
     procedure :: prolong => interpolation_prolong
@@ -30,14 +25,10 @@ contains
   !> P^T r.
   subroutine interpolation_restrict(self, constraint, factor, r, coarse)
     class(coarse_interpolation_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Factor of the result [].
-    real(dp), intent(in) :: factor
-    !> Forces in nodal axes, zero along held components (dim*n_nodes) [force].
-    real(sp), intent(in), contiguous :: r(:)
-    !> On the coarse level (n) [force].
-    real(dp), intent(out), contiguous :: coarse(:)
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    real(dp), intent(in) :: factor  !! Factor of the result [].
+    real(sp), intent(in), contiguous :: r(:)  !! Forces in nodal axes, zero along held components (dim*n_nodes) [force].
+    real(dp), intent(out), contiguous :: coarse(:)  !! On the coarse level (n) [force].
     if (self%aggregates%n > 0) then
       call self%aggregates%restrict(factor, r, coarse)
     else
@@ -48,12 +39,9 @@ contains
   !> P x.
   subroutine interpolation_prolong(self, constraint, coarse, x)
     class(coarse_interpolation_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Of the coarse level (n) [length].
-    real(dp), intent(in), contiguous :: coarse(:)
-    !> Displacements in nodal axes (dim*n_nodes) [length].
-    real(dp), intent(out), contiguous :: x(:)
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    real(dp), intent(in), contiguous :: coarse(:)  !! Of the coarse level (n) [length].
+    real(dp), intent(out), contiguous :: x(:)  !! Displacements in nodal axes (dim*n_nodes) [length].
     if (self%aggregates%n > 0) then
       call self%aggregates%prolong(coarse, x)
     else
@@ -64,12 +52,10 @@ contains
   !> B P.
   subroutine interpolation_carry_rows(self, constraint, rows, coarse)
     class(coarse_interpolation_t), intent(in) :: self
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
     !> Rows B over all components of the nodes, in nodal axes (n_rows x dim*n_nodes) [].
     type(sparse_rows_t), intent(in) :: rows
-    !> The rows over the unknowns of the coarse level (n_rows x n) [].
-    type(sparse_rows_t), intent(inout) :: coarse
+    type(sparse_rows_t), intent(inout) :: coarse  !! The rows over the unknowns of the coarse level (n_rows x n) [].
     if (self%aggregates%n > 0) then
       call self%aggregates%carry_rows(rows, coarse)
     else
@@ -79,16 +65,11 @@ contains
 
   !> B P for the corner space.
   subroutine corner_rows(space, constraint, corner_constraint, rows, corner)
-    !> The corner space.
-    type(corner_space_t), intent(in) :: space
-    !> Equations and nodal axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Equations and nodal axes of the corners.
-    type(constraint_t), intent(in) :: corner_constraint
-    !> Rows over the unknowns of the system.
-    type(sparse_rows_t), intent(in) :: rows
-    !> The rows over the corner equations.
-    type(sparse_rows_t), intent(inout) :: corner
+    type(corner_space_t), intent(in) :: space  !! The corner space.
+    type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: corner_constraint  !! Equations and nodal axes of the corners.
+    type(sparse_rows_t), intent(in) :: rows  !! Rows over the unknowns of the system.
+    type(sparse_rows_t), intent(inout) :: corner  !! The rows over the corner equations.
     real(dp), allocatable :: share(:, :), value(:)
     real(dp) :: v(size(constraint%equation, 1))
     integer, allocatable :: row(:), column(:), touched(:)

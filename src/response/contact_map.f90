@@ -9,16 +9,13 @@ module dotyk_response_contact_map
   implicit none
   private
 
-  !> The map of one body.
-  type, public :: contact_map_t
-    !> Space dimension, and number of contact nodes.
-    integer :: dimension = 0, n_nodes = 0
+  type, public :: contact_map_t  !! The map of one body.
+    integer :: dimension = 0, n_nodes = 0  !! Space dimension, and number of contact nodes.
     !> Equation of each component, in the axes of the node; 0 where prescribed (dimension, n_nodes).
     integer, allocatable :: equation(:, :)
     !> Axes of each node: 0 for the global ones, else an index into `axes` (n_nodes).
     integer, allocatable, private :: axes_of(:)
-    !> Axes as columns (dimension, dimension, n_axes) [].
-    real(dp), allocatable, private :: axes(:, :, :)
+    real(dp), allocatable, private :: axes(:, :, :)  !! Axes as columns (dimension, dimension, n_axes) [].
   contains
     procedure :: init => map_init
     procedure :: scatter => map_scatter
@@ -31,12 +28,9 @@ contains
 
   !> Make the map.
   subroutine map_init(self, constraint, contact_node)
-    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(out) :: self
-    !> Equations and local axes of the body.
-    type(constraint_t), intent(in) :: constraint
-    !> Nodes of the body where contact forces may act (n_nodes).
-    integer, intent(in) :: contact_node(:)
+    type(constraint_t), intent(in) :: constraint  !! Equations and local axes of the body.
+    integer, intent(in) :: contact_node(:)  !! Nodes of the body where contact forces may act (n_nodes).
     integer :: i, n_axes, frame
     self%dimension = size(constraint%equation, 1)
     self%n_nodes = size(contact_node)
@@ -56,12 +50,9 @@ contains
 
   !> Nodal forces to a right-hand side.
   pure subroutine map_scatter(self, force, x)
-    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
-    !> Cartesian forces (dimension*n_nodes) [force].
-    real(dp), intent(in) :: force(:)
-    !> Right-hand side (n_equations) [force].
-    real(dp), intent(out) :: x(:)
+    real(dp), intent(in) :: force(:)  !! Cartesian forces (dimension*n_nodes) [force].
+    real(dp), intent(out) :: x(:)  !! Right-hand side (n_equations) [force].
     real(dp) :: local(self%dimension)
     integer :: i, k
     x = 0
@@ -76,12 +67,9 @@ contains
 
   !> A solution to displacements of the contact nodes.
   pure subroutine map_gather(self, x, displacement)
-    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
-    !> Solution (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Cartesian displacements (dimension*n_nodes) [length].
-    real(dp), intent(out) :: displacement(:)
+    real(dp), intent(in) :: x(:)  !! Solution (n_equations) [length].
+    real(dp), intent(out) :: displacement(:)  !! Cartesian displacements (dimension*n_nodes) [length].
     real(dp) :: local(self%dimension)
     integer :: i, k
     do i = 1, self%n_nodes
@@ -96,14 +84,11 @@ contains
 
   !> Rows of B to rows over the equations.
   subroutine map_rows(self, matrix, row, rows)
-    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
     !> Rows over the components of the contact nodes; all entries of a node stand together.
     type(sparse_rows_t), intent(in) :: matrix
-    !> Which rows of it (n).
-    integer, intent(in) :: row(:)
-    !> They over the equations.
-    type(sparse_rows_t), intent(inout) :: rows
+    integer, intent(in) :: row(:)  !! Which rows of it (n).
+    type(sparse_rows_t), intent(inout) :: rows  !! They over the equations.
     real(dp) :: local(self%dimension)
     integer :: j, k, i, c, n, dim, last
     dim = self%dimension
@@ -140,12 +125,9 @@ contains
 
   !> Diagonal of the stiffness in Cartesian components; 0 along prescribed ones.
   pure function map_diagonal(self, diagonal) result(cartesian)
-    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
-    !> Over the equations (n_equations) [force/length].
-    real(dp), intent(in) :: diagonal(:)
-    !> (dimension*n_nodes) [force/length]
-    real(dp), allocatable :: cartesian(:)
+    real(dp), intent(in) :: diagonal(:)  !! Over the equations (n_equations) [force/length].
+    real(dp), allocatable :: cartesian(:)  !! (dimension*n_nodes) [force/length]
     real(dp) :: axis(self%dimension)
     integer :: i, k
     allocate (cartesian(self%dimension*self%n_nodes), source=0.0_dp)

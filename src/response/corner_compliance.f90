@@ -24,10 +24,8 @@ contains
     class(response_t), intent(in) :: coarse
     !> The rows over the equations of the corner space, B P (n x n_corner_equations) [].
     type(sparse_rows_t), intent(in) :: rows
-    !> (n, n) [length/force].
-    real(dp), allocatable, intent(out) :: value(:, :)
-    !> Memory of substituted rows at most; chosen if absent [bytes].
-    integer(int64), intent(in), optional :: room
+    real(dp), allocatable, intent(out) :: value(:, :)  !! (n, n) [length/force].
+    integer(int64), intent(in), optional :: room  !! Memory of substituted rows at most; chosen if absent [bytes].
     type(substituted_rows_t), allocatable :: first(:), group(:), other(:)
     integer(int64) :: bytes
     integer :: i, k, n_blocks, length, n, last
@@ -55,23 +53,17 @@ contains
 
   !> Memory of the values of substituted rows [bytes].
   pure integer(int64) function size_of(rows)
-    !> The rows.
-    type(substituted_rows_t), intent(in) :: rows
+    type(substituted_rows_t), intent(in) :: rows  !! The rows.
     size_of = max(1_int64, 8*size(rows%forward%value, kind=int64))
   end function size_of
 
   !> Forward substitution of some blocks.
   subroutine substitute(coarse, rows, length, first, last, substituted, known)
-    !> Compliance operator of the corner space.
-    class(response_t), intent(in) :: coarse
-    !> All rows.
-    type(sparse_rows_t), intent(in) :: rows
-    !> Rows in a block.
-    integer, intent(in) :: length
-    !> First and last block.
-    integer, intent(in) :: first, last
-    !> L^{-1} of them (last - first + 1).
-    type(substituted_rows_t), allocatable, intent(out) :: substituted(:)
+    class(response_t), intent(in) :: coarse  !! Compliance operator of the corner space.
+    type(sparse_rows_t), intent(in) :: rows  !! All rows.
+    integer, intent(in) :: length  !! Rows in a block.
+    integer, intent(in) :: first, last  !! First and last block.
+    type(substituted_rows_t), allocatable, intent(out) :: substituted(:)  !! L^{-1} of them (last - first + 1).
     !> The first block of all, where it is known; without it on return (1).
     type(substituted_rows_t), allocatable, intent(inout), optional :: known(:)
     type(sparse_rows_t) :: part
@@ -96,18 +88,12 @@ contains
 
   !> The entries between two groups of blocks, or within one.
   subroutine multiply(coarse, length, first_a, a, first_b, b, same, value)
-    !> Compliance operator of the corner space.
-    class(response_t), intent(in) :: coarse
-    !> Rows in a block.
-    integer, intent(in) :: length
-    !> First block of each group.
-    integer, intent(in) :: first_a, first_b
-    !> The groups, substituted.
-    type(substituted_rows_t), intent(in) :: a(:), b(:)
-    !> Whether they are one group.
-    logical, intent(in) :: same
-    !> Gets the entries (n, n) [length/force].
-    real(dp), intent(inout) :: value(:, :)
+    class(response_t), intent(in) :: coarse  !! Compliance operator of the corner space.
+    integer, intent(in) :: length  !! Rows in a block.
+    integer, intent(in) :: first_a, first_b  !! First block of each group.
+    type(substituted_rows_t), intent(in) :: a(:), b(:)  !! The groups, substituted.
+    logical, intent(in) :: same  !! Whether they are one group.
+    real(dp), intent(inout) :: value(:, :)  !! Gets the entries (n, n) [length/force].
     real(dp), allocatable :: c(:, :)
     integer :: k, l, i, j
     !$omp parallel do default(none) shared(coarse, length, first_a, a, first_b, b, same, value) private(c, l, i, j) &
@@ -128,12 +114,9 @@ contains
 
   !> Some rows of a matrix.
   subroutine cut(matrix, first, last, rows)
-    !> The matrix.
-    type(sparse_rows_t), intent(in) :: matrix
-    !> First and last row.
-    integer, intent(in) :: first, last
-    !> They.
-    type(sparse_rows_t), intent(out) :: rows
+    type(sparse_rows_t), intent(in) :: matrix  !! The matrix.
+    integer, intent(in) :: first, last  !! First and last row.
+    type(sparse_rows_t), intent(out) :: rows  !! They.
     associate (begin => matrix%row_start(first), end => matrix%row_start(last + 1) - 1)
       rows%n_rows = last - first + 1
       rows%n_columns = matrix%n_columns

@@ -10,8 +10,7 @@ module dotyk_response_cost_model
   private
   public :: matrix_is_cheaper
 
-  !> Products to come.
-  type, public :: workload_t
+  type, public :: workload_t  !! Products to come.
     !> Contact rows of all bodies of the congruence class, and number of these bodies.
     integer :: n_rows = 0, n_bodies = 1
     !> Products one by one, one in each step of an iterative scheme; 0: the scheme forms the matrix.
@@ -20,17 +19,14 @@ module dotyk_response_cost_model
 
   !> Speed of a factorization over that of single triangular solves, and of forward substitutions of blocks of rows.
   real(dp), parameter :: slowness_of_solves = 10, slowness_of_substitution = 1.3_dp
-  !> Bytes that a matrix may take which the user did not ask for.
-  real(dp), parameter :: most_bytes = 1.0e9_dp
+  real(dp), parameter :: most_bytes = 1.0e9_dp  !! Bytes that a matrix may take which the user did not ask for.
 
 contains
 
   !> Whether forming the matrix pays, and it does not take too much memory.
   pure logical function matrix_is_cheaper(work, factor_entries, path_entries) result(cheaper)
-    !> Products to come.
-    type(workload_t), intent(in) :: work
-    !> Entries of the factor [].
-    real(dp), intent(in) :: factor_entries
+    type(workload_t), intent(in) :: work  !! Products to come.
+    real(dp), intent(in) :: factor_entries  !! Entries of the factor [].
     !> Entries of the factor from a contact unknown to the root of the elimination tree [].
     real(dp), intent(in) :: path_entries
     cheaper = .false.
@@ -40,17 +36,14 @@ contains
 
   !> Triangular solves: each entry of the factor twice, an addition and a multiplication.
   pure real(dp) function cost_of_solves(work, entries) result(cost)
-    !> Products to come.
-    type(workload_t), intent(in) :: work
-    !> Entries of the factor [].
-    real(dp), intent(in) :: entries
+    type(workload_t), intent(in) :: work  !! Products to come.
+    real(dp), intent(in) :: entries  !! Entries of the factor [].
     cost = slowness_of_solves*4*entries*work%n_steps*work%n_bodies
   end function cost_of_solves
 
   !> Forming the matrix, and multiplying with it.
   pure real(dp) function cost_of_matrix(work, path) result(cost)
-    !> Products to come.
-    type(workload_t), intent(in) :: work
+    type(workload_t), intent(in) :: work  !! Products to come.
     !> Entries from a contact unknown to the root []; the unknowns on the path are about the root of twice as many.
     real(dp), intent(in) :: path
     real(dp) :: n

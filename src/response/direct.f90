@@ -24,12 +24,10 @@ module dotyk_response_direct
 
   !> Compliance operator by triangular solves. It owns a factor: never copy it, destroy it in the end.
   type, extends(response_t), public :: direct_response_t
-    !> Factor of the (regularized) stiffness.
-    type(cholesky_t) :: factor
+    type(cholesky_t) :: factor  !! Factor of the (regularized) stiffness.
     !> Equations that springs regularize, one for each rigid body mode; chosen by `analyze` (n_modes).
     integer, allocatable :: fixing_equation(:)
-    !> What forward substitutions need beside the factor.
-    type(substitution_t), private :: substitution
+    type(substitution_t), private :: substitution  !! What forward substitutions need beside the factor.
   contains
     procedure :: analyze => direct_analyze
     procedure :: factorize => direct_factorize
@@ -46,14 +44,10 @@ contains
 
   !> Order the equations and analyse the factorization.
   subroutine direct_analyze(self, body, modes, stiffness, error)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> Its stiffness, with the graph of its nodes.
-    type(stiffness_t), intent(in) :: stiffness
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(stiffness_t), intent(in) :: stiffness  !! Its stiffness, with the graph of its nodes.
     !> Allocated where METIS or CHOLMOD has no memory, METIS refuses the graph, or the factor exceeds 64-bit integers.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: node_order(:), permutation(:)
@@ -77,16 +71,12 @@ contains
 
   !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
   subroutine direct_factorize(self, body, stiffness, split_near_null, report, error)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
-    !> The same body as in `analyze`.
-    type(body_t), intent(in) :: body
-    !> Its stiffness; empty on return.
-    type(stiffness_t), intent(inout) :: stiffness
+    type(body_t), intent(in) :: body  !! The same body as in `analyze`.
+    type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness; empty on return.
     !> Whether near-null-space modes are split off the operator: it is that of the body regularized against them then.
     logical, intent(in) :: split_near_null
-    !> Condition, near-null-space modes.
-    type(factorization_report_t), intent(out) :: report
+    type(factorization_report_t), intent(out) :: report  !! Condition, near-null-space modes.
     !> As in `factorize_stiffness`: the stiffness is not positive definite (names a node), memory runs out, and
     !> rarer ones.
     type(error_t), allocatable, intent(out) :: error
@@ -95,10 +85,8 @@ contains
 
   !> x := K^+ x.
   subroutine direct_solve(self, x)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     call remove_modes(self%mode, x)
     call self%factor%solve(x)
     call remove_modes(self%mode, x)
@@ -106,7 +94,6 @@ contains
 
   !> X := K^+ X, with dense products of blocks.
   subroutine direct_solve_block(self, x)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
     !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
     real(dp), intent(inout), contiguous :: x(:, :)
@@ -122,47 +109,36 @@ contains
 
   !> Make ready for forward substitutions.
   subroutine direct_prepare_substitution(self)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     call self%substitution%init(self%factor, self%mode)
   end subroutine direct_prepare_substitution
 
   !> Entries of the factor on the elimination-tree paths from some equations to the root, on average.
   real(dp) function direct_path_entries(self, equation) result(entries)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
-    !> Where the paths begin (n).
-    integer, intent(in) :: equation(:)
+    integer, intent(in) :: equation(:)  !! Where the paths begin (n).
     entries = self%substitution%path_entries(self%factor, equation)
   end function direct_path_entries
 
   !> Forward substitution of rows.
   subroutine direct_substitute(self, rows, substituted)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
-    !> Rows over the equations.
-    type(sparse_rows_t), intent(in) :: rows
-    !> L^{-1} of them.
-    type(substituted_rows_t), intent(inout) :: substituted
+    type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
+    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them.
     call self%substitution%substitute(rows, self%mode, substituted)
   end subroutine direct_substitute
 
   !> c_ij = a_i K^+ b_j.
   subroutine direct_product(self, a, b, same, c)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
-    !> Rows of the two sides.
-    type(substituted_rows_t), intent(in) :: a, b
-    !> Whether a and b are the same rows.
-    logical, intent(in) :: same
-    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
-    real(dp), intent(out) :: c(:, :)
+    type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
+    logical, intent(in) :: same  !! Whether a and b are the same rows.
+    real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
     call self%substitution%product(a, b, same, c)
   end subroutine direct_product
 
   !> Give back all memory.
   subroutine direct_destroy(self)
-    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     call self%factor%destroy()
     call self%substitution%destroy()

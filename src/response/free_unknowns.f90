@@ -9,14 +9,10 @@ contains
 
   !> Values of equations at their unknowns; zero where held.
   pure subroutine to_unknowns(n, equation, x, y)
-    !> Number of unknowns.
-    integer, intent(in) :: n
-    !> Their equations, 0 or less where held (n).
-    integer, intent(in) :: equation(n)
-    !> Over the equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
-    !> Over the unknowns (n) [as x].
-    real(dp), intent(out) :: y(:)
+    integer, intent(in) :: n  !! Number of unknowns.
+    integer, intent(in) :: equation(n)  !! Their equations, 0 or less where held (n).
+    real(dp), intent(in) :: x(:)  !! Over the equations (n_equations) [any].
+    real(dp), intent(out) :: y(:)  !! Over the unknowns (n) [as x].
     integer :: i
     do i = 1, n
       y(i) = 0
@@ -26,14 +22,10 @@ contains
 
   !> Values of unknowns at their equations.
   pure subroutine to_equations(n, equation, y, x)
-    !> Number of unknowns.
-    integer, intent(in) :: n
-    !> Their equations, 0 or less where held (n).
-    integer, intent(in) :: equation(n)
-    !> Over the unknowns (n) [any].
-    real(dp), intent(in) :: y(:)
-    !> Over the equations (n_equations) [as y].
-    real(dp), intent(inout) :: x(:)
+    integer, intent(in) :: n  !! Number of unknowns.
+    integer, intent(in) :: equation(n)  !! Their equations, 0 or less where held (n).
+    real(dp), intent(in) :: y(:)  !! Over the unknowns (n) [any].
+    real(dp), intent(inout) :: x(:)  !! Over the equations (n_equations) [as y].
     integer :: i
     do i = 1, n
       if (equation(i) > 0) x(equation(i)) = y(i)

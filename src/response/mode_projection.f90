@@ -9,10 +9,8 @@ contains
 
   !> x := P x.
   pure subroutine remove_modes(mode, x)
-    !> Orthonormal modes over the equations (n_equations, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
-    !> A force or a displacement (n_equations) [force or length].
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(in) :: mode(:, :)  !! Orthonormal modes over the equations (n_equations, n_modes) [].
+    real(dp), intent(inout) :: x(:)  !! A force or a displacement (n_equations) [force or length].
     real(dp) :: amplitude(size(mode, 2))
     integer :: k
     do k = 1, size(mode, 2)

@@ -34,18 +34,13 @@ module dotyk_response_multigrid
 
   !> The two levels of a body. It owns a factor: never copy it, destroy it in the end.
   type, extends(body_grid_t), public :: multigrid_t
-    !> Compliance operator of the corner space.
-    type(direct_response_t) :: coarse
-    !> Its solves in a cycle.
-    type(ordered_solve_t), private :: coarse_solve
+    type(direct_response_t) :: coarse  !! Compliance operator of the corner space.
+    type(ordered_solve_t), private :: coarse_solve  !! Its solves in a cycle.
     !> Corner spaces and aggregates of more unknowns are not factorized; aggregates are coupled to more others.
     integer :: largest_factor = 300000, largest_aggregates = 100000
-    !> Whether `aggregated` takes the place of `coarse`.
-    logical :: is_aggregated = .false.
-    !> Smoothed aggregation on a large corner space.
-    type(aggregated_corners_t) :: aggregated
-    !> Between `assemble` and `factorize`: both levels.
-    type(two_levels_t), allocatable :: levels
+    logical :: is_aggregated = .false.  !! Whether `aggregated` takes the place of `coarse`.
+    type(aggregated_corners_t) :: aggregated  !! Smoothed aggregation on a large corner space.
+    type(two_levels_t), allocatable :: levels  !! Between `assemble` and `factorize`: both levels.
   contains
     procedure :: init => multigrid_init
     procedure :: assemble => multigrid_assemble
@@ -73,14 +68,10 @@ contains
   !> Assemble both levels and factorize the coarse one.
   subroutine multigrid_init(self, body, modes, report, error)
     class(multigrid_t), intent(inout) :: self
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> Condition of the corner space.
-    type(factorization_report_t), intent(out) :: report
-    !> As in `assemble`, `analyze` and `factorize`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(factorization_report_t), intent(out) :: report  !! Condition of the corner space.
+    type(error_t), allocatable, intent(out) :: error  !! As in `assemble`, `analyze` and `factorize`.
     call self%assemble(body, error)
     if (.not. allocated(error)) call self%analyze(body, modes, error)
     if (.not. allocated(error)) call self%factorize(report, error)
@@ -90,8 +81,7 @@ contains
   !> Assemble both levels.
   subroutine multigrid_assemble(self, body, error)
     class(multigrid_t), intent(inout) :: self
-    !> The body; it need not be assembled.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
@@ -109,10 +99,8 @@ contains
 
   !> Assemble the stiffness of linear elements, and the Galerkin matrix of its aggregates.
   subroutine assemble_linear(self, body, error)
-    !> Gets the stiffness and the aggregates.
     class(multigrid_t), intent(inout) :: self
-    !> As in `assemble`.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! As in `assemble`.
     !> As in `assemble`; also where a diagonal block of the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     type(rigid_body_modes_t) :: rigid
@@ -133,12 +121,9 @@ contains
   !> Order and analyse the factorization of the corner space: the memory of its factor is known then.
   subroutine multigrid_analyze(self, body, modes, error)
     class(multigrid_t), intent(inout) :: self
-    !> The same body as in `assemble`.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> As in `analyze` of `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The same body as in `assemble`.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze` of `direct_response_t`.
     type(body_modes_t) :: corner_modes
     if (self%interpolation%aggregates%n == 0) call self%take_rows()
     call self%take_modes(body, modes%shape)
@@ -158,8 +143,7 @@ contains
   !> Factorize the corner space, or make the levels of smoothed aggregation: the report is empty then.
   subroutine multigrid_factorize(self, report, error)
     class(multigrid_t), intent(inout) :: self
-    !> Condition of the corner space.
-    type(factorization_report_t), intent(out) :: report
+    type(factorization_report_t), intent(out) :: report  !! Condition of the corner space.
     !> Allocated where the stiffness is not positive definite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     if (self%is_aggregated .and. self%interpolation%aggregates%n > 0) then
@@ -179,10 +163,8 @@ contains
   !> in one system. `coarse` is made by the caller.
   subroutine multigrid_take_whole(self, body, modes, error)
     class(multigrid_t), intent(inout) :: self
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
     !> Allocated where an element is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     allocate (self%levels)
@@ -207,8 +189,7 @@ contains
   !> Take the rigid body modes.
   subroutine multigrid_take_modes(self, body, shape)
     class(multigrid_t), intent(inout) :: self
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     !> Rigid body modes that its supports leave, as in `body_modes_t` (dim, n_nodes, n_modes) [].
     real(dp), intent(in) :: shape(:, :, :)
     real(dp), allocatable :: mode(:)
@@ -224,8 +205,7 @@ contains
   !> Invert the diagonal blocks.
   subroutine multigrid_make_smoother(self, error)
     class(multigrid_t), intent(inout) :: self
-    !> Allocated where a diagonal block is not positive definite.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a diagonal block is not positive definite.
     logical :: regular
     if (self%coarse%factor%factor_entries > least_shared) call self%coarse_solve%init(self%coarse%factor)
     ! That of linear elements has been made with the aggregates.
@@ -259,8 +239,7 @@ contains
     class(multigrid_t), intent(in) :: self
     !> The rows over the equations of the corner space (n x n_corner_equations) [].
     type(sparse_rows_t), intent(in) :: rows
-    !> (n, n) [length/force].
-    real(dp), allocatable, intent(out) :: value(:, :)
+    real(dp), allocatable, intent(out) :: value(:, :)  !! (n, n) [length/force].
     real(dp), allocatable :: x(:), e(:)
     integer :: i
     if (.not. self%is_aggregated) then
@@ -281,10 +260,8 @@ contains
   !> One cycle.
   subroutine multigrid_precondition(self, r, z)
     class(multigrid_t), intent(in) :: self
-    !> Forces r (n) [force].
-    real(dp), intent(in), contiguous :: r(:)
-    !> Displacements z, about K^+ r (n) [length].
-    real(dp), intent(out), contiguous :: z(:)
+    real(dp), intent(in), contiguous :: r(:)  !! Forces r (n) [force].
+    real(dp), intent(out), contiguous :: z(:)  !! Displacements z, about K^+ r (n) [length].
     real(sp), allocatable :: b(:), x(:), rest(:)
     real(dp), allocatable :: correction(:), coarse(:)
     real(dp) :: size_of_r
@@ -319,8 +296,7 @@ contains
   !> x := K_c^+ x, about, by all threads: by the factor, or by cycles of smoothed aggregation.
   subroutine multigrid_solve_coarse(self, x)
     class(multigrid_t), intent(in) :: self
-    !> Forces on the corners in, displacements out (interpolation%n) [force], [length].
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Forces on the corners in, displacements out (interpolation%n) [force], [length].
     if (self%is_aggregated) then
       call self%aggregated%solve(x)
       return
@@ -336,14 +312,11 @@ contains
   !> x := K^+ x over the equations of the body, by conjugate gradients.
   subroutine multigrid_solve(self, x, tolerance, most_steps, outcome)
     class(multigrid_t), intent(in) :: self
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     !> Reduction of the residual to stop at, in the norm of the preconditioner, about the energy norm of the error [].
     real(dp), intent(in) :: tolerance
-    !> Greatest number of iterations.
-    integer, intent(in) :: most_steps
-    !> Iterations, convergence.
-    type(cg_outcome_t), intent(out) :: outcome
+    integer, intent(in) :: most_steps  !! Greatest number of iterations.
+    type(cg_outcome_t), intent(out) :: outcome  !! Iterations, convergence.
     real(dp), allocatable :: b(:), y(:)
     allocate (b(self%n), y(self%n))
     call self%to_system(x, b)

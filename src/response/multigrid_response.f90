@@ -21,12 +21,9 @@ module dotyk_response_multigrid_response
   type, extends(response_t), public :: multigrid_response_t
     !> The two levels; a pointer, because systems over many bodies refer to them.
     type(multigrid_t), pointer :: grid => null()
-    !> Whether the coarse level is the body itself: solves are those of its factor.
-    logical :: is_whole = .false.
-    !> Residual of the trial, relative []: large where p-multigrid converges slowly.
-    real(dp) :: trial = 0
-    !> Iterations of the trial.
-    integer :: steps_of_trial = 0
+    logical :: is_whole = .false.  !! Whether the coarse level is the body itself: solves are those of its factor.
+    real(dp) :: trial = 0  !! Residual of the trial, relative []: large where p-multigrid converges slowly.
+    integer :: steps_of_trial = 0  !! Iterations of the trial.
   contains
     procedure :: assemble => response_assemble
     procedure :: analyze => response_analyze
@@ -58,26 +55,20 @@ module dotyk_response_multigrid_response
   integer, parameter :: trial_steps = 14, longer_trial = 45
   !> Residual of the trial above which it is a longer one: compact bodies leave 1e-8 [].
   real(dp), parameter :: most_left = 1.0e-5_dp
-  !> Reduction of the residual of a solve of `expected_steps`.
-  real(dp), parameter :: usual_reduction = 1.0e-8_dp
-  !> Residual of a start that is kept, as a fraction of the right-hand side [].
-  real(dp), parameter :: near = 0.05_dp
-  !> Fractions of its multiples have no order.
-  real(dp), parameter :: golden = 0.6180339887498949_dp
+  real(dp), parameter :: usual_reduction = 1.0e-8_dp  !! Reduction of the residual of a solve of `expected_steps`.
+  real(dp), parameter :: near = 0.05_dp  !! Residual of a start that is kept, as a fraction of the right-hand side [].
+  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples have no order.
   !> Operations of a solve, as a multiple of the entries of the block rows.
   integer, parameter :: products_of_solve = 80
-  !> Block rows of tet10 [bytes/unknown].
-  integer, parameter :: bytes_of_rows = 730
+  integer, parameter :: bytes_of_rows = 730  !! Block rows of tet10 [bytes/unknown].
 
 contains
 
   !> Assemble both levels.
   subroutine response_assemble(self, body, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The body; it need not be assembled. Gets its volume and its mean modulus.
-    type(body_t), intent(inout) :: body
-    !> As in `assemble` of `multigrid_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(inout) :: body  !! The body; it need not be assembled. Gets its volume and its mean modulus.
+    type(error_t), allocatable, intent(out) :: error  !! As in `assemble` of `multigrid_t`.
     allocate (self%grid)
     call self%grid%assemble(body, error)
     if (allocated(error)) return
@@ -88,20 +79,16 @@ contains
   !> Analyse the factorization of the coarse level.
   subroutine response_analyze(self, body, modes, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The same body as in `assemble`.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> As in `analyze` of `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The same body as in `assemble`.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze` of `direct_response_t`.
     call self%grid%analyze(body, modes, error)
   end subroutine response_analyze
 
   !> Factorize the coarse level.
   subroutine response_factorize(self, body, report, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The same body as in `assemble`.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The same body as in `assemble`.
     !> Condition of the corner space; the diagonal is that of the body.
     type(factorization_report_t), intent(out) :: report
     !> Allocated where the stiffness is not positive definite, or memory runs out.
@@ -127,16 +114,11 @@ contains
   !> The same for a body that is solved directly beside others.
   subroutine response_factorize_whole(self, body, modes, stiffness, report, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The body, assembled; analysed by `analyze_whole`.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> Its stiffness; empty on return.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Condition of its stiffness.
-    type(factorization_report_t), intent(out) :: report
-    !> As in `factorize` of `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled; analysed by `analyze_whole`.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness; empty on return.
+    type(factorization_report_t), intent(out) :: report  !! Condition of its stiffness.
+    type(error_t), allocatable, intent(out) :: error  !! As in `factorize` of `direct_response_t`.
     call self%grid%coarse%factorize(body, stiffness, .false., report, error)
     if (.not. allocated(error)) call self%grid%take_whole(body, modes, error)
   end subroutine response_factorize_whole
@@ -144,14 +126,10 @@ contains
   !> Analyse the factorization of a body that is solved directly beside others.
   subroutine response_analyze_whole(self, body, modes, stiffness, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
-    !> Its stiffness, with the graph of its nodes.
-    type(stiffness_t), intent(in) :: stiffness
-    !> As in `analyze` of `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(body_modes_t), intent(in) :: modes  !! Rigid body modes that its supports leave.
+    type(stiffness_t), intent(in) :: stiffness  !! Its stiffness, with the graph of its nodes.
+    type(error_t), allocatable, intent(out) :: error  !! As in `analyze` of `direct_response_t`.
     self%is_whole = .true.
     allocate (self%grid)
     self%grid%is_sure = .true.
@@ -162,8 +140,7 @@ contains
   !> Make the smoother, and measure how good the preconditioner is.
   subroutine response_prepare(self, body, error)
     class(multigrid_response_t), intent(inout) :: self
-    !> The body, with its loads.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body, with its loads.
     !> Allocated where a diagonal block of the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: b(:), x(:), of_equation(:)
@@ -207,8 +184,7 @@ contains
   !> x := K^+ x.
   subroutine response_solve(self, x)
     class(multigrid_response_t), intent(in) :: self
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     type(cg_outcome_t) :: outcome
     real(dp), allocatable :: b(:), s(:), r(:)
     real(dp) :: least, greatest, left
@@ -240,10 +216,8 @@ contains
   !> that of the primal scheme, whose bound knows what it leaves.
   subroutine response_solve_from(self, start, x)
     class(multigrid_response_t), intent(in) :: self
-    !> Approximate solution (n_equations) [length].
-    real(dp), intent(in) :: start(:)
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(in) :: start(:)  !! Approximate solution (n_equations) [length].
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), allocatable :: b(:), s(:), r(:)
     if (self%is_whole) then
       call self%solve(x)
@@ -265,10 +239,8 @@ contains
   !> What a solve leaves, without its resultants on the rigid body modes. That of a factor is rounding.
   subroutine response_subtract_forces(self, x, f)
     class(multigrid_response_t), intent(in) :: self
-    !> Solution (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Right-hand side in, what is left of it out (n_equations) [force].
-    real(dp), intent(inout) :: f(:)
+    real(dp), intent(in) :: x(:)  !! Solution (n_equations) [length].
+    real(dp), intent(inout) :: f(:)  !! Right-hand side in, what is left of it out (n_equations) [force].
     real(dp), allocatable :: b(:), s(:), r(:)
     if (self%is_whole) then
       f = 0
@@ -306,8 +278,7 @@ contains
   !> Cost of one row: a part of a triangular solve, or conjugate gradients.
   real(dp) function response_path_entries(self, equation) result(entries)
     class(multigrid_response_t), intent(inout) :: self
-    !> Equations where the paths begin (n).
-    integer, intent(in) :: equation(:)
+    integer, intent(in) :: equation(:)  !! Equations where the paths begin (n).
     if (self%is_whole) then
       entries = self%grid%coarse%path_entries(equation)
     else
@@ -324,8 +295,7 @@ contains
   !> Memory of the fine level of a body whose coarse level is the body itself, about [bytes].
   integer(int64) function response_expected_bytes(self, body) result(bytes)
     class(multigrid_response_t), intent(in) :: self
-    !> The body.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body.
     bytes = 0
     if (self%is_whole) bytes = bytes_of_rows*int(body%constraint%n_equations, int64)
   end function response_expected_bytes
@@ -334,10 +304,8 @@ contains
   !> row, the solutions in `regularized`.
   subroutine response_substitute(self, rows, substituted)
     class(multigrid_response_t), intent(in) :: self
-    !> Rows over the equations.
-    type(sparse_rows_t), intent(in) :: rows
-    !> The rows and the solutions.
-    type(substituted_rows_t), intent(inout) :: substituted
+    type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
+    type(substituted_rows_t), intent(inout) :: substituted  !! The rows and the solutions.
     real(dp), allocatable :: e(:)
     integer :: j
     if (self%is_whole) then
@@ -361,12 +329,9 @@ contains
   !> c_ij = a_i K^+ b_j.
   subroutine response_product(self, a, b, same, c)
     class(multigrid_response_t), intent(in) :: self
-    !> Rows of the two sides.
-    type(substituted_rows_t), intent(in) :: a, b
-    !> Whether a and b are the same rows.
-    logical, intent(in) :: same
-    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
-    real(dp), intent(out) :: c(:, :)
+    type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
+    logical, intent(in) :: same  !! Whether a and b are the same rows.
+    real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
     integer :: i, j
     if (self%is_whole) then
       call self%grid%coarse%product(a, b, same, c)

@@ -13,22 +13,15 @@ module dotyk_response_multigrid_rows
   implicit none
   private
 
-  !> The rows of one body.
-  type, public :: multigrid_rows_t
-    !> Number of rows.
-    integer :: n = 0
-    !> Nodes of the system that they touch, ascending (n_nodes).
-    integer, allocatable :: node(:)
-    !> The rows over the components of these nodes, in nodal axes (n x dim*n_nodes) [].
-    type(sparse_rows_t) :: fine
-    !> The rows over the equations of the corner space, B P (n x n_corner_equations) [].
-    type(sparse_rows_t) :: corner
-    !> Compliance of the smoother, B D^{-1} B^T (n x n) [length/force].
-    type(sparse_rows_t) :: smoother
+  type, public :: multigrid_rows_t  !! The rows of one body.
+    integer :: n = 0  !! Number of rows.
+    integer, allocatable :: node(:)  !! Nodes of the system that they touch, ascending (n_nodes).
+    type(sparse_rows_t) :: fine  !! The rows over the components of these nodes, in nodal axes (n x dim*n_nodes) [].
+    type(sparse_rows_t) :: corner  !! The rows over the equations of the corner space, B P (n x n_corner_equations) [].
+    type(sparse_rows_t) :: smoother  !! Compliance of the smoother, B D^{-1} B^T (n x n) [length/force].
     !> Compliance of the corner space, B P K_c^+ P^T B^T; not allocated before `form_compliance` (n, n) [length/force].
     real(dp), allocatable :: compliance(:, :)
-    !> Rigid body modes at the rows, B R (n, n_modes) [].
-    real(dp), allocatable :: mode(:, :)
+    real(dp), allocatable :: mode(:, :)  !! Rigid body modes at the rows, B R (n, n_modes) [].
   contains
     procedure :: init => rows_init
     procedure :: form_compliance => rows_form_compliance
@@ -49,10 +42,8 @@ contains
   !> Carry the rows to both levels.
   subroutine rows_init(self, grid, map, matrix)
     class(multigrid_rows_t), intent(out) :: self
-    !> The p-multigrid of the body.
-    class(body_grid_t), intent(in) :: grid
-    !> Contact nodes of the body and their equations.
-    type(contact_map_t), intent(in) :: map
+    class(body_grid_t), intent(in) :: grid  !! The p-multigrid of the body.
+    type(contact_map_t), intent(in) :: map  !! Contact nodes of the body and their equations.
     !> The rows over the Cartesian components of the contact nodes (n x dim*n_contact_nodes) [].
     type(sparse_rows_t), intent(in) :: matrix
     type(sparse_rows_t) :: rows
@@ -88,12 +79,9 @@ contains
 
   !> y = B x, zero where nothing but rounding is left.
   pure subroutine multiply_exactly(matrix, x, y)
-    !> B.
-    type(sparse_rows_t), intent(in) :: matrix
-    !> A rigid body mode [].
-    real(dp), intent(in) :: x(:)
-    !> At the rows [].
-    real(dp), intent(out) :: y(:)
+    type(sparse_rows_t), intent(in) :: matrix  !! B.
+    real(dp), intent(in) :: x(:)  !! A rigid body mode [].
+    real(dp), intent(out) :: y(:)  !! At the rows [].
     integer :: i
     call matrix%multiply(x, y)
     do i = 1, matrix%n_rows
@@ -115,19 +103,15 @@ contains
   !> Whether these are the rows of another body with the same p-multigrid: their compliances are one matrix.
   pure logical function rows_is_like(self, other) result(is_like)
     class(multigrid_rows_t), intent(in) :: self
-    !> The rows of the other body.
-    type(multigrid_rows_t), intent(in) :: other
+    type(multigrid_rows_t), intent(in) :: other  !! The rows of the other body.
     is_like = same_rows(self%corner, other%corner, same_entry)
   end function rows_is_like
 
   !> The unknown of the system of each equation.
   pure subroutine invert(n, equation, unknown)
-    !> Number of unknowns.
-    integer, intent(in) :: n
-    !> Equation of each unknown, 0 where it is held (n).
-    integer, intent(in) :: equation(n)
-    !> Unknown of each equation (n_equations).
-    integer, intent(inout) :: unknown(:)
+    integer, intent(in) :: n  !! Number of unknowns.
+    integer, intent(in) :: equation(n)  !! Equation of each unknown, 0 where it is held (n).
+    integer, intent(inout) :: unknown(:)  !! Unknown of each equation (n_equations).
     integer :: i
     do i = 1, n
       if (equation(i) > 0) unknown(equation(i)) = i
@@ -136,14 +120,10 @@ contains
 
   !> The nodes of some unknowns.
   pure subroutine number_nodes(dim, n_nodes, unknown, node)
-    !> Unknowns of a node.
-    integer, intent(in) :: dim
-    !> Number of nodes of the system.
-    integer, intent(in) :: n_nodes
-    !> The unknowns (any number).
-    integer, intent(in) :: unknown(:)
-    !> Their nodes, ascending (n).
-    integer, allocatable, intent(out) :: node(:)
+    integer, intent(in) :: dim  !! Unknowns of a node.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the system.
+    integer, intent(in) :: unknown(:)  !! The unknowns (any number).
+    integer, allocatable, intent(out) :: node(:)  !! Their nodes, ascending (n).
     logical, allocatable :: touched(:)
     integer :: i
     allocate (touched(n_nodes), source=.false.)
@@ -155,10 +135,8 @@ contains
 
   !> Place of a number in an ascending list that has it.
   pure integer function place(list, number)
-    !> The list (n).
-    integer, intent(in) :: list(:)
-    !> The number.
-    integer, intent(in) :: number
+    integer, intent(in) :: list(:)  !! The list (n).
+    integer, intent(in) :: number  !! The number.
     integer :: low, high, middle
     low = 1
     high = size(list)
@@ -175,10 +153,8 @@ contains
 
   !> B D^{-1} B^T.
   subroutine smoother_compliance(grid, self)
-    !> The p-multigrid.
-    class(body_grid_t), intent(in) :: grid
-    !> The rows; gets the matrix.
-    type(multigrid_rows_t), intent(inout) :: self
+    class(body_grid_t), intent(in) :: grid  !! The p-multigrid.
+    type(multigrid_rows_t), intent(inout) :: self  !! The rows; gets the matrix.
     type(sparse_rows_t) :: diagonal, scaled, transposed
     integer, allocatable :: row(:), column(:)
     real(dp), allocatable :: value(:)
@@ -201,12 +177,9 @@ contains
 
   !> x := D^{-1} x at some nodes.
   pure subroutine apply_diagonal(grid, node, x)
-    !> The p-multigrid.
-    class(body_grid_t), intent(in) :: grid
-    !> The nodes (n).
-    integer, intent(in) :: node(:)
-    !> Forces [force] in, displacements [length] out (dim*n).
-    real(dp), intent(inout) :: x(:)
+    class(body_grid_t), intent(in) :: grid  !! The p-multigrid.
+    integer, intent(in) :: node(:)  !! The nodes (n).
+    real(dp), intent(inout) :: x(:)  !! Forces [force] in, displacements [length] out (dim*n).
     real(dp) :: scale
     integer :: i, dim
     dim = grid%fine%rows%dim
@@ -219,12 +192,9 @@ contains
   !> y := y + B x.
   subroutine rows_add_displacement(self, dim, x, y)
     class(multigrid_rows_t), intent(in) :: self
-    !> Components of a node.
-    integer, intent(in) :: dim
-    !> Vector of the system (dim, all nodes) [length].
-    real(dp), intent(in) :: x(dim, *)
-    !> At the rows (n) [length].
-    real(dp), intent(inout) :: y(:)
+    integer, intent(in) :: dim  !! Components of a node.
+    real(dp), intent(in) :: x(dim, *)  !! Vector of the system (dim, all nodes) [length].
+    real(dp), intent(inout) :: y(:)  !! At the rows (n) [length].
     real(dp) :: moved(self%n)
     if (self%n == 0) return
     call self%fine%multiply(reshape(x(:, self%node), [dim*size(self%node)]), moved)
@@ -234,14 +204,10 @@ contains
   !> y := y + factor B x of a vector in single precision.
   subroutine rows_add_displacement_low(self, dim, factor, x, y)
     class(multigrid_rows_t), intent(in) :: self
-    !> Components of a node.
-    integer, intent(in) :: dim
-    !> Factor [].
-    real(dp), intent(in) :: factor
-    !> Vector of the system (dim, all nodes) [any].
-    real(sp), intent(in) :: x(dim, *)
-    !> At the rows (n) [as x].
-    real(dp), intent(inout) :: y(:)
+    integer, intent(in) :: dim  !! Components of a node.
+    real(dp), intent(in) :: factor  !! Factor [].
+    real(sp), intent(in) :: x(dim, *)  !! Vector of the system (dim, all nodes) [any].
+    real(dp), intent(inout) :: y(:)  !! At the rows (n) [as x].
     real(dp) :: moved(self%n)
     if (self%n == 0) return
     call self%fine%multiply(reshape(real(x(:, self%node), dp), [dim*size(self%node)]), moved)
@@ -251,14 +217,10 @@ contains
   !> y := y + B D^{-1} r.
   subroutine rows_add_smoothed(self, grid, dim, r, y)
     class(multigrid_rows_t), intent(in) :: self
-    !> The p-multigrid.
-    class(body_grid_t), intent(in) :: grid
-    !> Components of a node.
-    integer, intent(in) :: dim
-    !> Residual of the system (dim, all nodes) [force].
-    real(sp), intent(in) :: r(dim, *)
-    !> At the rows (n) [length].
-    real(dp), intent(inout) :: y(:)
+    class(body_grid_t), intent(in) :: grid  !! The p-multigrid.
+    integer, intent(in) :: dim  !! Components of a node.
+    real(sp), intent(in) :: r(dim, *)  !! Residual of the system (dim, all nodes) [force].
+    real(dp), intent(inout) :: y(:)  !! At the rows (n) [length].
     real(dp) :: x(dim*size(self%node)), moved(self%n)
     if (self%n == 0) return
     x = reshape(real(r(:, self%node), dp), [size(x)])
@@ -270,12 +232,9 @@ contains
   !> r := r - B^T lambda.
   subroutine rows_subtract_force(self, dim, lambda, r)
     class(multigrid_rows_t), intent(in) :: self
-    !> Components of a node.
-    integer, intent(in) :: dim
-    !> At the rows (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Vector of the system (dim, all nodes) [force].
-    real(dp), intent(inout) :: r(dim, *)
+    integer, intent(in) :: dim  !! Components of a node.
+    real(dp), intent(in) :: lambda(:)  !! At the rows (n) [force].
+    real(dp), intent(inout) :: r(dim, *)  !! Vector of the system (dim, all nodes) [force].
     real(dp) :: force(dim, size(self%node))
     if (self%n == 0) return
     call transposed_product(self%fine, lambda, size(force), force)
@@ -285,12 +244,9 @@ contains
   !> r := r - B^T lambda for a vector in single precision.
   subroutine rows_subtract_force_low(self, dim, lambda, r)
     class(multigrid_rows_t), intent(in) :: self
-    !> Components of a node.
-    integer, intent(in) :: dim
-    !> At the rows (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Vector of the system (dim, all nodes) [force].
-    real(sp), intent(inout) :: r(dim, *)
+    integer, intent(in) :: dim  !! Components of a node.
+    real(dp), intent(in) :: lambda(:)  !! At the rows (n) [force].
+    real(sp), intent(inout) :: r(dim, *)  !! Vector of the system (dim, all nodes) [force].
     real(dp) :: force(dim, size(self%node))
     if (self%n == 0) return
     call transposed_product(self%fine, lambda, size(force), force)
@@ -299,14 +255,10 @@ contains
 
   !> B^T lambda over the components of the touched nodes.
   subroutine transposed_product(matrix, lambda, n, force)
-    !> The rows.
-    type(sparse_rows_t), intent(in) :: matrix
-    !> At the rows [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Number of components.
-    integer, intent(in) :: n
-    !> (n) [force].
-    real(dp), intent(out) :: force(n)
+    type(sparse_rows_t), intent(in) :: matrix  !! The rows.
+    real(dp), intent(in) :: lambda(:)  !! At the rows [force].
+    integer, intent(in) :: n  !! Number of components.
+    real(dp), intent(out) :: force(n)  !! (n) [force].
     call matrix%multiply_transposed(lambda, force)
   end subroutine transposed_product
 end module dotyk_response_multigrid_rows

@@ -25,8 +25,7 @@ module dotyk_response_near_null_modes
   real(dp), parameter :: largest_eigenvalue = 1.0e-4_dp
   !> A near-null space has eigenvalues below all others by this factor; the spectrum of a thin body has no such gap.
   real(dp), parameter :: least_gap = 100
-  !> Steps of iterative refinement of the modes.
-  integer, parameter :: refinement_steps = 2
+  integer, parameter :: refinement_steps = 2  !! Steps of iterative refinement of the modes.
 
 contains
 
@@ -48,18 +47,12 @@ contains
 
   !> The modes and their stiffness.
   subroutine find_near_null(body, factor, fixed, spring, mode, stiffness, error)
-    !> Assembled.
-    type(body_t), intent(in) :: body
-    !> Factor of K_s.
-    type(cholesky_t), intent(in) :: factor
-    !> Equations with springs E (n).
-    integer, intent(in) :: fixed(:)
-    !> The springs s (n) [force/length].
-    real(dp), intent(in) :: spring(:)
-    !> Z (n_equations, n) [].
-    real(dp), allocatable, intent(out) :: mode(:, :)
-    !> S (n, n) [force/length].
-    real(dp), allocatable, intent(out) :: stiffness(:, :)
+    type(body_t), intent(in) :: body  !! Assembled.
+    type(cholesky_t), intent(in) :: factor  !! Factor of K_s.
+    integer, intent(in) :: fixed(:)  !! Equations with springs E (n).
+    real(dp), intent(in) :: spring(:)  !! The springs s (n) [force/length].
+    real(dp), allocatable, intent(out) :: mode(:, :)  !! Z (n_equations, n) [].
+    real(dp), allocatable, intent(out) :: stiffness(:, :)  !! S (n, n) [force/length].
     !> Allocated where a formula of the material cannot be evaluated, or the modes are linearly dependent at the
     !> springs.
     type(error_t), allocatable, intent(out) :: error
@@ -103,12 +96,9 @@ contains
   !> Recombine the modes so that those which move contact rows and those which do not are separate: rounding errors of
   !> large contact forces must not excite the latter.
   subroutine separate_by_contact(at_rows, mode, stiffness, error)
-    !> The modes at the contact rows, B Z (n_rows, n) [].
-    real(dp), intent(in) :: at_rows(:, :)
-    !> Z (n_equations, n) [].
-    real(dp), intent(inout) :: mode(:, :)
-    !> S (n, n) [force/length].
-    real(dp), intent(inout) :: stiffness(:, :)
+    real(dp), intent(in) :: at_rows(:, :)  !! The modes at the contact rows, B Z (n_rows, n) [].
+    real(dp), intent(inout) :: mode(:, :)  !! Z (n_equations, n) [].
+    real(dp), intent(inout) :: stiffness(:, :)  !! S (n, n) [force/length].
     !> Allocated where an entry at the rows is not finite, or LAPACK's singular value decomposition does not converge.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(size(mode, 2)), vectors(size(mode, 2), size(mode, 2)), scaled(size(at_rows, 1), size(mode, 2))

@@ -16,16 +16,11 @@ contains
 
   !> Whether a displacement is a mechanism: it moves parts of the body against each other without strain.
   logical function is_mechanism(body, diagonal, fixed, spring, x)
-    !> Assembled.
-    type(body_t), intent(in) :: body
-    !> Diagonal of the stiffness, springs included (n_equations) [force/length].
-    real(dp), intent(in) :: diagonal(:)
-    !> Equations with springs (n).
-    integer, intent(in) :: fixed(:)
-    !> The springs (n) [force/length].
-    real(dp), intent(in) :: spring(:)
-    !> The displacement (n_equations) [any].
-    real(dp), intent(in) :: x(:)
+    type(body_t), intent(in) :: body  !! Assembled.
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of the stiffness, springs included (n_equations) [force/length].
+    integer, intent(in) :: fixed(:)  !! Equations with springs (n).
+    real(dp), intent(in) :: spring(:)  !! The springs (n) [force/length].
+    real(dp), intent(in) :: x(:)  !! The displacement (n_equations) [any].
     real(dp), allocatable :: u(:, :)
     real(dp) :: most
     is_mechanism = .true.

@@ -13,20 +13,15 @@ module dotyk_response_response
   implicit none
   private
 
-  !> The compliance operator of a class of congruent bodies, in one of its forms.
-  type, abstract, public :: response_t
+  type, abstract, public :: response_t  !! The compliance operator of a class of congruent bodies, in one of its forms.
     !> Rigid body modes over the equations, orthonormal (n_equations, n_modes) []; without columns for a body that is
     !> held.
     real(dp), allocatable :: mode(:, :)
   contains
-    !> x := K^+ x.
-    procedure(solve_interface), deferred :: solve
-    !> The same for a block of right-hand sides.
-    procedure :: solve_block => response_solve_block
-    !> x := K^+ x, from an approximation where that helps.
-    procedure :: solve_from => response_solve_from
-    !> f := f - K x, what a solve leaves.
-    procedure :: subtract_forces => response_subtract_forces
+    procedure(solve_interface), deferred :: solve  !! x := K^+ x.
+    procedure :: solve_block => response_solve_block  !! The same for a block of right-hand sides.
+    procedure :: solve_from => response_solve_from  !! x := K^+ x, from an approximation where that helps.
+    procedure :: subtract_forces => response_subtract_forces  !! f := f - K x, what a solve leaves.
     !> Whether a solve of all bodies costs no more than one of them, and that solve.
     procedure :: solves_together => response_solves_together
     procedure :: solve_together => response_solve_together
@@ -43,26 +38,19 @@ module dotyk_response_response
     procedure(substitute_interface), deferred :: substitute
     !> B K^+ B^T for the rows of two forward substitutions; many threads may do this with one operator.
     procedure(product_interface), deferred :: product
-    !> Give back all memory.
-    procedure(destroy_interface), deferred :: destroy
+    procedure(destroy_interface), deferred :: destroy  !! Give back all memory.
   end type response_t
 
-  !> Forward substitution of some rows b of B.
-  type, public :: substituted_rows_t
-    !> L^{-1} b, L the factor of the (regularized) stiffness.
-    type(forward_solution_t) :: forward
-    !> b R and b Z, Z = K_s^{-1} R (n, n_modes).
-    real(dp), allocatable :: along(:, :), regularized(:, :)
+  type, public :: substituted_rows_t  !! Forward substitution of some rows b of B.
+    type(forward_solution_t) :: forward  !! L^{-1} b, L the factor of the (regularized) stiffness.
+    real(dp), allocatable :: along(:, :), regularized(:, :)  !! b R and b Z, Z = K_s^{-1} R (n, n_modes).
   end type substituted_rows_t
 
-  !> Displacements or forces of one body over its equations.
-  type, public :: equation_vector_t
-    !> (n_equations) [length or force]
-    real(dp), allocatable :: value(:)
+  type, public :: equation_vector_t  !! Displacements or forces of one body over its equations.
+    real(dp), allocatable :: value(:)  !! (n_equations) [length or force]
   end type equation_vector_t
 
-  !> One place in an array of operators that may have different forms.
-  type, public :: response_slot_t
+  type, public :: response_slot_t  !! One place in an array of operators that may have different forms.
     !> The operator; allocated for the representative of each class of congruent bodies.
     class(response_t), allocatable :: form
   end type response_slot_t
@@ -71,56 +59,43 @@ module dotyk_response_response
     !> x := K^+ x.
     subroutine solve_interface(self, x)
       import :: response_t, dp
-      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
-      !> Right-hand side [force] in, solution [length] out (n_equations).
-      real(dp), intent(inout) :: x(:)
+      real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     end subroutine solve_interface
 
     !> Make ready.
     subroutine prepare_interface(self)
       import :: response_t
-      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
     end subroutine prepare_interface
 
     !> Entries of the factor on the elimination-tree paths.
     real(dp) function path_entries_interface(self, equation)
       import :: response_t, dp
-      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
-      !> Equations where the paths begin (n).
-      integer, intent(in) :: equation(:)
+      integer, intent(in) :: equation(:)  !! Equations where the paths begin (n).
     end function path_entries_interface
 
     !> Forward substitution.
     subroutine substitute_interface(self, rows, substituted)
       import :: response_t, sparse_rows_t, substituted_rows_t
-      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
-      !> Rows over the equations.
-      type(sparse_rows_t), intent(in) :: rows
-      !> L^{-1} of them.
-      type(substituted_rows_t), intent(inout) :: substituted
+      type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
+      type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them.
     end subroutine substitute_interface
 
     !> c_ij = a_i K^+ b_j.
     subroutine product_interface(self, a, b, same, c)
       import :: response_t, substituted_rows_t, dp
-      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
-      !> Rows of the two sides.
-      type(substituted_rows_t), intent(in) :: a, b
-      !> Whether a and b are the same rows.
-      logical, intent(in) :: same
-      !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
-      real(dp), intent(out) :: c(:, :)
+      type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
+      logical, intent(in) :: same  !! Whether a and b are the same rows.
+      real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
     end subroutine product_interface
 
     !> Give back all memory.
     subroutine destroy_interface(self)
       import :: response_t
-      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface
@@ -129,12 +104,9 @@ contains
 
   !> x := K^+ x. A factor needs no approximation.
   subroutine response_solve_from(self, start, x)
-    !> The compliance operator of the body.
     class(response_t), intent(in) :: self
-    !> Approximate solution (n_equations) [length].
-    real(dp), intent(in) :: start(:)
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(in) :: start(:)  !! Approximate solution (n_equations) [length].
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     call self%solve(x)
     associate (not_needed => start)
     end associate
@@ -142,12 +114,9 @@ contains
 
   !> Forces that a solve leaves: those of a factor are rounding, which is judged elsewhere.
   subroutine response_subtract_forces(self, x, f)
-    !> The compliance operator of the body.
     class(response_t), intent(in) :: self
-    !> Solution (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Right-hand side in, what is left of it out (n_equations) [force].
-    real(dp), intent(inout) :: f(:)
+    real(dp), intent(in) :: x(:)  !! Solution (n_equations) [length].
+    real(dp), intent(inout) :: f(:)  !! Right-hand side in, what is left of it out (n_equations) [force].
     f = 0
     associate (not_needed => same_type_as(self, self), not_used => x)
     end associate
@@ -155,7 +124,6 @@ contains
 
   !> A factor is that of one body.
   pure logical function response_solves_together(self) result(together)
-    !> The compliance operator of a body.
     class(response_t), intent(in) :: self
     together = .false.
     associate (not_needed => same_type_as(self, self))
@@ -164,17 +132,14 @@ contains
 
   !> Never called where bodies are not solved together.
   subroutine response_solve_together(self, x)
-    !> The compliance operator of a body.
     class(response_t), intent(in) :: self
-    !> Right-hand sides [force] in, solutions [length] out (n_bodies).
-    type(equation_vector_t), intent(inout) :: x(:)
+    type(equation_vector_t), intent(inout) :: x(:)  !! Right-hand sides [force] in, solutions [length] out (n_bodies).
     associate (not_needed => same_type_as(self, self), not_used => x)
     end associate
   end subroutine response_solve_together
 
   !> Relative error of a solve: that of a factor is rounding, which is judged elsewhere.
   pure real(dp) function response_solve_error(self) result(error)
-    !> The compliance operator of the body.
     class(response_t), intent(in) :: self
     error = 0
     associate (not_needed => same_type_as(self, self))
@@ -183,10 +148,8 @@ contains
 
   !> A factor has no p-multigrid.
   function response_body_grid(self) result(grid)
-    !> The compliance operator of the body.
     class(response_t), intent(in) :: self
-    !> Not associated.
-    class(body_grid_t), pointer :: grid
+    class(body_grid_t), pointer :: grid  !! Not associated.
     grid => null()
     associate (not_needed => same_type_as(self, self))
     end associate
@@ -194,7 +157,6 @@ contains
 
   !> X := K^+ X, column by column.
   subroutine response_solve_block(self, x)
-    !> The compliance operator of the body.
     class(response_t), intent(in) :: self
     !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
     real(dp), intent(inout), contiguous :: x(:, :)

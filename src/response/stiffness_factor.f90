@@ -18,25 +18,20 @@ module dotyk_response_stiffness_factor
   implicit none
   private
 
-  !> What a factorization found out about the stiffness of a body.
-  type, public :: factorization_report_t
+  type, public :: factorization_report_t  !! What a factorization found out about the stiffness of a body.
     !> Condition number of the stiffness with its diagonal scaled to 1; a lower bound where it was not measured [].
     real(dp) :: condition = 1
     !> That of the factorized matrix, which is without the near-null-space modes that were split off [].
     real(dp) :: condition_left = 1
-    !> Whether the condition was measured.
-    logical :: is_measured = .false.
-    !> Diagonal of the stiffness, without springs (n_equations) [force/length].
-    real(dp), allocatable :: diagonal(:)
+    logical :: is_measured = .false.  !! Whether the condition was measured.
+    real(dp), allocatable :: diagonal(:)  !! Diagonal of the stiffness, without springs (n_equations) [force/length].
     !> Equations with springs, against rigid body or near-null-space modes (n_springs).
     integer, allocatable :: fixing_equation(:)
-    !> The springs (n_springs) [force/length].
-    real(dp), allocatable :: spring(:)
+    real(dp), allocatable :: spring(:)  !! The springs (n_springs) [force/length].
     !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not
     !> allocated where there are none.
     real(dp), allocatable :: near_null(:, :), near_null_stiffness(:, :)
-    !> Number of near-null-space modes.
-    integer :: n_near_null = 0
+    integer :: n_near_null = 0  !! Number of near-null-space modes.
   end type factorization_report_t
 
   public :: factorize_stiffness
@@ -47,25 +42,18 @@ module dotyk_response_stiffness_factor
   !> Below this fraction the condition is worth a measurement: compact bodies have 1e-2, plates 1e-4 at about 20 times
   !> their thickness.
   real(dp), parameter :: small_pivot = 1.0e-4_dp
-  !> Number of eigenmodes: six rigid body modes, and what comes after them.
-  integer, parameter :: n_eigenmodes = 8
+  integer, parameter :: n_eigenmodes = 8  !! Number of eigenmodes: six rigid body modes, and what comes after them.
 
 contains
 
   !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
   subroutine factorize_stiffness(body, stiffness, factor, fixing_equation, split_near_null, report, error)
-    !> Assembled.
-    type(body_t), intent(in) :: body
-    !> Its stiffness; empty on return.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Analysed; factorized on return.
-    type(cholesky_t), intent(inout) :: factor
-    !> Equations that get springs, one for each rigid body mode (n_modes).
-    integer, intent(in) :: fixing_equation(:)
-    !> Whether near-null-space modes may be split off.
-    logical, intent(in) :: split_near_null
-    !> Condition, springs, near-null-space modes.
-    type(factorization_report_t), intent(out) :: report
+    type(body_t), intent(in) :: body  !! Assembled.
+    type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness; empty on return.
+    type(cholesky_t), intent(inout) :: factor  !! Analysed; factorized on return.
+    integer, intent(in) :: fixing_equation(:)  !! Equations that get springs, one for each rigid body mode (n_modes).
+    logical, intent(in) :: split_near_null  !! Whether near-null-space modes may be split off.
+    type(factorization_report_t), intent(out) :: report  !! Condition, springs, near-null-space modes.
     !> Allocated where the stiffness is not positive definite (names a node), or memory runs out.
     !> Where pivots are small also: a formula of the material cannot be evaluated again, the smallest eigenvalues are
     !> not found (a solution is not finite, or LAPACK does not converge), or the near-null-space modes are linearly
@@ -116,20 +104,13 @@ contains
 
   !> Factorize once more, regularized against the near-null-space modes.
   subroutine split_off(body, stiffness, factor, diagonal, shapes, report, error)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Stiffness of a body that its supports hold; empty on return.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Factor of the stiffness; of the regularized one on return.
-    type(cholesky_t), intent(inout) :: factor
-    !> Diagonal of the stiffness (n_equations) [force/length].
-    real(dp), intent(in) :: diagonal(:)
-    !> The modes, approximately (n_equations, n) [].
-    real(dp), intent(in) :: shapes(:, :)
-    !> Gets the modes and the springs.
-    type(factorization_report_t), intent(inout) :: report
-    !> As in `factorize_stiffness`.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness of a body that its supports hold; empty on return.
+    type(cholesky_t), intent(inout) :: factor  !! Factor of the stiffness; of the regularized one on return.
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of the stiffness (n_equations) [force/length].
+    real(dp), intent(in) :: shapes(:, :)  !! The modes, approximately (n_equations, n) [].
+    type(factorization_report_t), intent(inout) :: report  !! Gets the modes and the springs.
+    type(error_t), allocatable, intent(out) :: error  !! As in `factorize_stiffness`.
     real(dp), allocatable :: scaled(:, :)
     integer :: failed_column, k
     allocate (scaled, mold=shapes)
@@ -151,16 +132,11 @@ contains
 
   !> Whether the displacement that belongs to the weakest pivot is a mechanism.
   logical function is_loose(body, factor, diagonal, fixing_equation, spring)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Factor of the stiffness, springs included.
-    type(cholesky_t), intent(in) :: factor
-    !> Springs included (n_equations) [force/length].
-    real(dp), intent(in) :: diagonal(:)
-    !> Equations with springs (n_modes).
-    integer, intent(in) :: fixing_equation(:)
-    !> The springs (n_modes) [force/length].
-    real(dp), intent(in) :: spring(:)
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    type(cholesky_t), intent(in) :: factor  !! Factor of the stiffness, springs included.
+    real(dp), intent(in) :: diagonal(:)  !! Springs included (n_equations) [force/length].
+    integer, intent(in) :: fixing_equation(:)  !! Equations with springs (n_modes).
+    real(dp), intent(in) :: spring(:)  !! The springs (n_modes) [force/length].
     real(dp), allocatable :: x(:)
     allocate (x(size(diagonal)), source=0.0_dp)
     x(factor%weakest_equation) = 1
@@ -170,12 +146,9 @@ contains
 
   !> The error of a stiffness that is not positive definite.
   subroutine refuse(body, equation, error)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Where elimination found it out.
-    integer, intent(in) :: equation
-    !> Always allocated.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body  !! The body, assembled.
+    integer, intent(in) :: equation  !! Where elimination found it out.
+    type(error_t), allocatable, intent(out) :: error  !! Always allocated.
     character(:), allocatable :: cause
     integer :: place(2)
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)

@@ -12,8 +12,7 @@ module dotyk_response_substitution
   implicit none
   private
 
-  !> What forward substitutions need beside the factor.
-  type, public :: substitution_t
+  type, public :: substitution_t  !! What forward substitutions need beside the factor.
     !> Elimination tree of the factor; not allocated before it is needed.
     type(elimination_tree_t), allocatable, private :: tree
     !> Z (n_equations, n_modes) and R^T Z (n_modes, n_modes) [length/force].
@@ -30,12 +29,9 @@ contains
 
   !> Make ready; nothing is done where it is ready already.
   subroutine substitution_init(self, factor, mode)
-    !> The substitution.
     class(substitution_t), intent(inout) :: self
-    !> Factorized.
-    type(cholesky_t), intent(in) :: factor
-    !> Rigid body modes (n_equations, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
+    type(cholesky_t), intent(in) :: factor  !! Factorized.
+    real(dp), intent(in) :: mode(:, :)  !! Rigid body modes (n_equations, n_modes) [].
     if (allocated(self%regularized)) return
     call find_tree(self, factor)
     ! The tree may be from before the factorization.
@@ -48,10 +44,8 @@ contains
 
   !> The elimination tree.
   subroutine find_tree(self, factor)
-    !> Gets the elimination tree, unless it has it.
-    type(substitution_t), intent(inout) :: self
-    !> Analysed.
-    type(cholesky_t), intent(in) :: factor
+    type(substitution_t), intent(inout) :: self  !! Gets the elimination tree, unless it has it.
+    type(cholesky_t), intent(in) :: factor  !! Analysed.
     if (allocated(self%tree)) return
     allocate (self%tree)
     call self%tree%init(factor)
@@ -59,26 +53,19 @@ contains
 
   !> Entries of the factor from an equation to the root of the elimination tree, on average over some equations.
   real(dp) function substitution_path_entries(self, factor, equation) result(entries)
-    !> The substitution.
     class(substitution_t), intent(inout) :: self
-    !> Analysed.
-    type(cholesky_t), intent(in) :: factor
-    !> Where the paths begin (n).
-    integer, intent(in) :: equation(:)
+    type(cholesky_t), intent(in) :: factor  !! Analysed.
+    integer, intent(in) :: equation(:)  !! Where the paths begin (n).
     call find_tree(self, factor)
     entries = self%tree%path_entries(equation)
   end function substitution_path_entries
 
   !> Forward substitution of rows.
   subroutine substitution_substitute(self, rows, mode, substituted)
-    !> The substitution.
     class(substitution_t), intent(in) :: self
-    !> Rows over the equations.
-    type(sparse_rows_t), intent(in) :: rows
-    !> As in `init` (n_equations, n_modes) [].
-    real(dp), intent(in) :: mode(:, :)
-    !> L^{-1} of them, and their products with R and Z.
-    type(substituted_rows_t), intent(inout) :: substituted
+    type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
+    real(dp), intent(in) :: mode(:, :)  !! As in `init` (n_equations, n_modes) [].
+    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them, and their products with R and Z.
     integer :: k
     call substituted%forward%init(self%tree, rows)
     allocate (substituted%along(rows%n_rows, size(mode, 2)), substituted%regularized(rows%n_rows, size(mode, 2)))
@@ -90,14 +77,10 @@ contains
 
   !> c_ij = a_i K^+ b_j.
   subroutine substitution_product(self, a, b, same, c)
-    !> The substitution.
     class(substitution_t), intent(in) :: self
-    !> Rows of the two sides.
-    type(substituted_rows_t), intent(in) :: a, b
-    !> Whether a and b are the same rows.
-    logical, intent(in) :: same
-    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
-    real(dp), intent(out) :: c(:, :)
+    type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
+    logical, intent(in) :: same  !! Whether a and b are the same rows.
+    real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
     call forward_product(self%tree, a%forward, b%forward, same, c)
     if (size(a%along, 2) == 0) return
     c = c - matmul(a%regularized, transpose(b%along)) - matmul(a%along, transpose(b%regularized)) + &
@@ -106,7 +89,6 @@ contains
 
   !> Give back all memory.
   subroutine substitution_destroy(self)
-    !> The substitution.
     class(substitution_t), intent(inout) :: self
     if (allocated(self%tree)) deallocate (self%tree)
     if (allocated(self%regularized)) deallocate (self%regularized, self%product_of_modes)

@@ -14,24 +14,18 @@ module dotyk_scheme_active_rows
   implicit none
   private
 
-  !> The factors. They own memory of CHOLMOD: never copy them, destroy them in the end.
-  type, public :: active_rows_t
-    !> Active rows, ascending (n).
-    integer, allocatable :: row(:)
+  type, public :: active_rows_t  !! The factors. They own memory of CHOLMOD: never copy them, destroy them in the end.
+    integer, allocatable :: row(:)  !! Active rows, ascending (n).
     !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
     type(sparse_symmetric_t) :: sum
-    !> Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
-    type(cholesky_t), private :: smoother
-    !> Of W^{-1} + B P K_c^+ P^T B^T on the active rows.
-    type(dense_cholesky_t), private :: corner
-    !> Modes at the active rows, G (n, n_modes) [].
-    real(dp), allocatable, private :: mode(:, :)
+    type(cholesky_t), private :: smoother  !! Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
+    type(dense_cholesky_t), private :: corner  !! Of W^{-1} + B P K_c^+ P^T B^T on the active rows.
+    real(dp), allocatable, private :: mode(:, :)  !! Modes at the active rows, G (n, n_modes) [].
     !> Stiffness of the modes by contact, G^T (W^{-1} + C)^{-1} G (n_modes, n_modes) [force/length].
     real(dp), allocatable, private :: mode_stiffness(:, :)
     !> The same by the active rows alone, G^T W G (n_modes, n_modes) [force/length].
     real(dp), allocatable, private :: row_stiffness(:, :)
-    !> Of both with springs.
-    type(mode_factor_t), private :: mode_factor, row_factor
+    type(mode_factor_t), private :: mode_factor, row_factor  !! Of both with springs.
   contains
     procedure :: set => rows_set
     procedure :: set_springs => rows_set_springs
@@ -49,12 +43,9 @@ contains
   !> Choose the active rows and their stiffness.
   subroutine rows_set(self, grids, stiffness, error)
     class(active_rows_t), intent(inout) :: self
-    !> The bodies; the same in each call.
-    class(body_grids_t), intent(in) :: grids
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    class(body_grids_t), intent(in) :: grids  !! The bodies; the same in each call.
+    real(dp), intent(in) :: stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     integer :: i
     self%row = pack([(i, i=1, size(stiffness))], stiffness > 0)
     if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
@@ -66,12 +57,9 @@ contains
 
   !> Add up B D^{-1} B^T, and order the rows.
   subroutine analyze_smoother(self, grids, error)
-    !> The factors.
-    type(active_rows_t), intent(inout) :: self
-    !> The bodies.
-    class(body_grids_t), intent(in) :: grids
-    !> Allocated where memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    type(active_rows_t), intent(inout) :: self  !! The factors.
+    class(body_grids_t), intent(in) :: grids  !! The bodies.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where memory runs out.
     type(sparse_rows_t) :: all
     integer, allocatable :: row(:), column(:), start(:), neighbour(:), order(:)
     real(dp), allocatable :: value(:)
@@ -131,12 +119,9 @@ contains
 
   !> Factorize W^{-1} + C of the smoother. Inactive rows have the identity: the pattern stays.
   subroutine factorize_smoother(self, stiffness, error)
-    !> The factors.
-    type(active_rows_t), intent(inout) :: self
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(active_rows_t), intent(inout) :: self  !! The factors.
+    real(dp), intent(in) :: stiffness(:)  !! W (n_rows) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     type(sparse_symmetric_t) :: matrix
     real(dp) :: shift
     integer :: j, failed
@@ -167,14 +152,10 @@ contains
 
   !> Factorize W^{-1} + C of the corner space.
   subroutine factorize_corner(self, grids, stiffness, error)
-    !> The factors.
-    type(active_rows_t), intent(inout) :: self
-    !> The bodies.
-    class(body_grids_t), intent(in) :: grids
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(active_rows_t), intent(inout) :: self  !! The factors.
+    class(body_grids_t), intent(in) :: grids  !! The bodies.
+    real(dp), intent(in) :: stiffness(:)  !! W (n_rows) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     integer, allocatable :: number(:), last(:)
     real(dp) :: shift
     integer :: b, i, m, failed
@@ -205,16 +186,11 @@ contains
 
   !> Add the compliance of one body to the lower triangle.
   pure subroutine add_body(row, number, compliance, m, sum)
-    !> Rows of the body (n).
-    integer, intent(in) :: row(:)
-    !> Number of each row among the active ones, 0 where not active (n_rows).
-    integer, intent(in) :: number(:)
-    !> Of the rows of the body (n, n) [length/force].
-    real(dp), intent(in) :: compliance(:, :)
-    !> Number of active rows.
-    integer, intent(in) :: m
-    !> The sum over bodies (m, m) [length/force].
-    real(dp), intent(inout) :: sum(m, *)
+    integer, intent(in) :: row(:)  !! Rows of the body (n).
+    integer, intent(in) :: number(:)  !! Number of each row among the active ones, 0 where not active (n_rows).
+    real(dp), intent(in) :: compliance(:, :)  !! Of the rows of the body (n, n) [length/force].
+    integer, intent(in) :: m  !! Number of active rows.
+    real(dp), intent(inout) :: sum(m, *)  !! The sum over bodies (m, m) [length/force].
     integer, allocatable :: own(:)
     integer :: i, j, k, l
     own = pack([(i, i=1, size(row))], number(row) > 0)
@@ -229,14 +205,10 @@ contains
 
   !> Add to the diagonal.
   pure subroutine add_diagonal(added, shift, m, sum)
-    !> W^{-1} (m) [length/force].
-    real(dp), intent(in) :: added(:)
-    !> Fraction of the diagonal to add [].
-    real(dp), intent(in) :: shift
-    !> Number of active rows.
-    integer, intent(in) :: m
-    !> The matrix (m, m) [length/force].
-    real(dp), intent(inout) :: sum(m, *)
+    real(dp), intent(in) :: added(:)  !! W^{-1} (m) [length/force].
+    real(dp), intent(in) :: shift  !! Fraction of the diagonal to add [].
+    integer, intent(in) :: m  !! Number of active rows.
+    real(dp), intent(inout) :: sum(m, *)  !! The matrix (m, m) [length/force].
     integer :: i
     do i = 1, m
       sum(i, i) = (1 + shift)*sum(i, i) + added(i)
@@ -245,12 +217,9 @@ contains
 
   !> The stiffness of the modes by contact.
   subroutine find_mode_stiffness(self, grids, stiffness)
-    !> The factors.
-    type(active_rows_t), intent(inout) :: self
-    !> The bodies.
-    class(body_grids_t), intent(in) :: grids
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
+    type(active_rows_t), intent(inout) :: self  !! The factors.
+    class(body_grids_t), intent(in) :: grids  !! The bodies.
+    real(dp), intent(in) :: stiffness(:)  !! W (n_rows) [force/length].
     real(dp), allocatable :: solved(:, :)
     integer, allocatable :: number(:)
     integer :: b, i, k, n
@@ -279,8 +248,7 @@ contains
     class(active_rows_t), intent(inout) :: self
     !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
     type(mode_block_t), intent(in) :: spring(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     call self%mode_factor%init(self%mode_stiffness, spring, error)
     if (.not. allocated(error)) call self%row_factor%init(self%row_stiffness, spring, error)
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
@@ -289,16 +257,14 @@ contains
   !> alpha := (G^T W G + T)^{-1} alpha.
   subroutine rows_solve_modes(self, alpha)
     class(active_rows_t), intent(in) :: self
-    !> Resultants in [force], amplitudes out [length] (n_modes).
-    real(dp), intent(inout) :: alpha(:)
+    real(dp), intent(inout) :: alpha(:)  !! Resultants in [force], amplitudes out [length] (n_modes).
     call self%row_factor%solve(alpha)
   end subroutine rows_solve_modes
 
   !> lambda := (W^{-1} + B D^{-1} B^T)^{-1} lambda on the active rows; zero elsewhere.
   subroutine rows_solve_smoother(self, lambda)
     class(active_rows_t), intent(in) :: self
-    !> Displacements in [length], forces out [force] (n_rows).
-    real(dp), intent(inout), contiguous :: lambda(:)
+    real(dp), intent(inout), contiguous :: lambda(:)  !! Displacements in [length], forces out [force] (n_rows).
     real(dp), allocatable :: own(:)
     own = lambda(self%row)
     lambda = 0
@@ -311,10 +277,8 @@ contains
     class(active_rows_t), intent(in) :: self
     !> Displacements y in [length], forces out, zero where not active [force] (n_rows).
     real(dp), intent(inout) :: lambda(:)
-    !> Resultants (n_modes) [force].
-    real(dp), intent(in) :: e(:)
-    !> Amplitudes (n_modes) [length].
-    real(dp), intent(out) :: alpha(:)
+    real(dp), intent(in) :: e(:)  !! Resultants (n_modes) [force].
+    real(dp), intent(out) :: alpha(:)  !! Amplitudes (n_modes) [length].
     real(dp), allocatable :: force(:), pushed(:)
     force = lambda(self%row)
     lambda = 0

@@ -27,8 +27,7 @@ module dotyk_scheme_active_set
   implicit none
   private
 
-  !> An iterate of the dual scheme.
-  type, public :: iterate_t
+  type, public :: iterate_t  !! An iterate of the dual scheme.
     !> Forces (n_rows) [force], penetrations (n_rows) [length], amplitudes (coarse%n) [length].
     real(dp), allocatable :: lambda(:), y(:), alpha(:)
   end type iterate_t
@@ -42,8 +41,7 @@ module dotyk_scheme_active_set
   !> Active sets after which the interior-point method finds a better one: Newton's method needs less than ten, or
   !> cycles.
   integer, parameter :: most_first_steps = 9
-  !> Active sets after that at most.
-  integer, parameter :: most_last_steps = 16
+  integer, parameter :: most_last_steps = 16  !! Active sets after that at most.
   !> Active sets at most that rows without force, added to a solution, take until it is one again.
   integer, parameter :: most_join_steps = 4
   !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
@@ -65,22 +63,14 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The same with springs on the modes: what is solved (`dotyk_scheme_proximal_motion`).
     type(contact_qp_t), intent(in) :: with_springs
-    !> Formed at all rows, unless the linear system needs no entries.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Active sets at most.
-    integer, intent(in) :: max_iterations
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> That of the last active set on return.
-    type(active_system_t), intent(inout) :: system
-    !> Where to begin, and the last iterate.
-    type(iterate_t), intent(inout) :: now
-    !> Where to begin, and the last active set (n_rows).
-    logical, intent(inout) :: active(:)
-    !> Gets the history, and how the iteration ended.
-    type(solver_state_t), intent(inout) :: state
+    class(compliance_t), intent(inout) :: compliance  !! Formed at all rows, unless the linear system needs no entries.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    integer, intent(in) :: max_iterations  !! Active sets at most.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(active_system_t), intent(inout) :: system  !! That of the last active set on return.
+    type(iterate_t), intent(inout) :: now  !! Where to begin, and the last iterate.
+    logical, intent(inout) :: active(:)  !! Where to begin, and the last active set (n_rows).
+    type(solver_state_t), intent(inout) :: state  !! Gets the history, and how the iteration ended.
     !> Allocated where the linear system of an active set cannot be prepared (`init` of its type): factorized, its
     !> compliance is not positive definite or METIS fails; matrix-free, the modes at the rows are not finite.
     type(error_t), allocatable, intent(out) :: error
@@ -200,26 +190,19 @@ contains
   !> Rows that touch without force join the active set: where rows are redundant, as over the joint of two masters,
   !> those that left it have no way back, and forces would not be shared with them.
   pure subroutine join_touching(theta, y, nearly_zero, is_rigid, active, next)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Penetrations (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Penetrations below this are rounding errors [length].
-    real(dp), intent(in) :: nearly_zero
-    !> Rows that no force moves (n_rows).
-    logical, intent(in) :: is_rigid(:)
-    !> The active set (n_rows).
-    logical, intent(in) :: active(:)
-    !> The same with rows that touch (n_rows).
-    logical, intent(out) :: next(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
+    real(dp), intent(in) :: nearly_zero  !! Penetrations below this are rounding errors [length].
+    logical, intent(in) :: is_rigid(:)  !! Rows that no force moves (n_rows).
+    logical, intent(in) :: active(:)  !! The active set (n_rows).
+    logical, intent(out) :: next(:)  !! The same with rows that touch (n_rows).
     next = active
     if (any(active)) next = active .or. (abs(y) <= nearly_zero .and. .not. theta > 0 .and. .not. is_rigid)
   end subroutine join_touching
 
   !> Whether the numbers of rows that change from one active set to the next do not get fewer.
   pure logical function is_not_decreasing(changes)
-    !> Rows that changed, in each step so far (n_steps).
-    integer, intent(in) :: changes(:)
+    integer, intent(in) :: changes(:)  !! Rows that changed, in each step so far (n_steps).
     !> The first active sets may change by any number of rows. Later the numbers halve at least, over two steps since
     !> rows can enter and leave by turns.
     integer, parameter :: first = 4, back = 2
@@ -230,14 +213,10 @@ contains
 
   !> Floating bodies at rest on a Winkler foundation that stands for all bodies, and the rows that penetrate there.
   subroutine rest_on_winkler_foundation(qp, theta, now, active)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Without forces.
-    type(iterate_t), intent(out) :: now
-    !> Active set (n_rows).
-    logical, intent(out) :: active(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(iterate_t), intent(out) :: now  !! Without forces.
+    logical, intent(out) :: active(:)  !! Active set (n_rows).
     real(dp), allocatable :: motion(:)
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), motion(qp%n_rows))
     now%lambda = 0
@@ -250,14 +229,10 @@ contains
 
   !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
   subroutine add_support(qp, theta, now, active)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The iterate.
-    type(iterate_t), intent(in) :: now
-    !> Active set (n_rows).
-    logical, intent(inout) :: active(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(iterate_t), intent(in) :: now  !! The iterate.
+    logical, intent(inout) :: active(:)  !! Active set (n_rows).
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
     if (is_balanced(qp, theta, now%lambda, now%alpha)) return
     allocate (missing(qp%coarse%n))
@@ -272,14 +247,10 @@ contains
   !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
   !> otherwise.
   logical function is_balanced(qp, theta, lambda, alpha)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Amplitudes of the modes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
     real(dp) :: missing(qp%coarse%n), scale
     call qp%mode_resultant(lambda, missing)
     missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(alpha)
@@ -295,34 +266,23 @@ contains
 
   !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
   pure function foundation_stiffness(qp, theta) result(stiffness)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), allocatable :: stiffness(:)
     stiffness = qp%weight/(qp%foundation + theta)
   end function foundation_stiffness
 
   !> The solution of the interior-point method, close to the solution wherever that is.
   subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error, starts_near)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Another one on return.
-    type(active_system_t), intent(inout) :: system
-    !> Rows without force (n_rows).
-    logical, intent(in) :: is_rigid(:)
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
-    !> Active set (n_rows).
-    logical, intent(out) :: active(:)
-    !> Linear systems that it took.
-    integer, intent(out) :: steps
-    !> As in `find_active_set`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Another one on return.
+    logical, intent(in) :: is_rigid(:)  !! Rows without force (n_rows).
+    type(iterate_t), intent(inout) :: now  !! The iterate.
+    logical, intent(out) :: active(:)  !! Active set (n_rows).
+    integer, intent(out) :: steps  !! Linear systems that it took.
+    type(error_t), allocatable, intent(out) :: error  !! As in `find_active_set`.
     !> Whether the iterate on entry is next to a solution; false if absent.
     logical, intent(in), optional :: starts_near
     real(dp), allocatable :: start(:), motion(:)
@@ -340,14 +300,10 @@ contains
 
   !> Solve the system of the active set for the new iterate.
   subroutine solve_active(qp, compliance, system, now)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Linear system of the active set, prepared.
-    type(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    type(active_system_t), intent(in) :: system  !! Linear system of the active set, prepared.
+    type(iterate_t), intent(inout) :: now  !! The iterate.
     real(dp), allocatable :: lambda(:)
     allocate (lambda(size(system%row)))
     lambda = now%lambda(system%row)
@@ -359,12 +315,9 @@ contains
 
   !> y = y_0 - C lambda + G alpha.
   subroutine update_penetrations(qp, compliance, now)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Its forces and amplitudes are given.
-    type(iterate_t), intent(inout) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    type(iterate_t), intent(inout) :: now  !! Its forces and amplitudes are given.
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(now%lambda)), motion(size(now%lambda)))
     call compliance%multiply(qp, now%lambda, z)
@@ -375,30 +328,21 @@ contains
   !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
   !> [sqrt(energy)].
   real(dp) function reference_norm(qp, theta, now) result(norm)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The iterate.
-    type(iterate_t), intent(in) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(iterate_t), intent(in) :: now  !! The iterate.
     norm = qp%energy_norm(now%lambda/qp%weight, now%y, now%alpha)
     norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp, theta)*qp%initial_penetration**2)))
   end function reference_norm
 
   !> An entry of the history. There is no bound where forces are tensile.
   subroutine add_to_history(qp, theta, now, seconds, length, n_active, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The iterate.
-    type(iterate_t), intent(in) :: now
-    !> Since the start [s].
-    real(dp), intent(in) :: seconds
-    !> Length of the step, in the energy norm [sqrt(energy)].
-    real(dp), intent(in) :: length
-    !> Active rows.
-    integer, intent(in) :: n_active
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(iterate_t), intent(in) :: now  !! The iterate.
+    real(dp), intent(in) :: seconds  !! Since the start [s].
+    real(dp), intent(in) :: length  !! Length of the step, in the energy norm [sqrt(energy)].
+    integer, intent(in) :: n_active  !! Active rows.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, gap, m(size(now%lambda))

@@ -40,24 +40,18 @@ module dotyk_scheme_active_system
   !> Couplings of rows that the preconditioner knows: all, those within a pair, none.
   integer, parameter, public :: coupling_all = 1, coupling_pairs = 2, coupling_none = 3
 
-  !> Rows of a contact pair.
-  type :: pair_rows_t
-    !> Active rows first .. last.
-    integer :: first = 1, last = 0
+  type :: pair_rows_t  !! Rows of a contact pair.
+    integer :: first = 1, last = 0  !! Active rows first .. last.
     !> Bodies, 0 where there are fewer than of other rows; and their numbers of modes (n).
     integer, allocatable :: body(:), n_modes(:)
   end type pair_rows_t
 
-  !> The system. It owns factors: never copy it, destroy it in the end.
-  type, public :: active_system_t
-    !> One of `coupling_*`.
-    integer :: coupling = coupling_all
+  type, public :: active_system_t  !! The system. It owns factors: never copy it, destroy it in the end.
+    integer :: coupling = coupling_all  !! One of `coupling_*`.
     !> Whether all couplings may be taken where those within pairs turn out not to suffice.
     logical :: may_couple_all = .false.
-    !> Active rows of the contact operator, ascending (n).
-    integer, allocatable :: row(:)
-    !> Compliance theta/w of the Winkler layer there (n) [length/force].
-    real(dp), allocatable :: layer(:)
+    integer, allocatable :: row(:)  !! Active rows of the contact operator, ascending (n).
+    real(dp), allocatable :: layer(:)  !! Compliance theta/w of the Winkler layer there (n) [length/force].
     !> Solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
     real(dp) :: reduction = 0
     !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that may be left in the
@@ -65,22 +59,18 @@ module dotyk_scheme_active_system
     real(dp) :: step_reduction = 0
     !> Iterations of all solutions so far, and number of solutions; pointers, since solutions do not change the system.
     integer, pointer :: n_iterations => null(), n_solutions => null()
-    !> Diagonal of C, or an approximate one (n) [length/force].
-    real(dp), allocatable, private :: diagonal(:)
-    !> The pairs (n_pairs).
-    type(pair_rows_t), allocatable, private :: pair(:)
+    real(dp), allocatable, private :: diagonal(:)  !! Diagonal of C, or an approximate one (n) [length/force].
+    type(pair_rows_t), allocatable, private :: pair(:)  !! The pairs (n_pairs).
     !> Rows of the QP that all others are restrictions of, for which the pattern and C stand in `matrix` (n).
     integer, allocatable, private :: parent(:)
-    !> Aggregations of that QP.
-    integer, private :: level = 0
+    integer, private :: level = 0  !! Aggregations of that QP.
     !> C with the couplings that M_p has; and the factor of M_p [length/force].
     type(sparse_symmetric_t), private :: matrix
     type(cholesky_t), private :: factor
     !> M_p^{-1} G: columns of all modes where all rows couple, of the modes of the two bodies of the pair of each row
     !> elsewhere (n, number of columns) [force/length].
     real(dp), allocatable, private :: spread(:, :)
-    !> H.
-    type(mode_stiffness_t), private :: network
+    type(mode_stiffness_t), private :: network  !! H.
   contains
     procedure :: init => system_init
     procedure :: solve => system_solve
@@ -95,8 +85,7 @@ module dotyk_scheme_active_system
   real(dp), parameter :: proximal_fraction = 1.0e-9_dp
   !> Most of it, where weights or stiffnesses differ: six digits a step.
   real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
-  !> With ties, over the same without.
-  real(dp), parameter :: proximal_of_ties = 1.0e-2_dp
+  real(dp), parameter :: proximal_of_ties = 1.0e-2_dp  !! With ties, over the same without.
   !> A residual in the norm of the preconditioner is rounding at this fraction of the right-hand side.
   real(dp), parameter :: tolerance = 1.0e-14_dp
   !> Conjugate gradients begin anew, from the true residual, when they have reduced it to this fraction.
@@ -129,12 +118,9 @@ contains
   !> Whether the system is prepared for an active set.
   pure logical function system_is_for(self, qp, theta, active) result(is_for)
     class(active_system_t), intent(in) :: self
-    !> The problem that it may have been made for.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The active set (n_rows).
-    logical, intent(in) :: active(:)
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it may have been made for.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: active(:)  !! The active set (n_rows).
     is_for = .false.
     if (.not. allocated(self%row)) return
     if (size(self%row) /= count(active)) return
@@ -145,14 +131,11 @@ contains
   !> their entries.
   subroutine system_init(self, qp, compliance, theta, active, error)
     class(active_system_t), intent(inout) :: self
-    !> Contact rows, and rigid body modes with their stiffness.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, and rigid body modes with their stiffness.
     !> Compliance operator, formed at all active rows unless the coupling is none.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The active set (n_rows).
-    logical, intent(in) :: active(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: active(:)  !! The active set (n_rows).
     !> M_p or H is not positive definite: rows are linearly dependent to rounding with theta = 0, or an entry is not a
     !> number. Or METIS or CHOLMOD has no memory.
     type(error_t), allocatable, intent(out) :: error
@@ -200,12 +183,9 @@ contains
   !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
   !> that is a small fraction of the diagonal [length/force].
   pure function proximal_term(diagonal, layer, weight) result(term)
-    !> Diagonal of M (n) [length/force].
-    real(dp), intent(in) :: diagonal(:)
-    !> Compliance theta/w of the layer (n) [length/force].
-    real(dp), intent(in) :: layer(:)
-    !> Weights of the rows (n) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of M (n) [length/force].
+    real(dp), intent(in) :: layer(:)  !! Compliance theta/w of the layer (n) [length/force].
+    real(dp), intent(in) :: weight(:)  !! Weights of the rows (n) [length^2; length in two dimensions].
     real(dp) :: term(size(diagonal))
     real(dp) :: theta
     theta = maxval(diagonal*weight, mask=.not. layer > 0)
@@ -215,14 +195,10 @@ contains
 
   !> C with the couplings of M_p, its symbolic factorization, and that of H.
   subroutine form_matrix(self, qp, compliance, error)
-    !> Its rows are taken.
-    type(active_system_t), intent(inout) :: self
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `init`.
-    type(error_t), allocatable, intent(out) :: error
+    type(active_system_t), intent(inout) :: self  !! Its rows are taken.
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator.
+    type(error_t), allocatable, intent(out) :: error  !! As in `init`.
     type(clique_t), allocatable :: clique(:)
     integer, allocatable :: order(:), member(:), first(:)
     real(dp), allocatable :: yields(:)
@@ -271,12 +247,9 @@ contains
 
   !> Successive active rows of the same pair and bodies.
   subroutine find_pairs(qp, row, pair)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Active rows, ascending (n).
-    integer, intent(in) :: row(:)
-    !> (n_pairs)
-    type(pair_rows_t), allocatable, intent(out) :: pair(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    integer, intent(in) :: row(:)  !! Active rows, ascending (n).
+    type(pair_rows_t), allocatable, intent(out) :: pair(:)  !! (n_pairs)
     type(pair_rows_t), allocatable :: found(:)
     integer :: i, k, n, at, b
     logical :: is_new
@@ -307,14 +280,10 @@ contains
 
   !> The compliance of each body couples all its rows.
   subroutine couple_bodies(qp, row, compliance, clique)
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Active rows, ascending (n).
-    integer, intent(in) :: row(:)
-    !> Compliance operator, formed at the rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Those of the bodies (n_bodies).
-    type(clique_t), allocatable, intent(out) :: clique(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: row(:)  !! Active rows, ascending (n).
+    class(compliance_t), intent(in) :: compliance  !! Compliance operator, formed at the rows.
+    type(clique_t), allocatable, intent(out) :: clique(:)  !! Those of the bodies (n_bodies).
     integer :: number(qp%n_rows), b, i
     number = 0
     number(row) = [(i, i=1, size(row))]
@@ -329,16 +298,11 @@ contains
 
   !> The compliances of its two bodies couple the rows of each pair.
   subroutine couple_pairs(qp, row, pair, compliance, clique)
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Active rows, ascending (n).
-    integer, intent(in) :: row(:)
-    !> The pairs (n_pairs).
-    type(pair_rows_t), intent(in) :: pair(:)
-    !> Compliance operator, formed at the rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Those of the pairs (n_pairs).
-    type(clique_t), allocatable, intent(out) :: clique(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: row(:)  !! Active rows, ascending (n).
+    type(pair_rows_t), intent(in) :: pair(:)  !! The pairs (n_pairs).
+    class(compliance_t), intent(in) :: compliance  !! Compliance operator, formed at the rows.
+    type(clique_t), allocatable, intent(out) :: clique(:)  !! Those of the pairs (n_pairs).
     real(dp), allocatable :: entries(:, :)
     integer :: p, k, i, n
     allocate (clique(size(pair)))
@@ -356,10 +320,8 @@ contains
 
   !> M_p^{-1} G, and H.
   subroutine form_network(self, qp)
-    !> M_p is factorized; sets `spread` and `network`.
-    type(active_system_t), intent(inout) :: self
-    !> With the coarse space.
-    type(contact_qp_t), intent(in) :: qp
+    type(active_system_t), intent(inout) :: self  !! M_p is factorized; sets `spread` and `network`.
+    type(contact_qp_t), intent(in) :: qp  !! With the coarse space.
     real(dp), allocatable :: g(:, :), h(:, :)
     integer :: b, c, p, k, l, at, before
     call self%network%clear()
@@ -416,12 +378,9 @@ contains
 
   !> G at the active rows: the modes of the bodies of each pair one after the other.
   pure subroutine rows_of_pairs(self, qp, g)
-    !> With rows and pairs.
-    type(active_system_t), intent(in) :: self
-    !> With the coarse space.
-    type(contact_qp_t), intent(in) :: qp
-    !> (n, most modes of a pair) [].
-    real(dp), intent(out) :: g(:, :)
+    type(active_system_t), intent(in) :: self  !! With rows and pairs.
+    type(contact_qp_t), intent(in) :: qp  !! With the coarse space.
+    real(dp), intent(out) :: g(:, :)  !! (n, most modes of a pair) [].
     integer :: p, i, k, at
     g = 0
     do p = 1, size(self%pair)
@@ -440,18 +399,12 @@ contains
 
   !> Solve `M_p x - G alpha = r`, `G^T x + S alpha = e`.
   subroutine apply_preconditioner(self, qp, r, e, x, alpha)
-    !> Factorized.
     class(active_system_t), intent(in) :: self
-    !> The problem that it was made for.
-    type(contact_qp_t), intent(in) :: qp
-    !> At the active rows (n) [length].
-    real(dp), intent(in) :: r(:)
-    !> On the modes; 0 if absent (coarse%n) [force].
-    real(dp), intent(in), optional :: e(:)
-    !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: x(:)
-    !> Amplitudes (coarse%n) [length].
-    real(dp), intent(out), contiguous :: alpha(:)
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for.
+    real(dp), intent(in) :: r(:)  !! At the active rows (n) [length].
+    real(dp), intent(in), optional :: e(:)  !! On the modes; 0 if absent (coarse%n) [force].
+    real(dp), intent(out), contiguous :: x(:)  !! Forces (n) [force].
+    real(dp), intent(out), contiguous :: alpha(:)  !! Amplitudes (coarse%n) [length].
     integer :: p, k, j, at
     x = r
     if (size(x) > 0) call self%factor%solve(x)
@@ -480,14 +433,10 @@ contains
 
   !> G^T x.
   subroutine resultants_of(self, qp, x, resultant)
-    !> With the active rows.
     class(active_system_t), intent(in) :: self
-    !> With the coarse space.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact forces (n) [force].
-    real(dp), intent(in) :: x(:)
-    !> (coarse%n) [force]
-    real(dp), intent(out) :: resultant(:)
+    type(contact_qp_t), intent(in) :: qp  !! With the coarse space.
+    real(dp), intent(in) :: x(:)  !! Contact forces (n) [force].
+    real(dp), intent(out) :: resultant(:)  !! (coarse%n) [force]
     real(dp), allocatable :: force(:)
     allocate (force(qp%n_rows), source=0.0_dp)
     force(self%row) = x
@@ -496,16 +445,11 @@ contains
 
   !> M x at the active rows.
   subroutine apply_matrix(self, qp, compliance, x, q)
-    !> With the active rows.
     class(active_system_t), intent(in) :: self
-    !> The problem that it was made for.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> Contact forces (n) [force].
-    real(dp), intent(in) :: x(:)
-    !> Product (n) [length].
-    real(dp), intent(out) :: q(:)
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator.
+    real(dp), intent(in) :: x(:)  !! Contact forces (n) [force].
+    real(dp), intent(out) :: q(:)  !! Product (n) [length].
     real(dp), allocatable :: force(:), z(:)
     allocate (force(qp%n_rows), z(qp%n_rows))
     force = 0
@@ -516,24 +460,15 @@ contains
 
   !> Residuals of contact rows and of equilibrium.
   subroutine find_residuals(self, qp, compliance, b, c, lambda, alpha, r_b, r_c)
-    !> With the active rows.
     class(active_system_t), intent(in) :: self
-    !> The problem that it was made for.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator.
-    class(compliance_t), intent(inout) :: compliance
-    !> Right-hand side of the contact rows (n) [length].
-    real(dp), intent(in) :: b(:)
-    !> Right-hand side of equilibrium (coarse%n) [force].
-    real(dp), intent(in) :: c(:)
-    !> Forces (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> `b - M lambda + G alpha` (n) [length].
-    real(dp), intent(out) :: r_b(:)
-    !> `c - G^T lambda - S alpha` (coarse%n) [force].
-    real(dp), intent(out) :: r_c(:)
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator.
+    real(dp), intent(in) :: b(:)  !! Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: c(:)  !! Right-hand side of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: lambda(:)  !! Forces (n) [force].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (coarse%n) [length].
+    real(dp), intent(out) :: r_b(:)  !! `b - M lambda + G alpha` (n) [length].
+    real(dp), intent(out) :: r_c(:)  !! `c - G^T lambda - S alpha` (coarse%n) [force].
     real(dp), allocatable :: motion(:)
     allocate (motion(qp%n_rows))
     call apply_matrix(self, qp, compliance, lambda, r_b)
@@ -546,20 +481,14 @@ contains
   !> Solve from the given forces. Rounds of conjugate gradients, each from the true residual, until rounding allows no
   !> more, or one round to `step_reduction` or `reduction`. An interrupt ends them early.
   subroutine system_solve(self, qp, compliance, b, c, lambda, alpha)
-    !> Prepared.
     class(active_system_t), intent(in) :: self
-    !> The problem that it was made for; resultants may be others.
-    type(contact_qp_t), intent(in) :: qp
-    !> The compliance that it was made for.
-    class(compliance_t), intent(inout) :: compliance
-    !> Right-hand side of the contact rows (n) [length].
-    real(dp), intent(in) :: b(:)
-    !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
-    real(dp), intent(in) :: c(:)
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for; resultants may be others.
+    class(compliance_t), intent(inout) :: compliance  !! The compliance that it was made for.
+    real(dp), intent(in) :: b(:)  !! Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: c(:)  !! Right-hand side of the equilibrium of the modes (coarse%n) [force].
     !> Contact forces; an initial guess on entry, which is not used where all rows couple (n) [force].
     real(dp), intent(inout) :: lambda(:)
-    !> Amplitudes of the modes (coarse%n) [length].
-    real(dp), intent(out) :: alpha(:)
+    real(dp), intent(out) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
     real(dp), allocatable :: r_b(:), r_c(:), x(:), beta(:), next_b(:), next_c(:)
     real(dp) :: residual, previous, imbalance, previous_imbalance, scale, once, gain
     integer :: k, n
@@ -608,25 +537,17 @@ contains
 
   !> Preconditioned conjugate gradients from zero.
   subroutine conjugate_gradients(self, qp, compliance, reduction, r_b, r_c, scale, x, beta)
-    !> Prepared.
     class(active_system_t), intent(in) :: self
-    !> The problem that it was made for.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator.
-    class(compliance_t), intent(inout) :: compliance
+    type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator.
     !> They end where the residual, in the norm of the preconditioner, is this fraction of the first one, or of the
     !> energy of the first step if that is larger [].
     real(dp), intent(in) :: reduction
-    !> Residual of the contact rows (n) [length].
-    real(dp), intent(in) :: r_b(:)
-    !> Residual of equilibrium (coarse%n) [force].
-    real(dp), intent(in) :: r_c(:)
-    !> The largest of these energies so far; they end at rounding of it too [energy].
-    real(dp), intent(inout) :: scale
-    !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: x(:)
-    !> Amplitudes (coarse%n) [length].
-    real(dp), intent(out), contiguous :: beta(:)
+    real(dp), intent(in) :: r_b(:)  !! Residual of the contact rows (n) [length].
+    real(dp), intent(in) :: r_c(:)  !! Residual of equilibrium (coarse%n) [force].
+    real(dp), intent(inout) :: scale  !! The largest of these energies so far; they end at rounding of it too [energy].
+    real(dp), intent(out), contiguous :: x(:)  !! Forces (n) [force].
+    real(dp), intent(out), contiguous :: beta(:)  !! Amplitudes (coarse%n) [length].
     real(dp), allocatable :: r(:), z(:), p(:), q(:), r_old(:), z_modes(:), p_modes(:), moved(:), imbalance(:)
     real(dp) :: rz, rz_end, rz_old, curvature, step, share, first
     integer :: k

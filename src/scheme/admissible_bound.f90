@@ -21,20 +21,13 @@ contains
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Ties are equations, for which it is
   !> `(lambda - lambda_theta).r`, to first order mu.r. [sqrt(energy)]
   real(dp) function admissible_bound(qp, with_springs, compliance, theta, system, lambda, y, rounding) result(bound)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The same with springs on the modes: what the system is that of.
-    type(contact_qp_t), intent(in) :: with_springs
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Linear system of the active set that the state came from.
-    type(active_system_t), intent(in) :: system
-    !> Forces of contact, not negative, and of ties (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Penetrations (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes: what the system is that of.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(in) :: system  !! Linear system of the active set that the state came from.
+    real(dp), intent(in) :: lambda(:)  !! Forces of contact, not negative, and of ties (n_rows) [force].
+    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
     !> Penetrations below this fraction of the largest initial one are rounding errors [].
     real(dp), intent(in) :: rounding
     real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)

@@ -20,14 +20,10 @@ module dotyk_scheme_body_compliance
   private
   public :: body_operator_t
 
-  !> The operator of all bodies.
-  type, extends(compliance_t), public :: body_compliance_t
-    !> Operators of the representatives (n_bodies).
-    type(response_slot_t), allocatable :: response(:)
-    !> (n_bodies).
-    type(body_operator_t), allocatable :: body(:)
-    !> Entries that were formed.
-    type(dense_compliance_t) :: matrix
+  type, extends(compliance_t), public :: body_compliance_t  !! The operator of all bodies.
+    type(response_slot_t), allocatable :: response(:)  !! Operators of the representatives (n_bodies).
+    type(body_operator_t), allocatable :: body(:)  !! (n_bodies).
+    type(dense_compliance_t) :: matrix  !! Entries that were formed.
     !> Whether bodies are solved side by side, or one after the other (each with all BLAS threads).
     logical :: side_by_side = .true.
     !> Bodies that may touch others, in batches of congruent ones, those with most work first.
@@ -59,16 +55,12 @@ contains
 
   !> Take the operators of the bodies.
   subroutine compliance_init(self, qp, response, body, side_by_side)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(out) :: self
-    !> All rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! All rows.
     !> Factorized, of the representatives; not allocated on return (n_bodies).
     type(response_slot_t), allocatable, intent(inout) :: response(:)
-    !> Not allocated on return (n_bodies).
-    type(body_operator_t), allocatable, intent(inout) :: body(:)
-    !> As in `body_compliance_t`.
-    logical, intent(in) :: side_by_side
+    type(body_operator_t), allocatable, intent(inout) :: body(:)  !! Not allocated on return (n_bodies).
+    logical, intent(in) :: side_by_side  !! As in `body_compliance_t`.
     integer :: b
     call move_alloc(response, self%response)
     call move_alloc(body, self%body)
@@ -89,12 +81,9 @@ contains
 
   !> The p-multigrid of a body; not associated where it has none.
   function compliance_body_grid(self, b) result(grid)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> That of its representative.
-    class(body_grid_t), pointer :: grid
+    integer, intent(in) :: b  !! The body.
+    class(body_grid_t), pointer :: grid  !! That of its representative.
     grid => self%response(self%body(b)%representative)%form%body_grid()
   end function compliance_body_grid
 
@@ -130,12 +119,9 @@ contains
 
   !> x := K_b^+ x, over the equations of a body; many threads may.
   subroutine compliance_solve(self, b, x)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Right-hand side [force] in, solution [length] out (n_equations).
-    real(dp), intent(inout) :: x(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
     if (allocated(self%body(b)%found)) then
       call self%response(self%body(b)%representative)%form%solve_from(self%body(b)%found, x)
     else
@@ -145,10 +131,8 @@ contains
 
   !> Solve a body for several right-hand sides: the entries of a factor are read once.
   subroutine compliance_solve_block(self, b, x)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
     real(dp), intent(inout), contiguous :: x(:, :)
     if (size(x, 2) == 1) then
@@ -161,14 +145,10 @@ contains
   !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows
   !> touch, or of all of them at once.
   subroutine compliance_multiply(self, qp, lambda, z)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the rows (n_rows) [length].
-    real(dp), intent(out) :: z(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(out) :: z(:)  !! Displacements of the rows (n_rows) [length].
     type(row_displacement_t) :: moved(size(self%body))
     logical :: formed(size(self%body)), together
     real(dp), allocatable :: force(:), moved_formed(:)
@@ -211,18 +191,13 @@ contains
 
   !> The products of one batch of congruent bodies.
   subroutine multiply_batch(self, qp, body, formed, lambda, force, moved)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> The congruent bodies (n).
-    integer, intent(in) :: body(:)
-    !> Bodies whose entries at the rows are there (n_bodies).
-    logical, intent(in) :: formed(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: body(:)  !! The congruent bodies (n).
+    logical, intent(in) :: formed(:)  !! Bodies whose entries at the rows are there (n_bodies).
     !> Contact forces, at the rows of the QP (n_rows), and at those of the QP of `init` (all its rows) [force].
     real(dp), intent(in) :: lambda(:), force(:)
-    !> Gets displacements of the bodies in the batch (n_bodies).
-    type(row_displacement_t), intent(inout) :: moved(:)
+    type(row_displacement_t), intent(inout) :: moved(:)  !! Gets displacements of the bodies in the batch (n_bodies).
     logical :: has_rows(size(body))
     integer :: k
     has_rows = [(size(qp%block(body(k))%row) > 0, k=1, size(body))]
@@ -233,12 +208,9 @@ contains
 
   !> Form the entries at all rows of a QP.
   subroutine compliance_form(self, qp, may_stop)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
-    !> A restriction of that of `init`, in which all formed rows are.
-    type(contact_qp_t), intent(in) :: qp
-    !> As in `compliance_t`.
-    logical, intent(in), optional :: may_stop
+    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `init`, in which all formed rows are.
+    logical, intent(in), optional :: may_stop  !! As in `compliance_t`.
     integer :: b
     logical :: stops
     stops = .false.
@@ -248,14 +220,10 @@ contains
 
   !> Form the entries of some bodies at all of their rows.
   subroutine compliance_form_bodies(self, qp, chosen, may_stop)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
-    !> As in `form`.
-    type(contact_qp_t), intent(in) :: qp
-    !> Bodies whose entries are formed (n_bodies).
-    logical, intent(in) :: chosen(:)
-    !> Whether an interrupt ends it, with entries that are not valid.
-    logical, intent(in) :: may_stop
+    type(contact_qp_t), intent(in) :: qp  !! As in `form`.
+    logical, intent(in) :: chosen(:)  !! Bodies whose entries are formed (n_bodies).
+    logical, intent(in) :: may_stop  !! Whether an interrupt ends it, with entries that are not valid.
     type(row_blocks_t), allocatable :: blocks(:)
     integer :: first_new(size(self%body)), b
     allocate (blocks(size(self%body)))
@@ -274,10 +242,8 @@ contains
 
   !> Entries at all rows of any QP over the same bodies; this operator keeps none of them.
   subroutine compliance_form_all(self, qp, entries)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
-    !> A restriction of that of `init`, an aggregation, or that one.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `init`, an aggregation, or that one.
     !> Entries of each body at its rows, in their order (n_bodies).
     type(entries_t), allocatable, intent(out) :: entries(:)
     type(dense_compliance_t) :: matrix
@@ -310,10 +276,8 @@ contains
 
   !> Whether all entries at the rows of a QP are there.
   pure logical function compliance_is_formed(self, qp) result(is_formed)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     is_formed = self%matrix%is_formed(qp)
   end function compliance_is_formed
 
@@ -325,40 +289,28 @@ contains
 
   !> Entries between some rows of a body.
   subroutine compliance_get_entries(self, qp, b, row, entries)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> Formed.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Rows (n).
-    integer, intent(in) :: row(:)
-    !> Entries (n, n) [length/force].
-    real(dp), allocatable, intent(out) :: entries(:, :)
+    type(contact_qp_t), intent(in) :: qp  !! Formed.
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: row(:)  !! Rows (n).
+    real(dp), allocatable, intent(out) :: entries(:, :)  !! Entries (n, n) [length/force].
     call self%matrix%get_entries(qp, b, row, entries)
   end subroutine compliance_get_entries
 
   !> Diagonal entries.
   subroutine compliance_get_diagonal(self, qp, row, diagonal)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> Formed at the rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Rows (n).
-    integer, intent(in) :: row(:)
-    !> Diagonal entries (n) [length/force].
-    real(dp), intent(out) :: diagonal(:)
+    type(contact_qp_t), intent(in) :: qp  !! Formed at the rows.
+    integer, intent(in) :: row(:)  !! Rows (n).
+    real(dp), intent(out) :: diagonal(:)  !! Diagonal entries (n) [length/force].
     call self%matrix%get_diagonal(qp, row, diagonal)
   end subroutine compliance_get_diagonal
 
   !> `B D^{-1} B^T` with the diagonals of the stiffnesses.
   subroutine compliance_nodal_diagonal(self, qp, diagonal)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Diagonal entries (n_rows) [length/force].
-    real(dp), intent(out) :: diagonal(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(out) :: diagonal(:)  !! Diagonal entries (n_rows) [length/force].
     integer :: b, i, k
     diagonal = 0
     do b = 1, size(self%body)
@@ -375,14 +327,10 @@ contains
 
   !> Costs of one body.
   subroutine compliance_get_costs(self, b, path, solve)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Entries of the factor on the elimination-tree path of a row, on average [].
-    real(dp), intent(out) :: path
-    !> Entries that a product with the compliance goes through [].
-    real(dp), intent(out) :: solve
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(out) :: path  !! Entries of the factor on the elimination-tree path of a row, on average [].
+    real(dp), intent(out) :: solve  !! Entries that a product with the compliance goes through [].
     real(dp) :: of_owner(1)
     if (is_own(self%body(b)%owner)) then
       associate (equation => self%body(b)%map%equation)
@@ -396,10 +344,8 @@ contains
 
   !> Mark rows with entries.
   subroutine compliance_mark_formed(self, formed)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> Set where a row has entries (all rows of the QP of `init`).
-    logical, intent(inout) :: formed(:)
+    logical, intent(inout) :: formed(:)  !! Set where a row has entries (all rows of the QP of `init`).
     call self%matrix%mark_formed(formed)
   end subroutine compliance_mark_formed
 

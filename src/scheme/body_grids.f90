@@ -18,20 +18,13 @@ module dotyk_scheme_body_grids
 
   !> The bodies: the base of linear systems over all of them. It refers to the p-multigrids of others.
   type, abstract, extends(proximal_system_t), public :: body_grids_t
-    !> Components of a node.
-    integer :: dim = 0
-    !> Unknowns of body b are first(b)+1 .. first(b+1) (n_bodies + 1).
-    integer, allocatable :: first(:)
-    !> p-multigrids of the representatives (n_bodies).
-    type(grid_pointer_t), allocatable :: grid(:)
-    !> (n_bodies).
-    type(grid_body_t), allocatable :: body(:)
-    !> Modes of body b are first_mode(b)+1 .. first_mode(b+1) (n_bodies + 1).
-    integer, allocatable :: first_mode(:)
-    !> Bodies that are worked on side by side, by their unknowns.
-    type(body_groups_t) :: groups
-    !> The same by the entries of their factors: solves in the corner space.
-    type(body_groups_t) :: solves
+    integer :: dim = 0  !! Components of a node.
+    integer, allocatable :: first(:)  !! Unknowns of body b are first(b)+1 .. first(b+1) (n_bodies + 1).
+    type(grid_pointer_t), allocatable :: grid(:)  !! p-multigrids of the representatives (n_bodies).
+    type(grid_body_t), allocatable :: body(:)  !! (n_bodies).
+    integer, allocatable :: first_mode(:)  !! Modes of body b are first_mode(b)+1 .. first_mode(b+1) (n_bodies + 1).
+    type(body_groups_t) :: groups  !! Bodies that are worked on side by side, by their unknowns.
+    type(body_groups_t) :: solves  !! The same by the entries of their factors: solves in the corner space.
   contains
     procedure :: init => grids_init
     procedure :: row_displacement => grids_row_displacement
@@ -50,25 +43,20 @@ module dotyk_scheme_body_grids
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
 
-  !> Entries of a factor whose solves threads share, see `multigrid_t`.
-  real(dp), parameter :: shared_solve = 1.0e6_dp
+  real(dp), parameter :: shared_solve = 1.0e6_dp  !! Entries of a factor whose solves threads share, see `multigrid_t`.
   !> The proximal term as a fraction of the compliance of the rows in the corner space. Smaller ones converge in fewer
   !> proximal steps, and lose more digits of B u in the pressures.
   real(dp), parameter :: proximal_fraction = 1.0e-4_dp
-  !> Rows from which on threads are worth their start in a product with B.
-  integer, parameter :: worth_threads = 1000
+  integer, parameter :: worth_threads = 1000  !! Rows from which on threads are worth their start in a product with B.
 
 contains
 
   !> Take the p-multigrids of the bodies, and carry the contact rows to both levels.
   subroutine grids_init(self, block, n_rows, grid, body)
     class(body_grids_t), intent(out) :: self
-    !> Rows of B by bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Number of contact rows.
-    integer, intent(in) :: n_rows
-    !> Of the representatives (n_bodies).
-    type(grid_pointer_t), intent(in) :: grid(:)
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies (n_bodies).
+    integer, intent(in) :: n_rows  !! Number of contact rows.
+    type(grid_pointer_t), intent(in) :: grid(:)  !! Of the representatives (n_bodies).
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
     real(dp), allocatable :: entries(:)
@@ -106,15 +94,13 @@ contains
 
     !> The rows of one body.
     subroutine carry_rows(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, block(b)%matrix)
     end subroutine carry_rows
   end subroutine grids_init
 
   !> Compliances of the rows in the corner space; congruent bodies with the same rows share them.
   subroutine form_compliances(self)
-    !> The bodies with their rows.
     class(body_grids_t), intent(inout) :: self
     integer :: b, c, k
     do b = 1, size(self%body)
@@ -140,8 +126,7 @@ contains
 
     !> The compliance of one body.
     subroutine form_compliance(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       if (self%body(b)%owner == b) &
         call self%body(b)%rows%form_compliance(self%grid(self%body(b)%representative)%p)
     end subroutine form_compliance
@@ -150,10 +135,8 @@ contains
   !> The sum of vectors over the rows of each body.
   pure subroutine grids_add_rows(self, own, y)
     class(body_grids_t), intent(in) :: self
-    !> At the rows of each body (n_bodies) [any].
-    type(body_vector_t), intent(in) :: own(:)
-    !> At all rows (n_rows) [as own].
-    real(dp), intent(out) :: y(:)
+    type(body_vector_t), intent(in) :: own(:)  !! At the rows of each body (n_bodies) [any].
+    real(dp), intent(out) :: y(:)  !! At all rows (n_rows) [as own].
     integer :: b
     y = 0
     do b = 1, size(self%body)
@@ -164,10 +147,8 @@ contains
   !> y = B u.
   subroutine grids_row_displacement(self, u, y)
     class(body_grids_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out) :: y(:)  !! At the rows (n_rows) [length].
     type(body_vector_t), allocatable :: own(:)
     integer :: b
     allocate (own(size(self%body)))
@@ -189,10 +170,8 @@ contains
   !> y = B x of a vector in single precision, x of each body times the scale of its stiffness.
   subroutine grids_row_displacement_low(self, x, y)
     class(body_grids_t), intent(in) :: self
-    !> Scaled displacements (n) [force].
-    real(sp), intent(in), contiguous :: x(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(sp), intent(in), contiguous :: x(:)  !! Scaled displacements (n) [force].
+    real(dp), intent(out) :: y(:)  !! At the rows (n_rows) [length].
     type(body_vector_t), allocatable :: own(:)
     integer :: b
     allocate (own(size(self%body)))
@@ -210,10 +189,8 @@ contains
   !> r := r - B^T lambda.
   subroutine grids_subtract_row_force(self, lambda, r)
     class(body_grids_t), intent(in) :: self
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Forces (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces (n) [force].
     integer :: b
     !$omp parallel do default(none) shared(self, lambda, r) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
@@ -227,10 +204,8 @@ contains
   !> r := r - B^T lambda in single precision.
   subroutine grids_subtract_row_force_low(self, lambda, r)
     class(body_grids_t), intent(in) :: self
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Residual (n) [force].
-    real(sp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(sp), intent(inout), contiguous :: r(:)  !! Residual (n) [force].
     integer :: b
     !$omp parallel do default(none) shared(self, lambda, r) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
@@ -244,10 +219,8 @@ contains
   !> y = K x.
   subroutine grids_multiply_bodies(self, x, y)
     class(body_grids_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Displacements (n) [length].
+    real(dp), intent(out), contiguous :: y(:)  !! Forces (n) [force].
     integer :: k
     do k = 1, self%groups%n_alone
       call multiply_body(self%groups%body(k))
@@ -262,8 +235,7 @@ contains
 
     !> The product of one body.
     subroutine multiply_body(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       associate (first => self%first(b) + 1, last => self%first(b + 1))
         call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
       end associate
@@ -273,10 +245,8 @@ contains
   !> u := u + R alpha.
   subroutine grids_add_modes(self, alpha, u)
     class(body_grids_t), intent(in) :: self
-    !> Amplitudes of the rigid body modes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: u(:)
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the rigid body modes (n_modes) [length].
+    real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     integer :: b, k
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
@@ -291,10 +261,8 @@ contains
   !> f = K u without the rigid motions of u, of which rounding would leave forces.
   subroutine grids_strain_forces(self, u, f)
     class(body_grids_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: f(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out), contiguous :: f(:)  !! Forces (n) [force].
     real(dp), allocatable :: strained(:)
     if (self%first_mode(size(self%first_mode)) == 0) then
       call self%multiply_bodies(u, f)
@@ -308,10 +276,8 @@ contains
   !> R^T f.
   function grids_resultants(self, f) result(resultant)
     class(body_grids_t), intent(in) :: self
-    !> Forces (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> On the rigid body modes (n_modes) [force].
-    real(dp), allocatable :: resultant(:)
+    real(dp), intent(in), contiguous :: f(:)  !! Forces (n) [force].
+    real(dp), allocatable :: resultant(:)  !! On the rigid body modes (n_modes) [force].
     integer :: b, k
     allocate (resultant(self%first_mode(size(self%first_mode))))
     do b = 1, size(self%body)
@@ -327,10 +293,8 @@ contains
   !> G^T lambda, G = B R.
   function grids_row_resultants(self, lambda) result(resultant)
     class(body_grids_t), intent(in) :: self
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> On the rigid body modes (n_modes) [force].
-    real(dp), allocatable :: resultant(:)
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), allocatable :: resultant(:)  !! On the rigid body modes (n_modes) [force].
     integer :: b
     allocate (resultant(self%first_mode(size(self%first_mode))))
     do b = 1, size(self%body)
@@ -343,16 +307,14 @@ contains
   !> Scalar product, the same on any number of threads.
   real(dp) function grids_product(self, a, b) result(product)
     class(body_grids_t), intent(in) :: self
-    !> Vectors (n) [any].
-    real(dp), intent(in), contiguous :: a(:), b(:)
+    real(dp), intent(in), contiguous :: a(:), b(:)  !! Vectors (n) [any].
     product = scalar_product(self%n, a, b)
   end function grids_product
 
   !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
   pure function grids_row_compliance(self) result(compliance)
     class(body_grids_t), intent(in) :: self
-    !> (n_rows) [length/force].
-    real(dp) :: compliance(self%n_rows)
+    real(dp) :: compliance(self%n_rows)  !! (n_rows) [length/force].
     integer :: b, i
     compliance = 0
     do b = 1, size(self%body)
@@ -365,8 +327,7 @@ contains
   !> Whether rows have no free unknown.
   pure function grids_is_rigid_row(self) result(is_rigid)
     class(body_grids_t), intent(in) :: self
-    !> (n_rows)
-    logical :: is_rigid(self%n_rows)
+    logical :: is_rigid(self%n_rows)  !! (n_rows)
     integer :: b, i
     is_rigid = .true.
     do b = 1, size(self%body)

@@ -12,12 +12,9 @@ module dotyk_scheme_body_groups
   !> side by side. Loops over the first ones stand outside of parallel regions: threads inside of a region with one
   !> thread would be made anew each time.
   type, public :: body_groups_t
-    !> Bodies that are alone.
-    integer :: n_alone = 0
-    !> Number of bodies.
-    integer :: n = 0
-    !> The bodies, by falling cost (n).
-    integer, allocatable :: body(:)
+    integer :: n_alone = 0  !! Bodies that are alone.
+    integer :: n = 0  !! Number of bodies.
+    integer, allocatable :: body(:)  !! The bodies, by falling cost (n).
   contains
     procedure :: init => groups_init
   end type body_groups_t
@@ -28,10 +25,8 @@ contains
   !> and so is the only one that is left.
   subroutine groups_init(self, cost, n_threads)
     class(body_groups_t), intent(out) :: self
-    !> Cost of each body (n_bodies) [any].
-    real(dp), intent(in) :: cost(:)
-    !> Number of threads; 1: bodies are side by side, if there are several.
-    integer, intent(in) :: n_threads
+    real(dp), intent(in) :: cost(:)  !! Cost of each body (n_bodies) [any].
+    integer, intent(in) :: n_threads  !! Number of threads; 1: bodies are side by side, if there are several.
     real(dp) :: rest
     integer :: k
     self%n = size(cost)

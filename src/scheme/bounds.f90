@@ -10,16 +10,11 @@ module dotyk_scheme_bounds
   !> Constants of the forms of the general iteration (32), in one norm of the displacements, and the numbers that follow
   !> from them. For G = A in the energy norm: B = M = B~ = M~ = 1, D = L.
   type, public :: iteration_constants_t
-    !> B of (15): A(u,u) >= B ||u||^2 [].
-    real(dp) :: coercivity = 1
-    !> M of (14): abs(A(u,v)) <= M ||u|| ||v|| [].
-    real(dp) :: continuity = 1
-    !> B~ of (31): G(u,u) >= B~ ||u||^2 [].
-    real(dp) :: coercivity_g = 1
-    !> M~ of (30): abs(G(u,v)) <= M~ ||u|| ||v|| [].
-    real(dp) :: continuity_g = 1
-    !> D of (22): abs(j''(u,v,w)) <= D ||v|| ||w|| [].
-    real(dp) :: penalty = 0
+    real(dp) :: coercivity = 1  !! B of (15): A(u,u) >= B ||u||^2 [].
+    real(dp) :: continuity = 1  !! M of (14): abs(A(u,v)) <= M ||u|| ||v|| [].
+    real(dp) :: coercivity_g = 1  !! B~ of (31): G(u,u) >= B~ ||u||^2 [].
+    real(dp) :: continuity_g = 1  !! M~ of (30): abs(G(u,v)) <= M~ ||u|| ||v|| [].
+    real(dp) :: penalty = 0  !! D of (22): abs(j''(u,v,w)) <= D ||v|| ||w|| [].
     !> Lambda, in no theorem of the paper: A(v,v) + j''(u,v,v) <= Lambda G(v,v) []. Where A and G are symmetric, the
     !> sharp numbers follow from it.
     real(dp) :: smoothness = 1
@@ -43,8 +38,7 @@ contains
 
   !> Constants of G = A in the energy norm.
   elemental type(iteration_constants_t) function neumann_constants(lambda_max) result(constants)
-    !> L, the largest eigenvalue of Theta^{-1} C W, or an upper estimate [].
-    real(dp), intent(in) :: lambda_max
+    real(dp), intent(in) :: lambda_max  !! L, the largest eigenvalue of Theta^{-1} C W, or an upper estimate [].
     constants%penalty = lambda_max
     constants%smoothness = 1 + lambda_max
   end function neumann_constants
@@ -55,14 +49,10 @@ contains
   !> m < 0, because the bound does not hold there, and where y > 0 with theta = 0. Free bodies must be in equilibrium
   !> with m.
   pure real(dp) function duality_gap(weight, theta, m, y) result(gap)
-    !> Weights of the contact points (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> State (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: weight(:)  !! Weights of the contact points (n_rows) [area].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: m(:)  !! State (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     integer :: i
     gap = 0
     do i = 1, size(m)
@@ -84,23 +74,19 @@ contains
   !> Lambda|), mu = B/M~; the eigenvalues of the step, equation (35), are between these, because every mean of j'' is
   !> symmetric.
   elemental real(dp) function constants_contraction(self, gamma) result(q)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
     q = max(abs(1 - gamma*self%coercivity/self%continuity_g), abs(1 - gamma*self%smoothness))
   end function constants_contraction
 
   !> Relaxation parameters below 2/Lambda converge (sharp).
   elemental real(dp) function constants_gamma_limit(self) result(limit)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
     limit = 2/self%smoothness
   end function constants_gamma_limit
 
   !> 2/(mu + Lambda), for which the sharp factor is least, times the damping.
   elemental real(dp) function constants_best_gamma(self) result(gamma)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
     gamma = self%damping*2/(self%coercivity/self%continuity_g + self%smoothness)
   end function constants_best_gamma
@@ -108,24 +94,20 @@ contains
   !> gamma_2 = 2 B B~/(M+D)^2 of Theorem 3, and with D = 0 of Theorem 2: positive values below it converge, equation
   !> (39).
   elemental real(dp) function constants_gamma_limit_of_paper(self) result(limit)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
     limit = 2*self%coercivity*self%coercivity_g/(self%continuity + self%penalty)**2
   end function constants_gamma_limit_of_paper
 
   !> The best value of Theorem 4, gamma_2/2, for which q of (40) is least.
   elemental real(dp) function constants_gamma_of_paper(self) result(gamma)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
     gamma = self%gamma_limit_of_paper()/2
   end function constants_gamma_of_paper
 
   !> q of equation (40), which follows from equations (36), (37), (38); NaN where gamma is not in (0, gamma_2).
   elemental real(dp) function constants_contraction_of_paper(self, gamma) result(q)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
     real(dp) :: limit
     q = ieee_value(q, ieee_quiet_nan)
     limit = self%gamma_limit_of_paper()
@@ -135,21 +117,16 @@ contains
 
   !> 1 - q^2 of equation (40).
   elemental real(dp) function constants_gain_of_paper(self, gamma) result(gain)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
     gain = gamma*(2*self%coercivity - gamma*(self%continuity + self%penalty)**2/self%coercivity_g)/self%continuity_g
   end function constants_gain_of_paper
 
   !> The bound (41): q/(1-q) ||u^{k+1} - u^k||_G; NaN where (40) gives no q.
   elemental real(dp) function constants_bound_of_paper(self, gamma, increment) result(bound)
-    !> The constants.
     class(iteration_constants_t), intent(in) :: self
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
-    !> ||u^{k+1} - u^k||_G [sqrt(energy)].
-    real(dp), intent(in) :: increment
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
+    real(dp), intent(in) :: increment  !! ||u^{k+1} - u^k||_G [sqrt(energy)].
     real(dp) :: q
     q = self%contraction_of_paper(gamma)
     ! 1 - q without cancellation: (1 - q^2)/(1 + q).

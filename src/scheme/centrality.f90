@@ -15,14 +15,10 @@ module dotyk_scheme_centrality
   !> Centrality corrections of a step at most, and where they reduce the centring parameter too: of elastic bodies, and
   !> of rigid ones, whose solutions take no products with compliances.
   integer, parameter :: most_corrections = 8, most_reductions = 12, most_reductions_of_rigid = 24
-  !> A correction aims at a step longer by this, and is taken
-  real(dp), parameter :: longer_by = 0.5_dp
-  !> where it gains this fraction of it.
-  real(dp), parameter :: worthwhile_gain = 0.1_dp
-  !> Steps longer than this are not corrected.
-  real(dp), parameter :: long_enough = 0.95_dp
-  !> Steps longer than this aim at smaller products, by
-  real(dp), parameter :: long_enough_to_reduce = 0.9_dp
+  real(dp), parameter :: longer_by = 0.5_dp  !! A correction aims at a step longer by this, and is taken
+  real(dp), parameter :: worthwhile_gain = 0.1_dp  !! where it gains this fraction of it.
+  real(dp), parameter :: long_enough = 0.95_dp  !! Steps longer than this are not corrected.
+  real(dp), parameter :: long_enough_to_reduce = 0.9_dp  !! Steps longer than this aim at smaller products, by
   !> this factor, which is taken where the products that are left are fewer by these, of elastic and of rigid bodies.
   real(dp), parameter :: reduction = 0.3_dp, worthwhile_reduction = 0.95_dp, worthwhile_of_rigid = 0.99_dp
   !> Complementarity products between these multiples of their targets are not corrected.
@@ -31,14 +27,10 @@ module dotyk_scheme_centrality
   integer, parameter :: n_parts = 10
   real(dp), parameter :: is_longer = 1.01_dp
 
-  !> An iterate, or a step.
-  type, public :: point_t
-    !> Contact forces (n) [force].
-    real(dp), allocatable :: lambda(:)
-    !> Gaps (n) [length].
-    real(dp), allocatable :: s(:)
-    !> Amplitudes of the rigid body modes (coarse%n) [length].
-    real(dp), allocatable :: alpha(:)
+  type, public :: point_t  !! An iterate, or a step.
+    real(dp), allocatable :: lambda(:)  !! Contact forces (n) [force].
+    real(dp), allocatable :: s(:)  !! Gaps (n) [length].
+    real(dp), allocatable :: alpha(:)  !! Amplitudes of the rigid body modes (coarse%n) [length].
     !> Of an iterate: rows of ties, whose forces may have any sign, without gaps (n).
     logical, allocatable :: is_tied(:)
   contains
@@ -50,22 +42,14 @@ contains
 
   !> Newton's step for given changes of the complementarity products.
   subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Layers softened by s/lambda.
-    type(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Residual of the contact rows (n) [length].
-    real(dp), intent(in) :: r_dual(:)
-    !> Residual of equilibrium (coarse%n) [force].
-    real(dp), intent(in) :: r_balance(:)
-    !> Changes of `lambda_i s_i`, to first order (n) [force*length].
-    real(dp), intent(in) :: product(:)
-    !> The step.
-    type(point_t), intent(inout) :: step
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    type(active_system_t), intent(in) :: system  !! Layers softened by s/lambda.
+    type(point_t), intent(in) :: now  !! The iterate.
+    real(dp), intent(in) :: r_dual(:)  !! Residual of the contact rows (n) [length].
+    real(dp), intent(in) :: r_balance(:)  !! Residual of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: product(:)  !! Changes of `lambda_i s_i`, to first order (n) [force*length].
+    type(point_t), intent(inout) :: step  !! The step.
     step%lambda = 0
     call system%solve(qp, compliance, now%over_force(product) - r_dual, -r_balance, step%lambda, step%alpha)
     step%s = now%over_force(product - now%s*step%lambda)
@@ -74,18 +58,12 @@ contains
   !> Gondzio's centrality corrections: products that a longer step would make far too small or too large are brought
   !> back to their targets, while the step gets longer.
   subroutine correct_centrality(qp, compliance, system, now, wanted, step)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Layers softened by s/lambda.
-    type(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Targets of the products (n) [force*length].
-    real(dp), intent(in) :: wanted(:)
-    !> Corrected on return.
-    type(point_t), intent(inout) :: step
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    type(active_system_t), intent(in) :: system  !! Layers softened by s/lambda.
+    type(point_t), intent(in) :: now  !! The iterate.
+    real(dp), intent(in) :: wanted(:)  !! Targets of the products (n) [force*length].
+    type(point_t), intent(inout) :: step  !! Corrected on return.
     type(point_t) :: other
     real(dp), allocatable :: product(:), none(:)
     real(dp) :: length, longer, new
@@ -114,20 +92,14 @@ contains
   !> is long enough smaller targets, as long as they leave less of the products. The part of each correction is taken
   !> that makes the step longest (Colombo, Gondzio, Comput. Optim. Appl. 41, 2008).
   subroutine correct_and_shorten(qp, compliance, system, now, target, sigma, step)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Layers softened by s/lambda.
-    type(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(point_t), intent(in) :: now
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    type(active_system_t), intent(in) :: system  !! Layers softened by s/lambda.
+    type(point_t), intent(in) :: now  !! The iterate.
     !> Products on the central path that have the sum of those of the iterate (n) [force*length].
     real(dp), intent(in) :: target(:)
-    !> Centring parameter: targets of the step relative to these [].
-    real(dp), intent(in) :: sigma
-    !> The predictor; corrected on return.
-    type(point_t), intent(inout) :: step
+    real(dp), intent(in) :: sigma  !! Centring parameter: targets of the step relative to these [].
+    type(point_t), intent(inout) :: step  !! The predictor; corrected on return.
     type(point_t) :: correction, other
     real(dp), allocatable :: product(:), none(:)
     real(dp) :: length, aim, new, left, sigma_now, sigma_next, worthwhile
@@ -170,14 +142,10 @@ contains
 
   !> Add the part of a correction that makes the step longest.
   pure subroutine add_best_part(now, correction, step, length)
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> The correction.
-    type(point_t), intent(in) :: correction
-    !> The step; corrected on return.
-    type(point_t), intent(inout) :: step
-    !> Its length, at most 1 [].
-    real(dp), intent(out) :: length
+    type(point_t), intent(in) :: now  !! The iterate.
+    type(point_t), intent(in) :: correction  !! The correction.
+    type(point_t), intent(inout) :: step  !! The step; corrected on return.
+    real(dp), intent(out) :: length  !! Its length, at most 1 [].
     real(dp) :: best, longest(n_parts)
     integer :: k
     longest = 1/fraction_to_boundary
@@ -200,12 +168,9 @@ contains
   !> Shorten steps with parts of a correction to the boundary. All parts at once, and without a quotient where a step
   !> stays inside: this is done after each solution.
   pure subroutine shorten(x, step, correction, longest)
-    !> Positive (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Direction, and its correction (n) [as `x`].
-    real(dp), intent(in) :: step(:), correction(:)
-    !> Length of the steps with each part of the correction (n_parts) [].
-    real(dp), intent(inout) :: longest(:)
+    real(dp), intent(in) :: x(:)  !! Positive (n) [any].
+    real(dp), intent(in) :: step(:), correction(:)  !! Direction, and its correction (n) [as `x`].
+    real(dp), intent(inout) :: longest(:)  !! Length of the steps with each part of the correction (n_parts) [].
     real(dp) :: direction
     integer :: i, k
     do i = 1, size(x)
@@ -220,20 +185,16 @@ contains
   !> A product divided by the force; 0 for ties.
   pure function point_over_force(self, product) result(quotient)
     class(point_t), intent(in) :: self
-    !> (n) [force*length].
-    real(dp), intent(in) :: product(:)
-    !> (n) [length].
-    real(dp) :: quotient(size(product))
+    real(dp), intent(in) :: product(:)  !! (n) [force*length].
+    real(dp) :: quotient(size(product))  !! (n) [length].
     quotient = 0
     where (.not. self%is_tied) quotient = product/self%lambda
   end function point_over_force
 
   !> Length of a step to the boundary, at most 1/fraction_to_boundary.
   pure real(dp) function point_longest_step(self, step) result(length)
-    !> The iterate.
     class(point_t), intent(in) :: self
-    !> The step.
-    type(point_t), intent(in) :: step
+    type(point_t), intent(in) :: step  !! The step.
     length = 1/fraction_to_boundary
     associate (closes => step%lambda < 0 .and. .not. self%is_tied)
       if (any(closes)) length = min(length, minval(-self%lambda/step%lambda, mask=closes))

@@ -31,18 +31,12 @@ contains
 
   !> Whether ties stay open: the state ends there.
   subroutine check_ties(qp, compliance, lambda, alpha, y, state)
-    !> Rows of contact and ties.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Forces of a solution (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Its amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Its penetrations (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Ended by a tie, or as it was.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: lambda(:)  !! Forces of a solution (n_rows) [force].
+    real(dp), intent(in) :: alpha(:)  !! Its amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: y(:)  !! Its penetrations (n_rows) [length].
+    type(solver_state_t), intent(inout) :: state  !! Ended by a tie, or as it was.
     real(dp) :: yielded(qp%n_rows), moved(qp%n_rows), most
     integer :: b, i
     if (.not. any(qp%is_tied)) return
@@ -65,22 +59,15 @@ contains
 
   !> Find contact rows that ties hold. The state ends where surfaces overlap there.
   subroutine find_held_rows(qp, with_springs, compliance, theta, system, state, is_held, error)
-    !> Rows of contact and ties.
-    type(contact_qp_t), intent(in) :: qp
-    !> The same with springs on the modes.
-    type(contact_qp_t), intent(in) :: with_springs
+    type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
+    type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes.
     !> Compliance of the bodies at these rows; formed unless the linear system needs no entries.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Work space: that of the ties on return, where rows may be held.
-    type(active_system_t), intent(inout) :: system
-    !> Ended by an overlap, or as it was.
-    type(solver_state_t), intent(inout) :: state
-    !> Contact rows without penalty that ties hold (n_rows).
-    logical, allocatable, intent(out) :: is_held(:)
-    !> The linear system cannot be prepared.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Work space: that of the ties on return, where rows may be held.
+    type(solver_state_t), intent(inout) :: state  !! Ended by an overlap, or as it was.
+    logical, allocatable, intent(out) :: is_held(:)  !! Contact rows without penalty that ties hold (n_rows).
+    type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared.
     logical :: active(qp%n_rows), is_rigid(qp%n_rows)
     real(dp), allocatable :: yields(:)
     real(dp) :: y(qp%n_rows), terms(qp%n_rows), z(qp%n_rows), unit(qp%n_rows), none(qp%coarse%n), resultant(qp%coarse%n)
@@ -119,14 +106,10 @@ contains
 
     !> What closed ties leave of penetrations.
     subroutine find_gaps(penetration, force, left, size_of)
-      !> Without forces of ties (n_rows) [length].
-      real(dp), intent(in) :: penetration(:)
-      !> On the modes (coarse%n) [force].
-      real(dp), intent(in) :: force(:)
-      !> (n_rows) [length].
-      real(dp), intent(out) :: left(:)
-      !> Sum of the absolute values of its terms (n_rows) [length].
-      real(dp), intent(out) :: size_of(:)
+      real(dp), intent(in) :: penetration(:)  !! Without forces of ties (n_rows) [length].
+      real(dp), intent(in) :: force(:)  !! On the modes (coarse%n) [force].
+      real(dp), intent(out) :: left(:)  !! (n_rows) [length].
+      real(dp), intent(out) :: size_of(:)  !! Sum of the absolute values of its terms (n_rows) [length].
       real(dp) :: lambda(qp%n_rows), moved(qp%n_rows), yielded(qp%n_rows), alpha(qp%coarse%n)
       real(dp), allocatable :: forces(:)
       allocate (forces(size(system%row)), source=0.0_dp)
@@ -142,14 +125,10 @@ contains
 
   !> Contact rows without penalty whose nodes ties or supports have, all of them: others yield.
   subroutine find_candidates(qp, compliance, theta, candidate)
-    !> Rows of contact and ties.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The rows.
-    integer, allocatable, intent(out) :: candidate(:)
+    type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
+    class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    integer, allocatable, intent(out) :: candidate(:)  !! The rows.
     real(dp), allocatable :: entry(:, :)
     logical, allocatable :: has_tie(:)
     logical :: may(qp%n_rows), on_tie(qp%n_rows)

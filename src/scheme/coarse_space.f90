@@ -14,12 +14,9 @@ module dotyk_scheme_coarse_space
   implicit none
   private
 
-  !> The modes of one body at its contact nodes.
-  type, public :: contact_modes_t
-    !> In Cartesian components (dimension*n_contact_nodes, n) [].
-    real(dp), allocatable :: displacement(:, :)
-    !> Resultants of the loads on them (n) [force].
-    real(dp), allocatable :: resultant(:)
+  type, public :: contact_modes_t  !! The modes of one body at its contact nodes.
+    real(dp), allocatable :: displacement(:, :)  !! In Cartesian components (dimension*n_contact_nodes, n) [].
+    real(dp), allocatable :: resultant(:)  !! Resultants of the loads on them (n) [force].
     !> Stiffness of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
     !> Contribution of prescribed displacements to the resultants of near-null-space modes (n) [force].
@@ -33,10 +30,8 @@ module dotyk_scheme_coarse_space
     real(dp) :: mean_square = 1
   end type contact_modes_t
 
-  !> A dense block of one body.
-  type, public :: mode_block_t
-    !> G_b (rows of the body, modes) or S_b (modes, modes) [force/length].
-    real(dp), allocatable :: value(:, :)
+  type, public :: mode_block_t  !! A dense block of one body.
+    real(dp), allocatable :: value(:, :)  !! G_b (rows of the body, modes) or S_b (modes, modes) [force/length].
   end type mode_block_t
 
   !> A bolt of given tension: a tie whose sides come closer by an unknown shortening s along a direction n,
@@ -45,36 +40,24 @@ module dotyk_scheme_coarse_space
     !> Slave body of the tie; first row, number of rows of each component, one component after the other, and number of
     !> components.
     integer :: body = 0, first = 0, n_rows = 0, dimension = 0
-    !> Direction (3) [].
-    real(dp) :: direction(3) = 0
-    !> Tension [force].
-    real(dp) :: force = 0
+    real(dp) :: direction(3) = 0  !! Direction (3) [].
+    real(dp) :: force = 0  !! Tension [force].
   end type slide_t
 
-  !> All modes, body after body; after those of a body the shortenings of its bolts.
-  type, public :: coarse_space_t
-    !> Number of modes.
-    integer :: n = 0
-    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
-    integer, allocatable :: first(:)
-    !> Modes that move no body: shortenings of bolts (n).
-    logical, allocatable :: is_slide(:)
-    !> Resultants e of the loads (n) [force].
-    real(dp), allocatable :: resultant(:)
+  type, public :: coarse_space_t  !! All modes, body after body; after those of a body the shortenings of its bolts.
+    integer :: n = 0  !! Number of modes.
+    integer, allocatable :: first(:)  !! Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
+    logical, allocatable :: is_slide(:)  !! Modes that move no body: shortenings of bolts (n).
+    real(dp), allocatable :: resultant(:)  !! Resultants e of the loads (n) [force].
     !> S by bodies, 0 for exact rigid body modes; not allocated where no mode has a stiffness (n_bodies).
     type(mode_block_t), allocatable :: stiffness(:)
-    !> Contribution of prescribed displacements to e; allocated with S (n) [force].
-    real(dp), allocatable :: lift(:)
+    real(dp), allocatable :: lift(:)  !! Contribution of prescribed displacements to e; allocated with S (n) [force].
     !> Sum of the absolute values that e is made up of, for its rounding error; allocated with S (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Amplitudes of the modes of the bodies per amplitude of these (n).
-    real(dp), allocatable :: scale(:)
-    !> Mean square displacement of the nodes of the body by each mode (n) [].
-    real(dp), allocatable :: mean_square(:)
-    !> The same for each body (n_bodies) [length, no unit].
-    type(mode_block_t), allocatable :: translation(:)
-    !> G by bodies (n_bodies).
-    type(mode_block_t), allocatable :: block(:)
+    real(dp), allocatable :: scale(:)  !! Amplitudes of the modes of the bodies per amplitude of these (n).
+    real(dp), allocatable :: mean_square(:)  !! Mean square displacement of the nodes of the body by each mode (n) [].
+    type(mode_block_t), allocatable :: translation(:)  !! The same for each body (n_bodies) [length, no unit].
+    type(mode_block_t), allocatable :: block(:)  !! G by bodies (n_bodies).
     !> How uncertain G is: its change where the normals of the slave surfaces are taken for those of the master
     !> surfaces; not allocated where they agree (n_bodies).
     type(mode_block_t), allocatable :: deviation(:)
@@ -83,8 +66,7 @@ module dotyk_scheme_coarse_space
     real(dp) :: max_unbalanced = default_max_unbalanced
     !> The bodies of each row, two but where rows are joined; 0 where there are fewer (n, n_rows).
     integer, allocatable :: body(:, :)
-    !> Position of each row among the rows of these bodies (n, n_rows).
-    integer, allocatable :: place(:, :)
+    integer, allocatable :: place(:, :)  !! Position of each row among the rows of these bodies (n, n_rows).
   contains
     procedure :: init => coarse_init
     procedure :: take_rows => coarse_take_rows
@@ -98,8 +80,7 @@ module dotyk_scheme_coarse_space
 
   public :: multiply_blocks
 
-  !> Entries of G below this are rounding errors: modes along a surface.
-  real(dp), parameter :: rounding = 1.0e-12_dp
+  real(dp), parameter :: rounding = 1.0e-12_dp  !! Entries of G below this are rounding errors: modes along a surface.
   !> Rounding errors of sums of forces over a body, as a fraction of the sum of their absolute values: errors have all
   !> signs, so that many add up to no more than one.
   real(dp), parameter :: rounding_of_sums = epsilon(1.0_dp)
@@ -108,16 +89,11 @@ contains
 
   !> Make the coarse space.
   subroutine coarse_init(self, block, n_rows, modes, slide)
-    !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
-    !> Rows of B by bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Number of contact rows.
-    integer, intent(in) :: n_rows
-    !> Modes at the contact nodes (n_bodies).
-    type(contact_modes_t), intent(in) :: modes(:)
-    !> Bolts of given tension; none if absent (n_slides).
-    type(slide_t), intent(in), optional :: slide(:)
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies (n_bodies).
+    integer, intent(in) :: n_rows  !! Number of contact rows.
+    type(contact_modes_t), intent(in) :: modes(:)  !! Modes at the contact nodes (n_bodies).
+    type(slide_t), intent(in), optional :: slide(:)  !! Bolts of given tension; none if absent (n_slides).
     type(slide_t), allocatable :: bolt(:)
     real(dp) :: most
     integer :: b, j, n
@@ -171,10 +147,8 @@ contains
 
   !> How a shortening of 1 opens rows, which it closes where displacements take it up (size of `row`) [].
   pure function opened_by(slide, row) result(value)
-    !> The bolt.
-    type(slide_t), intent(in) :: slide
-    !> Rows.
-    integer, intent(in) :: row(:)
+    type(slide_t), intent(in) :: slide  !! The bolt.
+    integer, intent(in) :: row(:)  !! Rows.
     real(dp) :: value(size(row))
     integer :: i, c
     value = 0
@@ -186,12 +160,9 @@ contains
 
   !> The bodies of each row.
   subroutine coarse_take_rows(self, block, n_rows)
-    !> Sets `body` and `place`.
     class(coarse_space_t), intent(inout) :: self
-    !> Rows of B by bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Number of contact rows.
-    integer, intent(in) :: n_rows
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies (n_bodies).
+    integer, intent(in) :: n_rows  !! Number of contact rows.
     integer :: n_bodies(n_rows), b, i
     n_bodies = 0
     do b = 1, size(block)
@@ -215,10 +186,8 @@ contains
 
   !> Stiffness of the near-null-space modes, and the parts of their resultants.
   subroutine take_stiffness(self, modes)
-    !> Sets `stiffness`, `lift` and `resultant_size`.
     class(coarse_space_t), intent(inout) :: self
-    !> Modes of the bodies; at least one has a stiffness (n_bodies).
-    type(contact_modes_t), intent(in) :: modes(:)
+    type(contact_modes_t), intent(in) :: modes(:)  !! Modes of the bodies; at least one has a stiffness (n_bodies).
     integer :: b, j, n, n_all
     allocate (self%stiffness(size(modes)))
     allocate (self%lift(self%n), source=0.0_dp)
@@ -241,26 +210,19 @@ contains
 
   !> S alpha, 0 where there is no stiffness.
   pure function coarse_stiffness_forces(self, alpha) result(force)
-    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> Amplitudes (n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n) [force]
-    real(dp) :: force(size(alpha))
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n) [length].
+    real(dp) :: force(size(alpha))  !! (n) [force]
     force = 0
     if (allocated(self%stiffness)) force = multiply_blocks(self%first, self%stiffness, alpha)
   end function coarse_stiffness_forces
 
   !> Product of a block diagonal matrix with amplitudes.
   pure function multiply_blocks(first, block, alpha) result(product)
-    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
-    integer, intent(in) :: first(:)
-    !> Diagonal blocks (n_bodies).
-    type(mode_block_t), intent(in) :: block(:)
-    !> Amplitudes (n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n)
-    real(dp) :: product(size(alpha))
+    integer, intent(in) :: first(:)  !! Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
+    type(mode_block_t), intent(in) :: block(:)  !! Diagonal blocks (n_bodies).
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n) [length].
+    real(dp) :: product(size(alpha))  !! (n)
     integer :: b, j
     do b = 1, size(block)
       associate (own => product(first(b):first(b + 1) - 1))
@@ -274,14 +236,10 @@ contains
 
   !> Energy norm of the amplitudes that rounding errors of forces and resultants excite against the stiffness S alone.
   subroutine coarse_rounding(self, block, lambda, norm)
-    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> 0 without a stiffness, `huge` where S is singular [sqrt(energy)].
-    real(dp), intent(out) :: norm
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B (n_bodies).
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(out) :: norm  !! 0 without a stiffness, `huge` where S is singular [sqrt(energy)].
     type(error_t), allocatable :: error
     real(dp), allocatable :: force(:), inverse(:, :)
     integer :: b, i, j, n
@@ -312,10 +270,8 @@ contains
 
   !> Add the same spring to the stiffness of all modes.
   subroutine coarse_add_springs(self, spring)
-    !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
-    !> Stiffness against each mode [force/length].
-    real(dp), intent(in) :: spring
+    real(dp), intent(in) :: spring  !! Stiffness against each mode [force/length].
     integer :: b, i, n
     if (.not. allocated(self%stiffness)) then
       allocate (self%stiffness(size(self%block)))
@@ -333,14 +289,10 @@ contains
 
   !> Some rows of G as a dense matrix, or how uncertain they are.
   pure subroutine coarse_rows(self, row, g, uncertain)
-    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> The rows (m).
-    integer, intent(in) :: row(:)
-    !> G, or `deviation` (m, n) [].
-    real(dp), intent(out) :: g(:, :)
-    !> Whether `deviation` is asked for; not if absent.
-    logical, intent(in), optional :: uncertain
+    integer, intent(in) :: row(:)  !! The rows (m).
+    real(dp), intent(out) :: g(:, :)  !! G, or `deviation` (m, n) [].
+    logical, intent(in), optional :: uncertain  !! Whether `deviation` is asked for; not if absent.
     logical :: is_deviation
     integer :: i, k, b
     g = 0
@@ -361,10 +313,8 @@ contains
 
   !> Whether every mode of a body has a stiffness of its own, but for shortenings of bolts.
   pure logical function coarse_has_stiffness(self, b) result(has_stiffness)
-    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     integer :: i
     has_stiffness = allocated(self%stiffness)
     if (.not. has_stiffness) return
@@ -376,7 +326,6 @@ contains
 
   !> Free all memory.
   subroutine coarse_destroy(self)
-    !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)

@@ -16,22 +16,16 @@ module dotyk_scheme_congruent_products
   private
   public :: make_batches, sweep_costs, solve_together, solve_bodies, multiply_bodies, share_moved
 
-  !> Congruent bodies that one thread works on together.
-  type, public :: batch_t
-    !> The bodies, ascending (n).
-    integer, allocatable :: body(:)
-    !> Cost of a product of all of them, in entries that a single solve goes through twice [].
-    real(dp) :: cost = 0
+  type, public :: batch_t  !! Congruent bodies that one thread works on together.
+    integer, allocatable :: body(:)  !! The bodies, ascending (n).
+    real(dp) :: cost = 0  !! Cost of a product of all of them, in entries that a single solve goes through twice [].
   end type batch_t
 
-  !> Displacements of one body's rows.
-  type, public :: row_displacement_t
-    !> (n) [length].
-    real(dp), allocatable :: value(:)
+  type, public :: row_displacement_t  !! Displacements of one body's rows.
+    real(dp), allocatable :: value(:)  !! (n) [length].
   end type row_displacement_t
 
-  !> Bodies of a batch at most: the gain grows little beyond.
-  integer, parameter :: most_bodies = 8
+  integer, parameter :: most_bodies = 8  !! Bodies of a batch at most: the gain grows little beyond.
   !> Batches that a class has at least, if it has as many bodies: work for as many threads.
   integer, parameter :: least_batches = 8
   !> Cost of a product of one body over that of a further one in a batch: dense products reuse the entries.
@@ -41,12 +35,9 @@ contains
 
   !> Put the bodies that may touch others in batches, those with most work first.
   subroutine make_batches(body, n_rows, batch)
-    !> Operators of the bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Contact rows of each body (n_bodies).
-    integer, intent(in) :: n_rows(:)
-    !> The batches (n_batches).
-    type(batch_t), allocatable, intent(out) :: batch(:)
+    type(body_operator_t), intent(in) :: body(:)  !! Operators of the bodies (n_bodies).
+    integer, intent(in) :: n_rows(:)  !! Contact rows of each body (n_bodies).
+    type(batch_t), allocatable, intent(out) :: batch(:)  !! The batches (n_batches).
     type(batch_t), allocatable :: found(:)
     integer, allocatable :: member(:), order(:)
     integer :: b, first, n, size_of_batch
@@ -72,12 +63,9 @@ contains
   !> Costs of the parts of a product, which threads share: batches of congruent bodies. Of all bodies, which are solved
   !> without contact, where none may touch another.
   subroutine sweep_costs(body, block, cost)
-    !> Operators of the bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Rows of B of each body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Entries that a solve goes through twice (n).
-    real(dp), allocatable, intent(out) :: cost(:)
+    type(body_operator_t), intent(in) :: body(:)  !! Operators of the bodies (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B of each body (n_bodies).
+    real(dp), allocatable, intent(out) :: cost(:)  !! Entries that a solve goes through twice (n).
     type(batch_t), allocatable :: batch(:)
     integer :: b
     call make_batches(body, [(size(block(b)%row), b=1, size(block))], batch)
@@ -87,16 +75,11 @@ contains
 
   !> B_b K_b^+ B_b^T lambda of congruent bodies, by one solve with a block of right-hand sides.
   subroutine solve_bodies(response, body, block, chosen, lambda, moved)
-    !> Compliance operator of their class.
-    class(response_t), intent(in) :: response
-    !> Operators of all bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Rows of B of all bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> The congruent bodies (n).
-    integer, intent(in) :: chosen(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
+    class(response_t), intent(in) :: response  !! Compliance operator of their class.
+    type(body_operator_t), intent(in) :: body(:)  !! Operators of all bodies (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B of all bodies (n_bodies).
+    integer, intent(in) :: chosen(:)  !! The congruent bodies (n).
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
     !> Gets the displacements of the rows of the chosen bodies (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
     real(dp), allocatable :: x(:, :)
@@ -120,12 +103,9 @@ contains
   subroutine solve_together(response, body, block, lambda, moved)
     !> Compliance operators of the bodies, which are solved together (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
-    !> Operators of all bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Rows of B of all bodies (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
+    type(body_operator_t), intent(in) :: body(:)  !! Operators of all bodies (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B of all bodies (n_bodies).
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
     !> Gets the displacements of the rows of bodies that have some (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
     type(equation_vector_t) :: x(size(body))
@@ -142,14 +122,10 @@ contains
 
   !> B_b^T lambda.
   subroutine contact_forces(body, block, lambda, x)
-    !> Operator of the body.
-    type(body_operator_t), intent(in) :: body
-    !> Its rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Over the equations of the body (n_equations) [force].
-    real(dp), intent(out) :: x(:)
+    type(body_operator_t), intent(in) :: body  !! Operator of the body.
+    type(contact_block_t), intent(in) :: block  !! Its rows of B.
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(out) :: x(:)  !! Over the equations of the body (n_equations) [force].
     real(dp) :: nodal(body%map%dimension*body%map%n_nodes)
     call block%matrix%multiply_transposed(lambda(block%row), nodal)
     call body%map%scatter(nodal, x)
@@ -157,14 +133,10 @@ contains
 
   !> B_b x.
   subroutine move_rows(body, block, x, moved)
-    !> Operator of the body.
-    type(body_operator_t), intent(in) :: body
-    !> Its rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Over the equations of the body (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Gets the displacements of its rows.
-    type(row_displacement_t), intent(inout) :: moved
+    type(body_operator_t), intent(in) :: body  !! Operator of the body.
+    type(contact_block_t), intent(in) :: block  !! Its rows of B.
+    real(dp), intent(in) :: x(:)  !! Over the equations of the body (n_equations) [length].
+    type(row_displacement_t), intent(inout) :: moved  !! Gets the displacements of its rows.
     real(dp) :: nodal(body%map%dimension*body%map%n_nodes)
     allocate (moved%value(size(block%row)))
     call body%map%gather(x, nodal)
@@ -173,12 +145,9 @@ contains
 
   !> The same by their matrices; bodies with one matrix together.
   subroutine multiply_bodies(matrix, chosen, force, moved)
-    !> Formed at all rows with forces of the chosen bodies.
-    type(dense_compliance_t), intent(in) :: matrix
-    !> The bodies (n).
-    integer, intent(in) :: chosen(:)
-    !> Contact forces, at the rows of the QP of `init` (all its rows) [force].
-    real(dp), intent(in) :: force(:)
+    type(dense_compliance_t), intent(in) :: matrix  !! Formed at all rows with forces of the chosen bodies.
+    integer, intent(in) :: chosen(:)  !! The bodies (n).
+    real(dp), intent(in) :: force(:)  !! Contact forces, at the rows of the QP of `init` (all its rows) [force].
     !> Gets the displacements of the formed rows of the chosen bodies, in their order (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
     integer :: owner(size(chosen)), j, k
@@ -201,10 +170,8 @@ contains
 
   !> Make the displacements of the rows of all bodies known to all ranks.
   subroutine share_moved(owner, lambda, moved)
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Contact forces, which must be the same on all ranks (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
+    integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
+    real(dp), intent(in) :: lambda(:)  !! Contact forces, which must be the same on all ranks (n_rows) [force].
     !> Displacements of the bodies of this rank in, of all bodies out (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
     type(item_t) :: item(size(moved))

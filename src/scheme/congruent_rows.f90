@@ -14,14 +14,11 @@ contains
 
   !> Whether rows of two congruent bodies are the same, each in the axes of the representative of their class.
   logical function have_same_rows(block_b, rotation_b, place_b, block_c, rotation_c, place_c) result(same)
-    !> Rows of B of the one body.
-    type(contact_block_t), intent(in) :: block_b
-    !> Rows of B of the other body.
-    type(contact_block_t), intent(in) :: block_c
+    type(contact_block_t), intent(in) :: block_b  !! Rows of B of the one body.
+    type(contact_block_t), intent(in) :: block_c  !! Rows of B of the other body.
     !> Rotation from the representative to each body, as columns (dimension, dimension) [].
     real(dp), intent(in) :: rotation_b(:, :), rotation_c(:, :)
-    !> Which of its rows (n).
-    integer, intent(in) :: place_b(:), place_c(:)
+    integer, intent(in) :: place_b(:), place_c(:)  !! Which of its rows (n).
     real(dp), allocatable :: difference(:, :)
     real(dp) :: largest
     integer :: i
@@ -43,18 +40,12 @@ contains
 
   !> Add a row in the axes of the representative.
   pure subroutine add_row(block, row, axes, factor, sum, largest)
-    !> One body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Which of its rows.
-    integer, intent(in) :: row
-    !> As `rotation_b` (dimension, dimension) [].
-    real(dp), intent(in) :: axes(:, :)
-    !> 1 to add, -1 to subtract [].
-    real(dp), intent(in) :: factor
-    !> By nodes (dimension, n_nodes) [].
-    real(dp), intent(inout) :: sum(:, :)
-    !> Largest entry so far [].
-    real(dp), intent(inout) :: largest
+    type(contact_block_t), intent(in) :: block  !! One body's rows of B.
+    integer, intent(in) :: row  !! Which of its rows.
+    real(dp), intent(in) :: axes(:, :)  !! As `rotation_b` (dimension, dimension) [].
+    real(dp), intent(in) :: factor  !! 1 to add, -1 to subtract [].
+    real(dp), intent(inout) :: sum(:, :)  !! By nodes (dimension, n_nodes) [].
+    real(dp), intent(inout) :: largest  !! Largest entry so far [].
     integer :: k, d, node, component
     d = size(sum, 1)
     do k = block%matrix%row_start(row), block%matrix%row_start(row + 1) - 1
@@ -67,14 +58,10 @@ contains
 
   !> Whether the nodes of a row have small entries.
   pure logical function is_small(block, row, values, limit)
-    !> One body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Which of its rows.
-    integer, intent(in) :: row
-    !> Sum of the rows, by nodes (dimension, n_nodes) [].
-    real(dp), intent(in) :: values(:, :)
-    !> Largest absolute value that is small [].
-    real(dp), intent(in) :: limit
+    type(contact_block_t), intent(in) :: block  !! One body's rows of B.
+    integer, intent(in) :: row  !! Which of its rows.
+    real(dp), intent(in) :: values(:, :)  !! Sum of the rows, by nodes (dimension, n_nodes) [].
+    real(dp), intent(in) :: limit  !! Largest absolute value that is small [].
     integer :: k
     is_small = .false.
     do k = block%matrix%row_start(row), block%matrix%row_start(row + 1) - 1
@@ -85,12 +72,9 @@ contains
 
   !> Set the nodes of a row to zero.
   pure subroutine clear(block, row, values)
-    !> One body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Which of its rows.
-    integer, intent(in) :: row
-    !> Sum of the rows, by nodes (dimension, n_nodes) [].
-    real(dp), intent(inout) :: values(:, :)
+    type(contact_block_t), intent(in) :: block  !! One body's rows of B.
+    integer, intent(in) :: row  !! Which of its rows.
+    real(dp), intent(inout) :: values(:, :)  !! Sum of the rows, by nodes (dimension, n_nodes) [].
     integer :: k
     do k = block%matrix%row_start(row), block%matrix%row_start(row + 1) - 1
       values(:, (block%matrix%column(k) - 1)/size(values, 1) + 1) = 0

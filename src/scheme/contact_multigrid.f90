@@ -37,10 +37,8 @@ module dotyk_scheme_contact_multigrid
     procedure :: destroy => system_destroy
   end type contact_multigrid_t
 
-  !> As conjugate gradients see it.
-  type, extends(preconditioned_system_t) :: seen_t
-    !> The system.
-    class(contact_multigrid_t), pointer :: system => null()
+  type, extends(preconditioned_system_t) :: seen_t  !! As conjugate gradients see it.
+    class(contact_multigrid_t), pointer :: system => null()  !! The system.
   contains
     procedure :: multiply => seen_multiply
     procedure :: precondition => seen_precondition
@@ -51,32 +49,25 @@ contains
   !> y = A x.
   subroutine seen_multiply(self, x, y)
     class(seen_t), intent(in) :: self
-    !> (n) [length]
-    real(dp), intent(in), contiguous :: x(:)
-    !> (n) [force]
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! (n) [length]
+    real(dp), intent(out), contiguous :: y(:)  !! (n) [force]
     call self%system%multiply(x, y)
   end subroutine seen_multiply
 
   !> z = M r.
   subroutine seen_precondition(self, r, z)
     class(seen_t), intent(in) :: self
-    !> (n) [force]
-    real(dp), intent(in), contiguous :: r(:)
-    !> (n) [length]
-    real(dp), intent(out), contiguous :: z(:)
+    real(dp), intent(in), contiguous :: r(:)  !! (n) [force]
+    real(dp), intent(out), contiguous :: z(:)  !! (n) [length]
     call self%system%precondition(r, z)
   end subroutine seen_precondition
 
   !> Choose active rows and springs; factorize what the preconditioner needs, unless it has that.
   subroutine system_set_active(self, stiffness, spring, error)
     class(contact_multigrid_t), target, intent(inout) :: self
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> T; of size 0 for bodies without modes (n_bodies) [force/length].
-    type(mode_block_t), intent(in) :: spring(:)
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without modes (n_bodies) [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     logical :: has_rows
     has_rows = .false.
     if (allocated(self%stiffness)) has_rows = .not. any(abs(stiffness - self%stiffness) > 0)
@@ -94,18 +85,12 @@ contains
   !> these, so that one of them that nothing resists would go where the residual drives it.
   subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
     class(contact_multigrid_t), target, intent(inout) :: self
-    !> Forces (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
-    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
-    real(dp), intent(in) :: aim
-    !> Iterations at most.
-    integer, intent(in) :: most_steps
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: e(:)
-    !> How it went.
-    type(solve_outcome_t), intent(out) :: outcome
-    !> Never allocated.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces (n) [force].
+    real(dp), intent(in) :: aim  !! Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    integer, intent(in) :: most_steps  !! Iterations at most.
+    real(dp), intent(inout), contiguous :: e(:)  !! Displacements (n) [length].
+    type(solve_outcome_t), intent(out) :: outcome  !! How it went.
+    type(error_t), allocatable, intent(out) :: error  !! Never allocated.
     type(cg_outcome_t) :: cg
     type(seen_t) :: seen
     real(dp), allocatable :: alpha(:)
@@ -129,8 +114,7 @@ contains
   !> sqrt(r^T K^+ r), at most.
   real(dp) function system_force_norm(self, r) result(norm)
     class(contact_multigrid_t), intent(inout) :: self
-    !> Forces; without resultants on return (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces; without resultants on return (n) [force].
     integer :: b
     norm = 0
     do b = 1, size(self%body)
@@ -144,38 +128,28 @@ contains
   !> Close the gaps of some rows.
   subroutine system_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
     class(contact_multigrid_t), intent(in) :: self
-    !> Rows to close (n_rows).
-    logical, intent(in) :: chosen(:)
-    !> Gaps to close (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> theta/w (n_rows) [length/force].
-    real(dp), intent(in) :: softness(:)
-    !> Fraction of the diagonal that is added [].
-    real(dp), intent(in) :: shift
-    !> B g, of all rows (n_rows) [length].
-    real(dp), intent(out) :: closed(:)
-    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: chosen(:)  !! Rows to close (n_rows).
+    real(dp), intent(in) :: gap(:)  !! Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: softness(:)  !! theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: shift  !! Fraction of the diagonal that is added [].
+    real(dp), intent(out) :: closed(:)  !! B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: norm  !! Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     call close_gaps(self%active%sum, chosen, gap, softness, shift, closed, norm, error)
   end subroutine system_close_gaps
 
   !> The diagonal of B D^{-1} B^T.
   pure function system_smoother_compliance(self) result(compliance)
     class(contact_multigrid_t), intent(in) :: self
-    !> (n_rows) [length/force].
-    real(dp) :: compliance(self%n_rows)
+    real(dp) :: compliance(self%n_rows)  !! (n_rows) [length/force].
     compliance = self%active%sum%value(self%active%sum%column_start(:self%n_rows) + 1)
   end function system_smoother_compliance
 
   !> y = (K + B^T W B + R T R^T) x.
   subroutine system_multiply(self, x, y)
     class(contact_multigrid_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Forces (n) [force].
-    real(dp), intent(out), contiguous :: y(:)
+    real(dp), intent(in), contiguous :: x(:)  !! Displacements (n) [length].
+    real(dp), intent(out), contiguous :: y(:)  !! Forces (n) [force].
     real(dp) :: moved(self%n_rows)
     call self%multiply_bodies(x, y)
     if (self%first_mode(size(self%first_mode)) > 0) call self%add_modes(self%spring_force(self%resultants(x)), y)
@@ -186,15 +160,12 @@ contains
 
   !> x = P (K_c + ...)^{-1} P^T r: the correction of the corner space and the rigid body modes.
   subroutine correct(self, r, e, x)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> Residual (n) [force].
-    real(sp), intent(in), contiguous :: r(:)
+    type(contact_multigrid_t), intent(in) :: self  !! The system.
+    real(sp), intent(in), contiguous :: r(:)  !! Residual (n) [force].
     !> Its resultants on the rigid body modes, which single precision does not tell: contact can restrain a mode hardly
     !> (n_modes) [force].
     real(dp), intent(in) :: e(:)
-    !> Displacements (n) [length].
-    real(dp), intent(out), contiguous :: x(:)
+    real(dp), intent(out), contiguous :: x(:)  !! Displacements (n) [length].
     type(body_vector_t), allocatable :: coarse(:), own(:)
     real(dp), allocatable :: lambda(:), alpha(:)
     integer :: k
@@ -225,8 +196,7 @@ contains
 
     !> The correction of one body without contact, and its rows.
     subroutine solve_body(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       associate (first => self%first(b) + 1, last => self%first(b + 1), &
                  grid => self%grid(self%body(b)%representative)%p)
         allocate (coarse(b)%value(grid%interpolation%n), own(b)%value(size(self%body(b)%row)))
@@ -238,8 +208,7 @@ contains
 
     !> The correction of one body with its contact forces.
     subroutine push_body(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       associate (grid => self%grid(self%body(b)%representative)%p)
         if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
         call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
@@ -250,14 +219,10 @@ contains
 
   !> Subtract K_c^+ P^T B^T lambda of one body.
   subroutine subtract_pushed(self, b, lambda, x)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the corner space (n_corner_equations) [length].
-    real(dp), intent(inout) :: x(:)
+    type(contact_multigrid_t), intent(in) :: self  !! The system.
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(inout) :: x(:)  !! Displacements of the corner space (n_corner_equations) [length].
     real(dp) :: pushed(size(x))
     call self%body(b)%rows%corner%multiply_transposed(lambda(self%body(b)%row), pushed)
     call self%grid(self%body(b)%representative)%p%solve_coarse(pushed)
@@ -267,10 +232,8 @@ contains
   !> One cycle.
   subroutine system_precondition(self, r, z)
     class(contact_multigrid_t), intent(in) :: self
-    !> Forces r (n) [force].
-    real(dp), intent(in), contiguous :: r(:)
-    !> Displacements z, about (K + B^T W B)^{-1} r (n) [length].
-    real(dp), intent(out), contiguous :: z(:)
+    real(dp), intent(in), contiguous :: r(:)  !! Forces r (n) [force].
+    real(dp), intent(out), contiguous :: z(:)  !! Displacements z, about (K + B^T W B)^{-1} r (n) [length].
     real(sp), allocatable :: b(:), x(:), rest(:)
     real(dp), allocatable :: correction(:), moved(:), e(:)
     real(dp) :: size_of_r
@@ -318,8 +281,7 @@ contains
 
     !> What the correction of the corner space leaves of the residual of one body; the correction is scaled.
     subroutine subtract_correction(body)
-      !> The body.
-      integer, intent(in) :: body
+      integer, intent(in) :: body  !! The body.
       associate (first => self%first(body) + 1, last => self%first(body + 1), &
                  rows => self%grid(self%body(body)%representative)%p%fine%rows)
         call multiply_by(last - first + 1, rows%scale, correction(first:last))
@@ -330,12 +292,9 @@ contains
 
   !> x := factor x.
   subroutine multiply_by(n, factor, x)
-    !> Length of the vector.
-    integer, intent(in) :: n
-    !> Factor [any].
-    real(dp), intent(in) :: factor
-    !> The vector (n) [any].
-    real(dp), intent(inout) :: x(n)
+    integer, intent(in) :: n  !! Length of the vector.
+    real(dp), intent(in) :: factor  !! Factor [any].
+    real(dp), intent(inout) :: x(n)  !! The vector (n) [any].
     integer :: i
     !$omp parallel do default(none) shared(n, factor, x) schedule(static)
     do i = 1, n
@@ -346,16 +305,11 @@ contains
 
   !> z = factor (a + b + c) for some unknowns.
   subroutine add_parts(first, last, factor, a, b, c, z)
-    !> First and last unknown.
-    integer, intent(in) :: first, last
-    !> Factor [length/force].
-    real(dp), intent(in) :: factor
-    !> Correction of the corner space (n) [force].
-    real(dp), intent(in), contiguous :: a(:)
-    !> Smoothed before and after (n) [force].
-    real(sp), intent(in), contiguous :: b(:), c(:)
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: z(:)
+    integer, intent(in) :: first, last  !! First and last unknown.
+    real(dp), intent(in) :: factor  !! Factor [length/force].
+    real(dp), intent(in), contiguous :: a(:)  !! Correction of the corner space (n) [force].
+    real(sp), intent(in), contiguous :: b(:), c(:)  !! Smoothed before and after (n) [force].
+    real(dp), intent(inout), contiguous :: z(:)  !! Displacements (n) [length].
     integer :: i
     !$omp parallel do default(none) shared(first, last, factor, a, b, c, z) schedule(static)
     do i = first, last

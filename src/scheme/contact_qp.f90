@@ -23,40 +23,30 @@ module dotyk_scheme_contact_qp
 
   !> The quadratic programme. Only this module and `dotyk_scheme_restriction` write its components.
   type, public :: contact_qp_t
-    !> Number of rows, of contact and of ties.
-    integer :: n_rows = 0
-    !> Rows of ties (n_rows).
-    logical, allocatable :: is_tied(:)
+    integer :: n_rows = 0  !! Number of rows, of contact and of ties.
+    logical, allocatable :: is_tied(:)  !! Rows of ties (n_rows).
     !> Row of the QP that the scheme solves that each row belongs to: contact rows of one vertex on both sides of a tie
     !> are one. Not allocated where each is one by itself (n_rows).
     integer, allocatable :: joined_row(:)
-    !> Dimension of space.
-    integer :: dimension = 0
+    integer :: dimension = 0  !! Dimension of space.
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1; after contact pairs come the components of ties
     !> (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Aggregations that the QP has gone through.
-    integer :: level = 0
+    integer :: level = 0  !! Aggregations that the QP has gone through.
     !> Row of the whole QP of the same level that each row is: a restriction is an index set over those (n_rows).
     integer, allocatable :: parent_row(:)
-    !> Weights w (n_rows) [area].
-    real(dp), allocatable :: weight(:)
-    !> Gaps d (n_rows) [length].
-    real(dp), allocatable :: gap(:)
-    !> Rows of B, body by body (n_bodies).
-    type(contact_block_t), allocatable :: block(:)
-    !> y_0 = B u_0 - d (n_rows) [length].
-    real(dp), allocatable :: initial_penetration(:)
+    real(dp), allocatable :: weight(:)  !! Weights w (n_rows) [area].
+    real(dp), allocatable :: gap(:)  !! Gaps d (n_rows) [length].
+    type(contact_block_t), allocatable :: block(:)  !! Rows of B, body by body (n_bodies).
+    real(dp), allocatable :: initial_penetration(:)  !! y_0 = B u_0 - d (n_rows) [length].
     !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T
     !> W m.
     real(dp), allocatable :: load_displacement(:)
     !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess; positive
     !> (n_rows) [length/pressure].
     real(dp), allocatable :: foundation(:)
-    !> Rigid body modes that the supports leave.
-    type(coarse_space_t) :: coarse
-    !> F(u_0) = A(u_0,u_0)/2 - L(u_0) and A(u_0,u_0) [energy].
-    real(dp) :: energy_0 = 0, norm_square_0 = 0
+    type(coarse_space_t) :: coarse  !! Rigid body modes that the supports leave.
+    real(dp) :: energy_0 = 0, norm_square_0 = 0  !! F(u_0) = A(u_0,u_0)/2 - L(u_0) and A(u_0,u_0) [energy].
   contains
     procedure :: init => qp_init
     procedure :: set_loads => qp_set_loads
@@ -84,26 +74,17 @@ contains
   !> Make the QP.
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
                      foundation, coarse, is_tied, joined_row)
-    !> The QP.
     class(contact_qp_t), intent(out) :: self
-    !> Rows of B, weights and gaps; without its blocks on return.
-    type(contact_operator_t), intent(inout) :: operator
-    !> y_0 (n_rows) [length].
-    real(dp), intent(in) :: initial_penetration(:)
-    !> B K^+ f (n_rows) [length].
-    real(dp), intent(in) :: load_displacement(:)
-    !> Potential energy of the solution without contact [energy].
-    real(dp), intent(in) :: energy_0
-    !> Squared energy norm of the solution without contact [energy].
-    real(dp), intent(in) :: norm_square_0
+    type(contact_operator_t), intent(inout) :: operator  !! Rows of B, weights and gaps; without its blocks on return.
+    real(dp), intent(in) :: initial_penetration(:)  !! y_0 (n_rows) [length].
+    real(dp), intent(in) :: load_displacement(:)  !! B K^+ f (n_rows) [length].
+    real(dp), intent(in) :: energy_0  !! Potential energy of the solution without contact [energy].
+    real(dp), intent(in) :: norm_square_0  !! Squared energy norm of the solution without contact [energy].
     !> Compliance of a Winkler foundation that stands for the bodies; positive (n_rows) [length/pressure].
     real(dp), intent(in) :: foundation(:)
-    !> Coarse space of the same rows.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Rows of ties; none if absent (n_rows).
-    logical, intent(in), optional :: is_tied(:)
-    !> See `contact_qp_t` (n_rows).
-    integer, intent(in), optional :: joined_row(:)
+    type(coarse_space_t), intent(in) :: coarse  !! Coarse space of the same rows.
+    logical, intent(in), optional :: is_tied(:)  !! Rows of ties; none if absent (n_rows).
+    integer, intent(in), optional :: joined_row(:)  !! See `contact_qp_t` (n_rows).
     integer :: i
     self%n_rows = operator%n_rows
     self%dimension = operator%dimension
@@ -125,20 +106,13 @@ contains
 
   !> The QP of another load case: the rows are the same.
   subroutine qp_set_loads(self, gap, initial_penetration, load_displacement, energy_0, norm_square_0, coarse)
-    !> The QP.
     class(contact_qp_t), intent(inout) :: self
-    !> Gaps d (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> As in `init`.
-    real(dp), intent(in) :: initial_penetration(:)
-    !> As in `init`.
-    real(dp), intent(in) :: load_displacement(:)
-    !> As in `init`.
-    real(dp), intent(in) :: energy_0
-    !> As in `init`.
-    real(dp), intent(in) :: norm_square_0
-    !> As in `init`.
-    type(coarse_space_t), intent(in) :: coarse
+    real(dp), intent(in) :: gap(:)  !! Gaps d (n_rows) [length].
+    real(dp), intent(in) :: initial_penetration(:)  !! As in `init`.
+    real(dp), intent(in) :: load_displacement(:)  !! As in `init`.
+    real(dp), intent(in) :: energy_0  !! As in `init`.
+    real(dp), intent(in) :: norm_square_0  !! As in `init`.
+    type(coarse_space_t), intent(in) :: coarse  !! As in `init`.
     self%gap = gap
     self%initial_penetration = initial_penetration
     self%load_displacement = load_displacement
@@ -149,30 +123,23 @@ contains
 
   !> The QP with other modes of the same bodies.
   subroutine qp_replace_modes(self, coarse)
-    !> The QP.
     class(contact_qp_t), intent(inout) :: self
-    !> Coarse space of the same rows.
-    type(coarse_space_t), intent(in) :: coarse
+    type(coarse_space_t), intent(in) :: coarse  !! Coarse space of the same rows.
     self%coarse = coarse
   end subroutine qp_replace_modes
 
   !> The QP with another initial penetration, as more accurate displacements tell it.
   subroutine qp_shift_penetration(self, change)
-    !> The QP.
     class(contact_qp_t), intent(inout) :: self
-    !> Added to the initial penetration (n_rows) [length].
-    real(dp), intent(in) :: change(:)
+    real(dp), intent(in) :: change(:)  !! Added to the initial penetration (n_rows) [length].
     self%initial_penetration = self%initial_penetration + change
   end subroutine qp_shift_penetration
 
   !> z = G alpha.
   pure subroutine qp_mode_displacement(self, alpha, z)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Normal displacements of the rows (n_rows) [length].
-    real(dp), intent(out) :: z(:)
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (coarse%n) [length].
+    real(dp), intent(out) :: z(:)  !! Normal displacements of the rows (n_rows) [length].
     integer :: b, j
     z = 0
     do b = 1, size(self%block)
@@ -186,23 +153,17 @@ contains
 
   !> The part of G alpha that moves no body: y is `B u - d` plus this.
   pure function qp_opened_by_slides(self, alpha) result(z)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Amplitudes, with the scale of the modes or without (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n_rows) [length].
-    real(dp) :: z(self%n_rows)
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes, with the scale of the modes or without (coarse%n) [length].
+    real(dp) :: z(self%n_rows)  !! (n_rows) [length].
     call self%mode_displacement(merge(alpha, 0.0_dp, self%coarse%is_slide), z)
   end function qp_opened_by_slides
 
   !> e = G^T lambda.
   pure subroutine qp_mode_resultant(self, lambda, e)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Contact forces, weights included (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Resultants (coarse%n) [force].
-    real(dp), intent(out) :: e(:)
+    real(dp), intent(in) :: lambda(:)  !! Contact forces, weights included (n_rows) [force].
+    real(dp), intent(out) :: e(:)  !! Resultants (coarse%n) [force].
     integer :: b, j
     do b = 1, size(self%block)
       do j = 1, size(self%coarse%block(b)%value, 2)
@@ -213,14 +174,10 @@ contains
 
   !> C W m = y_0 + G alpha - y, which costs no product.
   pure subroutine find_compliance_product(self, y, product, alpha)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> C W m (n_rows) [length].
-    real(dp), intent(out) :: product(:)
-    !> Zero if absent (coarse%n) [length].
-    real(dp), intent(in), optional :: alpha(:)
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(out) :: product(:)  !! C W m (n_rows) [length].
+    real(dp), intent(in), optional :: alpha(:)  !! Zero if absent (coarse%n) [length].
     product = 0
     if (present(alpha)) call self%mode_displacement(alpha, product)
     product = (self%initial_penetration + product) - y
@@ -228,12 +185,9 @@ contains
 
   !> The energy norm ||u||_A of u = u_0 - K^+ B^T W m + R alpha [sqrt(energy)].
   pure real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
     real(dp), allocatable :: product(:)
@@ -251,12 +205,9 @@ contains
   !> is rounding, which a small theta would magnify; 0 where theta = 0.
   pure function qp_penalty_of_rows(self, theta, m, y) result(penalty)
     class(contact_qp_t), intent(in) :: self
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp) :: penalty(size(y)), least
     least = touching*maxval([0.0_dp, abs(self%initial_penetration)])
     penalty = 0
@@ -270,14 +221,10 @@ contains
   !> F_theta(u) of equations (19), (25) [energy]; without the energy of penetrations where theta = 0. The work of the
   !> loads cancels, because u_0 is in equilibrium with them, except for the work on rigid body modes.
   real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
     real(dp), allocatable :: product(:)
@@ -291,12 +238,9 @@ contains
 
   !> L(u), the work of the loads on u = u_0 - K^+ B^T W m + R alpha [energy].
   pure real(dp) function qp_load_work(self, m, alpha) result(work)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Amplitudes of the rigid body modes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the rigid body modes (coarse%n) [length].
     ! F(u_0) = A(u_0,u_0)/2 - L(u_0).
     work = self%norm_square_0/2 - self%energy_0 - sum(self%weight*m*self%load_displacement)
     if (size(alpha) > 0) work = work + dot_product(self%coarse%resultant, alpha)
@@ -318,8 +262,7 @@ contains
   !> Penetrations in which the rows of one vertex have their mean (n_rows) [length].
   pure function qp_of_vertices(self, y) result(mean)
     class(contact_qp_t), intent(in) :: self
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp), allocatable :: mean(:), weight(:)
     integer :: i
     mean = y
@@ -337,12 +280,9 @@ contains
 
   !> Nodal contact forces on one body, - B_b^T W m.
   subroutine qp_body_force(self, b, m, force)
-    !> The QP.
     class(contact_qp_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
     !> At the contact nodes of the body (dimension, n_contact_nodes) [force].
     real(dp), allocatable, intent(out) :: force(:, :)
     real(dp), allocatable :: flat(:)

@@ -9,10 +9,8 @@ module dotyk_scheme_contact_smoother
   implicit none
   private
 
-  !> The bodies with their active rows.
-  type, abstract, extends(body_grids_t), public :: contact_smoother_t
-    !> The active rows, with the factors of the preconditioner.
-    type(active_rows_t) :: active
+  type, abstract, extends(body_grids_t), public :: contact_smoother_t  !! The bodies with their active rows.
+    type(active_rows_t) :: active  !! The active rows, with the factors of the preconditioner.
   contains
     procedure :: smooth => smoother_smooth
     procedure :: low_residual => smoother_low_residual
@@ -24,12 +22,9 @@ contains
 
   !> Subtract B^T (W B x) from a residual in single precision, x of each body times the scale of its stiffness.
   subroutine subtract_contact(self, x, r)
-    !> The system.
     class(contact_smoother_t), intent(in) :: self
-    !> Scaled displacements (n) [force].
-    real(sp), intent(in), contiguous :: x(:)
-    !> Residual (n) [force].
-    real(sp), intent(inout), contiguous :: r(:)
+    real(sp), intent(in), contiguous :: x(:)  !! Scaled displacements (n) [force].
+    real(sp), intent(inout), contiguous :: r(:)  !! Residual (n) [force].
     real(dp) :: moved(self%n_rows)
     if (size(self%active%row) == 0) return
     call self%row_displacement_low(x, moved)
@@ -38,12 +33,9 @@ contains
 
   !> p := c p + d (D + B^T W B)^{-1} r, x := x + p; r is changed.
   subroutine smoother_step(self, c, d, r, p, x)
-    !> The system.
     class(contact_smoother_t), intent(in) :: self
-    !> Factors [].
-    real(dp), intent(in) :: c, d
-    !> Residual (n) [force].
-    real(sp), intent(inout), contiguous :: r(:)
+    real(dp), intent(in) :: c, d  !! Factors [].
+    real(sp), intent(inout), contiguous :: r(:)  !! Residual (n) [force].
     !> Step and iterate, times the scale of the stiffness of each body (n) [force].
     real(sp), intent(inout), contiguous :: p(:), x(:)
     real(dp), allocatable :: lambda(:)
@@ -67,8 +59,7 @@ contains
 
     !> The step of one body.
     subroutine step_of_body(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       associate (first => self%first(b) + 1, last => self%first(b + 1), &
                  fine => self%grid(self%body(b)%representative)%p%fine)
         call smoothing_step(self%dim, fine%rows%n, fine%inverse, real(c, sp), real(d/fine%greatest, sp), &
@@ -80,10 +71,8 @@ contains
   !> y = B D^{-1} r, D the diagonal blocks of the smoother.
   subroutine smoother_smoothed_rows(self, r, y)
     class(contact_smoother_t), intent(in) :: self
-    !> Forces (n) [force].
-    real(sp), intent(in), contiguous :: r(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(sp), intent(in), contiguous :: r(:)  !! Forces (n) [force].
+    real(dp), intent(out) :: y(:)  !! At the rows (n_rows) [length].
     type(body_vector_t), allocatable :: own(:)
     integer :: b
     allocate (own(size(self%body)))
@@ -100,26 +89,19 @@ contains
   !> Forces on the active rows that displace them against W and the diagonal blocks: (W^{-1} + B D^{-1} B^T)^{-1} y.
   function smoother_row_force(self, y) result(lambda)
     class(contact_smoother_t), intent(in) :: self
-    !> At the rows (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Zero on inactive rows (n_rows) [force].
-    real(dp), allocatable :: lambda(:)
+    real(dp), intent(in) :: y(:)  !! At the rows (n_rows) [length].
+    real(dp), allocatable :: lambda(:)  !! Zero on inactive rows (n_rows) [force].
     lambda = y
     call self%active%solve_smoother(lambda)
   end function smoother_row_force
 
   !> r = b - (K + B^T W B) x, x of each body times the scale of its stiffness.
   subroutine smoother_low_residual(self, b, x, rough, r)
-    !> The system.
     class(contact_smoother_t), intent(in) :: self
-    !> Right-hand side (n) [force].
-    real(sp), intent(in), contiguous :: b(:)
-    !> Scaled displacements (n) [force].
-    real(sp), intent(in), contiguous :: x(:)
-    !> Whether with the matrix of smoothers, see `block_rows_t`.
-    logical, intent(in) :: rough
-    !> Residual (n) [force].
-    real(sp), intent(out), contiguous :: r(:)
+    real(sp), intent(in), contiguous :: b(:)  !! Right-hand side (n) [force].
+    real(sp), intent(in), contiguous :: x(:)  !! Scaled displacements (n) [force].
+    logical, intent(in) :: rough  !! Whether with the matrix of smoothers, see `block_rows_t`.
+    real(sp), intent(out), contiguous :: r(:)  !! Residual (n) [force].
     integer :: k
     do k = 1, self%groups%n_alone
       call residual_of_body(self%groups%body(k))
@@ -135,8 +117,7 @@ contains
 
     !> The residual of one body.
     subroutine residual_of_body(body)
-      !> The body.
-      integer, intent(in) :: body
+      integer, intent(in) :: body  !! The body.
       associate (first => self%first(body) + 1, last => self%first(body + 1), &
                  rows => self%grid(self%body(body)%representative)%p%fine%rows)
         call rows%residual(b(first:last), x(first:last), r(first:last), rough)
@@ -146,10 +127,8 @@ contains
 
   !> Chebyshev's iteration from x = 0 on the interval from 1/ratio to 1, see `chebyshev_t`.
   subroutine smoother_smooth(self, b, x)
-    !> The system.
     class(contact_smoother_t), intent(in) :: self
-    !> Right-hand side (n) [force].
-    real(sp), intent(in), contiguous :: b(:)
+    real(sp), intent(in), contiguous :: b(:)  !! Right-hand side (n) [force].
     !> Approximate solution, times the scale of the stiffness of each body (n) [force].
     real(sp), intent(out), contiguous :: x(:)
     real(sp), allocatable :: r(:), p(:)

@@ -18,8 +18,7 @@ module dotyk_scheme_corner_contact
   private
   public :: solve_corner_contact
 
-  !> Penalty parameter as a fraction of the compliance of a row, at least.
-  real(dp), parameter :: softness = 0.03_dp
+  real(dp), parameter :: softness = 0.03_dp  !! Penalty parameter as a fraction of the compliance of a row, at least.
   !> Relative error: no smaller one is worth its time, as the corner space is stiffer than the bodies by some percent.
   real(dp), parameter :: tolerance = 1.0e-3_dp
 
@@ -29,18 +28,14 @@ contains
   subroutine solve_corner_contact(system, qp, gap, theta, load, m, u)
     !> The bodies and rows. Its compliances are lent to the dual scheme meanwhile.
     class(body_grids_t), intent(inout) :: system
-    !> The rows and the rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows and the rigid body modes.
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
     real(dp), intent(in) :: gap(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Loads and forces of prescribed displacements, over the unknowns of the system (n) [force].
     real(dp), intent(in), contiguous :: load(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(out) :: m(:)
-    !> Displacements (n) [length].
-    real(dp), intent(out), contiguous, optional :: u(:)
+    real(dp), intent(out) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(out), contiguous, optional :: u(:)  !! Displacements (n) [length].
     type(contact_qp_t) :: corner_qp
     type(dense_compliance_t) :: compliance
     type(dual_t) :: scheme
@@ -74,12 +69,9 @@ contains
 
   !> Give the compliances of the rows in the corner space away, without a copy.
   subroutine lend(system, qp, compliance)
-    !> The bodies; without compliances on return.
-    class(body_grids_t), intent(inout) :: system
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Gets the compliances.
-    type(dense_compliance_t), intent(out) :: compliance
+    class(body_grids_t), intent(inout) :: system  !! The bodies; without compliances on return.
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    type(dense_compliance_t), intent(out) :: compliance  !! Gets the compliances.
     integer :: b, i
     call compliance%init(qp)
     do b = 1, size(system%body)
@@ -100,10 +92,8 @@ contains
 
   !> Take the compliances back.
   subroutine take_back(system, compliance)
-    !> The bodies.
-    class(body_grids_t), intent(inout) :: system
-    !> With the compliances; without them on return.
-    type(dense_compliance_t), intent(inout) :: compliance
+    class(body_grids_t), intent(inout) :: system  !! The bodies.
+    type(dense_compliance_t), intent(inout) :: compliance  !! With the compliances; without them on return.
     integer :: b
     do b = 1, size(system%body)
       if (system%body(b)%owner == b) call move_alloc(compliance%body(b)%value, system%body(b)%rows%compliance)
@@ -112,12 +102,9 @@ contains
 
   !> B P K_c^+ P^T f: the rows by loads, in the corner space, without contact.
   subroutine corner_displacement(self, f, y)
-    !> The bodies.
     class(body_grids_t), intent(in) :: self
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in), contiguous :: f(:)  !! Loads (n) [force].
+    real(dp), intent(out) :: y(:)  !! At the rows (n_rows) [length].
     type(body_vector_t), allocatable :: coarse(:), own(:)
     integer :: b
     call solve_corners(self, f, spread(0.0_dp, 1, size(y)), coarse)
@@ -131,16 +118,11 @@ contains
 
   !> Displacements by loads and contact forces in the corner space, P K_c^+ P^T (f - B^T lambda) + R alpha.
   subroutine corner_solution(self, f, lambda, alpha, u)
-    !> The bodies.
     class(body_grids_t), intent(in) :: self
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Amplitudes of the rigid body modes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Displacements (n) [length].
-    real(dp), intent(out), contiguous :: u(:)
+    real(dp), intent(in), contiguous :: f(:)  !! Loads (n) [force].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the rigid body modes (n_modes) [length].
+    real(dp), intent(out), contiguous :: u(:)  !! Displacements (n) [length].
     type(body_vector_t), allocatable :: coarse(:)
     integer :: b
     call solve_corners(self, f, lambda, coarse)
@@ -155,14 +137,10 @@ contains
 
   !> K_c^+ P^T (f - B^T lambda).
   subroutine solve_corners(self, f, lambda, coarse)
-    !> The bodies.
     class(body_grids_t), intent(in) :: self
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the corners (n_bodies) [length].
-    type(body_vector_t), allocatable, intent(out) :: coarse(:)
+    real(dp), intent(in), contiguous :: f(:)  !! Loads (n) [force].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    type(body_vector_t), allocatable, intent(out) :: coarse(:)  !! Displacements of the corners (n_bodies) [length].
     integer :: k
     allocate (coarse(size(self%body)))
     do k = 1, self%solves%n_alone
@@ -178,8 +156,7 @@ contains
 
     !> One body.
     subroutine solve_body(b)
-      !> The body.
-      integer, intent(in) :: b
+      integer, intent(in) :: b  !! The body.
       real(dp), allocatable :: pushed(:)
       real(dp) :: size_of_f
       associate (first => self%first(b) + 1, last => self%first(b + 1), &

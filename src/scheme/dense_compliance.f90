@@ -10,26 +10,20 @@ module dotyk_scheme_dense_compliance
   implicit none
   private
 
-  !> The matrix of one body.
-  type, public :: body_matrix_t
-    !> Number of rows that are formed.
-    integer :: n = 0
+  type, public :: body_matrix_t  !! The matrix of one body.
+    integer :: n = 0  !! Number of rows that are formed.
     !> (n, n), symmetric [length/force]; not allocated where it is that of another body.
     real(dp), allocatable :: value(:, :)
-    !> The body that has the same matrix; 0: this one has its own.
-    integer :: same_as = 0
+    integer :: same_as = 0  !! The body that has the same matrix; 0: this one has its own.
     !> Row of the QP, and place among the body's rows there, of each row of the matrix (n).
     integer, allocatable :: row(:), place(:)
     !> Row of the matrix of each of the body's rows, 0 where it is not formed (number of rows of the body).
     integer, allocatable :: number(:)
   end type body_matrix_t
 
-  !> The compliances of all bodies as matrices.
-  type, extends(compliance_t), public :: dense_compliance_t
-    !> (n_bodies).
-    type(body_matrix_t), allocatable :: body(:)
-    !> Aggregations that the QP of `init` has gone through.
-    integer :: level = 0
+  type, extends(compliance_t), public :: dense_compliance_t  !! The compliances of all bodies as matrices.
+    type(body_matrix_t), allocatable :: body(:)  !! (n_bodies).
+    integer :: level = 0  !! Aggregations that the QP of `init` has gone through.
     !> Bodies that each row touches, and its place among their rows (n, n_rows).
     integer, allocatable :: row_body(:, :), row_place(:, :)
   contains
@@ -56,10 +50,8 @@ contains
 
   !> No entries yet.
   subroutine dense_init(self, qp)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(out) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     integer :: b
     self%level = qp%level
     self%row_body = qp%coarse%body
@@ -73,14 +65,10 @@ contains
 
   !> Give the matrix of one body at all of its rows.
   subroutine dense_set(self, qp, b, value)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
-    !> The rows, as in `init`.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Entries between the rows of the body, in their order (n, n) [length/force].
-    real(dp), intent(in) :: value(:, :)
+    type(contact_qp_t), intent(in) :: qp  !! The rows, as in `init`.
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: value(:, :)  !! Entries between the rows of the body, in their order (n, n) [length/force].
     integer :: i
     associate (own => self%body(b))
       own%n = size(value, 1)
@@ -93,21 +81,16 @@ contains
 
   !> The body whose matrix is that of a body.
   pure integer function dense_owner(self, b) result(owner)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
   end function dense_owner
 
   !> Displacements of one body's rows by forces on them. Entries of rows that are not formed count as zero.
   pure subroutine dense_multiply_body(self, b, force, displacement)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> At the rows of the QP of `init` (all its rows) [force].
-    real(dp), intent(in) :: force(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `init` (all its rows) [force].
     !> At the formed rows of the body, in their order (n) [length].
     real(dp), allocatable, intent(out) :: displacement(:)
     integer :: j
@@ -122,12 +105,9 @@ contains
 
   !> The same for bodies with one matrix, as a product of matrices.
   subroutine dense_multiply_alike(self, alike, force, displacement)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> Bodies with the same owner (k).
-    integer, intent(in) :: alike(:)
-    !> At the rows of the QP of `init` (all its rows) [force].
-    real(dp), intent(in) :: force(:)
+    integer, intent(in) :: alike(:)  !! Bodies with the same owner (k).
+    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `init` (all its rows) [force].
     !> At the formed rows of each body, in their order (n, k) [length].
     real(dp), allocatable, intent(out) :: displacement(:, :)
     real(dp), allocatable :: given(:, :)
@@ -144,14 +124,10 @@ contains
 
   !> z = C lambda.
   subroutine dense_multiply(self, qp, lambda, z)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the rows (n_rows) [length].
-    real(dp), intent(out) :: z(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(out) :: z(:)  !! Displacements of the rows (n_rows) [length].
     real(dp), allocatable :: force(:), moved(:), displacement(:)
     integer :: b
     allocate (force(size(self%row_body, 2)), moved(size(self%row_body, 2)), source=0.0_dp)
@@ -166,22 +142,17 @@ contains
 
   !> Nothing: entries are given by `set`.
   subroutine dense_form(self, qp, may_stop)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Not used.
-    logical, intent(in), optional :: may_stop
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    logical, intent(in), optional :: may_stop  !! Not used.
     associate (not_needed => self%n_sweeps, nor_this => qp%n_rows, nor_that => present(may_stop))
     end associate
   end subroutine dense_form
 
   !> Whether the entries of all bodies are there.
   pure logical function dense_is_formed(self, qp) result(is_formed)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     integer :: b
     is_formed = allocated(self%body)
     if (is_formed) is_formed = all([(self%is_body_formed(qp, b), b=1, size(self%body))])
@@ -189,19 +160,15 @@ contains
 
   !> Whether any entries are there.
   pure logical function dense_has_entries(self) result(has_entries)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     has_entries = any(self%body%n > 0)
   end function dense_has_entries
 
   !> Whether the entries of one body are there.
   pure logical function dense_is_body_formed(self, qp, b) result(is_formed)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: b  !! The body.
     is_formed = qp%level == self%level
     ! Asked in every product: bodies with all entries need no look at their rows.
     if (is_formed .and. self%body(b)%n < size(self%body(b)%number)) &
@@ -210,14 +177,10 @@ contains
 
   !> Rows of the matrix of a body.
   pure function dense_numbers(self, b, row) result(number)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Rows of the QP of `init` that touch it (n).
-    integer, intent(in) :: row(:)
-    !> (n)
-    integer :: number(size(row))
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: row(:)  !! Rows of the QP of `init` that touch it (n).
+    integer :: number(size(row))  !! (n)
     integer :: i
     do i = 1, size(row)
       number(i) = self%body(b)%number(self%row_place(findloc(self%row_body(:, row(i)), b, 1), row(i)))
@@ -226,16 +189,11 @@ contains
 
   !> Entries between some rows of a body; 0 where none are formed.
   subroutine dense_get_entries(self, qp, b, row, entries)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Rows (n).
-    integer, intent(in) :: row(:)
-    !> Entries (n, n) [length/force].
-    real(dp), allocatable, intent(out) :: entries(:, :)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: row(:)  !! Rows (n).
+    real(dp), allocatable, intent(out) :: entries(:, :)  !! Entries (n, n) [length/force].
     integer, allocatable :: number(:)
     allocate (number(size(row)))
     number = self%numbers(b, qp%parent_row(row))
@@ -248,14 +206,10 @@ contains
 
   !> Diagonal entries.
   subroutine dense_get_diagonal(self, qp, row, diagonal)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Rows (n).
-    integer, intent(in) :: row(:)
-    !> Diagonal entries (n) [length/force].
-    real(dp), intent(out) :: diagonal(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: row(:)  !! Rows (n).
+    real(dp), intent(out) :: diagonal(:)  !! Diagonal entries (n) [length/force].
     integer :: i, k, b, n
     do i = 1, size(row)
       associate (parent => qp%parent_row(row(i)))
@@ -272,36 +226,27 @@ contains
 
   !> The diagonal itself.
   subroutine dense_nodal_diagonal(self, qp, diagonal)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Diagonal entries (n_rows) [length/force].
-    real(dp), intent(out) :: diagonal(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(out) :: diagonal(:)  !! Diagonal entries (n_rows) [length/force].
     integer :: i
     call self%get_diagonal(qp, [(i, i=1, qp%n_rows)], diagonal)
   end subroutine dense_nodal_diagonal
 
   !> Nothing is left to be formed, and a product costs twice the entries.
   subroutine dense_get_costs(self, b, path, solve)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> 0: nothing is left to be formed [].
-    real(dp), intent(out) :: path
-    !> Half the entries of the matrix: a product goes through each once [].
-    real(dp), intent(out) :: solve
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(out) :: path  !! 0: nothing is left to be formed [].
+    real(dp), intent(out) :: solve  !! Half the entries of the matrix: a product goes through each once [].
     path = 0
     solve = real(self%body(b)%n, dp)**2/2
   end subroutine dense_get_costs
 
   !> Mark rows with entries.
   subroutine dense_mark_formed(self, formed)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> Set where a row has entries (all rows of the QP of `init`).
-    logical, intent(inout) :: formed(:)
+    logical, intent(inout) :: formed(:)  !! Set where a row has entries (all rows of the QP of `init`).
     integer :: b
     do b = 1, size(self%body)
       formed(self%body(b)%row) = .true.
@@ -310,12 +255,9 @@ contains
 
   !> Entries at all rows of a QP, which must be a restriction here.
   subroutine dense_form_all(self, qp, entries)
-    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
-    !> Formed.
-    type(contact_qp_t), intent(in) :: qp
-    !> Entries (n_bodies).
-    type(entries_t), allocatable, intent(out) :: entries(:)
+    type(contact_qp_t), intent(in) :: qp  !! Formed.
+    type(entries_t), allocatable, intent(out) :: entries(:)  !! Entries (n_bodies).
     integer :: b
     allocate (entries(size(qp%block)))
     do b = 1, size(qp%block)

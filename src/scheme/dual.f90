@@ -38,8 +38,7 @@ module dotyk_scheme_dual
   implicit none
   private
 
-  !> The scheme.
-  type, extends(scheme_t), public :: dual_t
+  type, extends(scheme_t), public :: dual_t  !! The scheme.
   contains
     procedure :: solve => dual_solve
     procedure :: needs_held_bodies => dual_needs_held_bodies
@@ -48,8 +47,7 @@ module dotyk_scheme_dual
     procedure :: finds_displacements => dual_finds_displacements
   end type dual_t
 
-  !> How often violated rows enter the working set; then all rows do.
-  integer, parameter :: most_rounds = 4
+  integer, parameter :: most_rounds = 4  !! How often violated rows enter the working set; then all rows do.
   !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_screening = 0.2_dp
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
@@ -64,7 +62,6 @@ contains
 
   !> Floating bodies are allowed.
   pure logical function dual_needs_held_bodies(self) result(needed)
-    !> The scheme.
     class(dual_t), intent(in) :: self
     needed = .false.
     associate (not_needed => same_type_as(self, self))
@@ -73,7 +70,6 @@ contains
 
   !> Contact without penetration is allowed.
   pure logical function dual_allows_zero_theta(self) result(allowed)
-    !> The scheme.
     class(dual_t), intent(in) :: self
     allowed = .true.
     associate (not_needed => same_type_as(self, self))
@@ -82,7 +78,6 @@ contains
 
   !> It forms the entries that it needs.
   pure integer function dual_expected_products(self) result(n)
-    !> The scheme.
     class(dual_t), intent(in) :: self
     n = 0
     associate (not_needed => same_type_as(self, self))
@@ -91,14 +86,10 @@ contains
 
   !> With ties another theta is for the scheme: their forces are none of which tensile ones may be dropped.
   logical function dual_finds_displacements(self, qp, compliance, theta) result(finds)
-    !> The scheme.
     class(dual_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> C.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    class(compliance_t), intent(in) :: compliance  !! C.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = any(qp%is_tied)
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
                               qp%n_rows == size(theta)])
@@ -107,18 +98,12 @@ contains
 
   !> Solve.
   recursive subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
-    !> The scheme.
     class(dual_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the linear system of an active set cannot be prepared (see `find_active_set`), or an interrupt
@@ -225,22 +210,14 @@ contains
 
   !> Solve for rows that are one.
   recursive subroutine solve_joined(self, qp, compliance, theta, settings, monitor, state, error)
-    !> As in `dual_solve`.
     class(dual_t), intent(in) :: self
-    !> With rows to join.
-    type(contact_qp_t), intent(in) :: qp
-    !> As in `dual_solve`.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `dual_solve`.
-    real(dp), intent(in) :: theta(:)
-    !> As in `dual_solve`.
-    type(solver_settings_t), intent(in) :: settings
-    !> As in `dual_solve`.
-    class(monitor_t), intent(inout) :: monitor
-    !> As in `dual_solve`.
-    type(solver_state_t), intent(inout) :: state
-    !> As in `dual_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! With rows to join.
+    class(compliance_t), intent(inout) :: compliance  !! As in `dual_solve`.
+    real(dp), intent(in) :: theta(:)  !! As in `dual_solve`.
+    type(solver_settings_t), intent(in) :: settings  !! As in `dual_solve`.
+    class(monitor_t), intent(inout) :: monitor  !! As in `dual_solve`.
+    type(solver_state_t), intent(inout) :: state  !! As in `dual_solve`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
     type(contact_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
     real(dp), allocatable :: fraction(:), z(:), motion(:)
@@ -263,8 +240,7 @@ contains
 
   !> A warm start may have pressures alone.
   subroutine complete_start(qp, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     if (.not. allocated(state%y)) state%y = qp%initial_penetration
@@ -277,24 +253,18 @@ contains
 
   !> The solution without contact.
   subroutine begin_without_contact(qp, now)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The iterate.
-    type(iterate_t), intent(out) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    type(iterate_t), intent(out) :: now  !! The iterate.
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
     now%y = qp%initial_penetration
   end subroutine begin_without_contact
 
   !> Floating bodies at rest on a Winkler foundation.
   subroutine begin_on_foundation(qp, theta, alpha, now)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Amplitudes of the modes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
+    type(iterate_t), intent(inout) :: now  !! The iterate.
     real(dp), allocatable :: motion(:)
     allocate (motion(qp%n_rows))
     call qp%mode_displacement(alpha, motion)
@@ -305,12 +275,9 @@ contains
 
   !> The state on all rows, from that on the working set.
   subroutine complete(qp, compliance, working, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Working set (n_rows).
-    logical, intent(in) :: working(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    logical, intent(in) :: working(:)  !! Working set (n_rows).
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp), allocatable :: z(:), motion(:)
@@ -323,24 +290,16 @@ contains
 
   !> Solve with all rows of a QP in the working set.
   subroutine solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> Linear system of an active set: work space.
-    type(active_system_t), intent(inout) :: system
-    !> Whether to begin with the state.
-    logical, intent(in) :: warm
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(active_system_t), intent(inout) :: system  !! Linear system of an active set: work space.
+    logical, intent(in) :: warm  !! Whether to begin with the state.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
-    !> As in `dual_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
     type(iterate_t) :: now
     type(contact_qp_t) :: with_springs
     type(proximal_motion_t) :: motion
@@ -409,20 +368,13 @@ contains
 
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
   subroutine finish(qp, with_springs, compliance, theta, tolerance, system, now, state, is_held)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The same with the springs of the last step.
-    type(contact_qp_t), intent(in) :: with_springs
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Relative, in the energy norm [].
-    real(dp), intent(in) :: tolerance
-    !> Linear system of the last active set.
-    type(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: with_springs  !! The same with the springs of the last step.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: tolerance  !! Relative, in the energy norm [].
+    type(active_system_t), intent(in) :: system  !! Linear system of the last active set.
+    type(iterate_t), intent(inout) :: now  !! The iterate.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Contact rows that ties hold, closed but for rounding; none if absent (n_rows).

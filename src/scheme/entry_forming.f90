@@ -20,19 +20,15 @@ module dotyk_scheme_entry_forming
 
   !> Where one body stands in its class of congruent bodies, and where it may touch others.
   type, public :: body_operator_t
-    !> The body of the class that has the compliance operator.
-    integer :: representative = 0
+    integer :: representative = 0  !! The body of the class that has the compliance operator.
     !> Rotation from the representative to this body, as columns (dimension, dimension) [].
     real(dp), allocatable :: rotation(:, :)
-    !> Its contact nodes and their equations.
-    type(contact_map_t) :: map
+    type(contact_map_t) :: map  !! Its contact nodes and their equations.
     !> Diagonal of the stiffness at the contact nodes, in Cartesian components, 0 where not known
     !> (dimension*n_contact_nodes) [force/length].
     real(dp), allocatable :: nodal_stiffness(:)
-    !> Entries that a solve goes through twice.
-    real(dp) :: cost = 0
-    !> Rank that solves the body.
-    integer :: owner = 0
+    real(dp) :: cost = 0  !! Entries that a solve goes through twice.
+    integer :: owner = 0  !! Rank that solves the body.
     !> Displacement without contact, u_0, and the last one by a scheme that finds displacements, u without its rigid
     !> body modes; allocated for bodies that are solved iteratively (n_equations) [length].
     real(dp), allocatable :: free(:), found(:)
@@ -40,20 +36,14 @@ module dotyk_scheme_entry_forming
     real(dp), allocatable :: left(:)
   end type body_operator_t
 
-  !> Forward substitution of one body's rows, in blocks.
-  type, public :: row_blocks_t
-    !> Places of the rows among the body's rows of the QP (n).
-    integer, allocatable :: place(:)
-    !> First row of each block (n_blocks + 1).
-    integer, allocatable :: first(:)
-    !> L^{-1} of each block (n_blocks).
-    type(substituted_rows_t), allocatable :: substituted(:)
+  type, public :: row_blocks_t  !! Forward substitution of one body's rows, in blocks.
+    integer, allocatable :: place(:)  !! Places of the rows among the body's rows of the QP (n).
+    integer, allocatable :: first(:)  !! First row of each block (n_blocks + 1).
+    type(substituted_rows_t), allocatable :: substituted(:)  !! L^{-1} of each block (n_blocks).
   end type row_blocks_t
 
-  !> The substitution of one block of a body's rows, or the product of two blocks.
-  type :: task_t
-    !> The body, one of its blocks, and the other one of a product.
-    integer :: body = 0, block = 0, other = 0
+  type :: task_t  !! The substitution of one block of a body's rows, or the product of two blocks.
+    integer :: body = 0, block = 0, other = 0  !! The body, one of its blocks, and the other one of a product.
   end type task_t
 
   !> Rows of a block at most: enough for the speed of dense products, few enough for many threads.
@@ -63,18 +53,13 @@ contains
 
   !> Number the rows of a body that are not formed yet, and make room for their entries.
   subroutine add_rows(matrix, body, qp, b, place, first_new)
-    !> Gets the rows, without their entries.
-    type(dense_compliance_t), intent(inout) :: matrix
-    !> All bodies: congruent ones may share a matrix (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
+    type(dense_compliance_t), intent(inout) :: matrix  !! Gets the rows, without their entries.
+    type(body_operator_t), intent(in) :: body(:)  !! All bodies: congruent ones may share a matrix (n_bodies).
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    integer, intent(in) :: b  !! The body.
     !> Place of each row of the matrix among the body's rows of the QP (n).
     integer, allocatable, intent(out) :: place(:)
-    !> First row of the matrix without entries.
-    integer, intent(out) :: first_new
+    integer, intent(out) :: first_new  !! First row of the matrix without entries.
     integer, allocatable :: row(:), new_place(:), place_of(:)
     real(dp), allocatable :: value(:, :)
     integer :: i, n_old, c
@@ -116,12 +101,9 @@ contains
 
   !> Blocks of rows; a block has old rows or new ones.
   pure subroutine cut_rows(n, first_new, first)
-    !> Number of rows.
-    integer, intent(in) :: n
-    !> First new row.
-    integer, intent(in) :: first_new
-    !> First row of each block (n_blocks + 1).
-    integer, allocatable, intent(out) :: first(:)
+    integer, intent(in) :: n  !! Number of rows.
+    integer, intent(in) :: first_new  !! First new row.
+    integer, allocatable, intent(out) :: first(:)  !! First row of each block (n_blocks + 1).
     integer :: next
     first = [1]
     do while (first(size(first)) <= n)
@@ -134,20 +116,13 @@ contains
   !> Substitute all blocks of rows, and multiply each block that has new rows with all blocks up to it; each rank those
   !> of its bodies.
   subroutine form_blocks(response, body, contact, blocks, first_new, may_stop, matrix)
-    !> Operators of the representatives (n_bodies).
-    type(response_slot_t), intent(inout) :: response(:)
-    !> Bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Rows of B of each body (n_bodies).
-    type(contact_block_t), intent(in) :: contact(:)
-    !> Row blocks of the bodies with new rows (n_bodies).
-    type(row_blocks_t), intent(inout) :: blocks(:)
-    !> First new row of each body; 0: it has none (n_bodies).
-    integer, intent(in) :: first_new(:)
-    !> Whether an interrupt ends it, with entries that are not valid.
-    logical, intent(in) :: may_stop
-    !> Gets the entries.
-    type(dense_compliance_t), intent(inout) :: matrix
+    type(response_slot_t), intent(inout) :: response(:)  !! Operators of the representatives (n_bodies).
+    type(body_operator_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_block_t), intent(in) :: contact(:)  !! Rows of B of each body (n_bodies).
+    type(row_blocks_t), intent(inout) :: blocks(:)  !! Row blocks of the bodies with new rows (n_bodies).
+    integer, intent(in) :: first_new(:)  !! First new row of each body; 0: it has none (n_bodies).
+    logical, intent(in) :: may_stop  !! Whether an interrupt ends it, with entries that are not valid.
+    type(dense_compliance_t), intent(inout) :: matrix  !! Gets the entries.
     type(task_t), allocatable :: substitution(:), product(:)
     real(dp) :: of_substitution
     integer :: b, i, k, n_blas
@@ -197,10 +172,8 @@ contains
 
   !> Make the new entries of all bodies known to all ranks.
   subroutine share_entries(body, first_new, matrix)
-    !> Bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> First new row of each body; 0: it has none (n_bodies).
-    integer, intent(in) :: first_new(:)
+    type(body_operator_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    integer, intent(in) :: first_new(:)  !! First new row of each body; 0: it has none (n_bodies).
     !> With the new entries of the bodies of this rank in, of all bodies out.
     type(dense_compliance_t), intent(inout) :: matrix
     type(item_t) :: columns(size(body))
@@ -225,24 +198,18 @@ contains
 
   !> Whether the program was asked to stop, and forming entries ends then.
   logical function has_to_stop(may_stop)
-    !> Whether an interrupt ends it, with entries that are not valid.
-    logical, intent(in) :: may_stop
+    logical, intent(in) :: may_stop  !! Whether an interrupt ends it, with entries that are not valid.
     has_to_stop = may_stop
     if (may_stop) has_to_stop = interrupted()
   end function has_to_stop
 
   !> Forward substitution of one block.
   subroutine substitute_block(response, map, contact, block, blocks)
-    !> Compliance operator of the body.
-    class(response_t), intent(in) :: response
-    !> Contact nodes of the body and their equations.
-    type(contact_map_t), intent(in) :: map
-    !> The body's rows of B.
-    type(contact_block_t), intent(in) :: contact
-    !> The block of rows.
-    integer, intent(in) :: block
-    !> Blocks of the body; gets the substituted block.
-    type(row_blocks_t), intent(inout) :: blocks
+    class(response_t), intent(in) :: response  !! Compliance operator of the body.
+    type(contact_map_t), intent(in) :: map  !! Contact nodes of the body and their equations.
+    type(contact_block_t), intent(in) :: contact  !! The body's rows of B.
+    integer, intent(in) :: block  !! The block of rows.
+    type(row_blocks_t), intent(inout) :: blocks  !! Blocks of the body; gets the substituted block.
     type(sparse_rows_t) :: rows
     call map%rows(contact%matrix, blocks%place(blocks%first(block):blocks%first(block + 1) - 1), rows)
     call response%substitute(rows, blocks%substituted(block))
@@ -250,12 +217,9 @@ contains
 
   !> The entries between two blocks, and their mirror image.
   subroutine multiply_blocks(response, blocks, block, other, value)
-    !> Compliance operator of the body.
-    class(response_t), intent(in) :: response
-    !> Blocks of the body, both substituted.
-    type(row_blocks_t), intent(in) :: blocks
-    !> The two blocks of rows, or one twice.
-    integer, intent(in) :: block, other
+    class(response_t), intent(in) :: response  !! Compliance operator of the body.
+    type(row_blocks_t), intent(in) :: blocks  !! Blocks of the body, both substituted.
+    integer, intent(in) :: block, other  !! The two blocks of rows, or one twice.
     !> Entries of the body, of which those of the two blocks are set (n, n) [length/force].
     real(dp), intent(inout) :: value(:, :)
     real(dp), allocatable :: c(:, :)

@@ -15,10 +15,8 @@ contains
 
   !> Whether contact can balance the loads of the floating bodies.
   subroutine check_equilibrium(qp, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Ended where the loads excite a motion that no contact stops.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    type(solver_state_t), intent(inout) :: state  !! Ended where the loads excite a motion that no contact stops.
     real(dp), allocatable :: motion(:)
     logical :: found
     allocate (motion(qp%coarse%n))
@@ -31,8 +29,7 @@ contains
 
   !> Where the contact of many bodies was not solved: whether the reason is that there is no equilibrium.
   subroutine explain_failure(qp, state, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> How the scheme ended; ended where the loads excite a motion that no contact stops on return.
     type(solver_state_t), intent(inout) :: state
     !> Why the system of an active set could not be prepared; deallocated where this is the reason.
@@ -49,10 +46,8 @@ contains
 
   !> Whether contact forces balance the loads, by the measure that an unbounded direction is found by.
   logical function is_in_equilibrium(qp, state)
-    !> Contact rows, rigid body modes with the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> With pressures and amplitudes.
-    type(solver_state_t), intent(in) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, rigid body modes with the resultants of the loads.
+    type(solver_state_t), intent(in) :: state  !! With pressures and amplitudes.
     real(dp), allocatable :: missing(:)
     allocate (missing(qp%coarse%n))
     call qp%mode_resultant(qp%weight*state%m, missing)
@@ -62,8 +57,7 @@ contains
 
   !> A new state, in which the quantities of other schemes are no numbers.
   subroutine clear(state)
-    !> The new state.
-    type(solver_state_t), intent(out) :: state
+    type(solver_state_t), intent(out) :: state  !! The new state.
     real(dp) :: nan
     nan = ieee_value(nan, ieee_quiet_nan)
     state%gamma = nan

@@ -20,30 +20,22 @@ module dotyk_scheme_gap_closing
   real(dp), parameter :: least_gain = 0.5_dp
   !> Fraction of the diagonal that is added at most where rounding has made the matrix indefinite [].
   real(dp), parameter :: most_shift = 0.1_dp
-  !> Gaps below this fraction of those that are closed are rounding [].
-  real(dp), parameter :: rounding = 1.0e-8_dp
+  real(dp), parameter :: rounding = 1.0e-8_dp  !! Gaps below this fraction of those that are closed are rounding [].
 
 contains
 
   !> Close the gaps of some rows.
   subroutine close_gaps(compliance, chosen, gap, softness, shift, closed, norm, error)
-    !> B D^{-1} B^T (n_rows, n_rows) [length/force].
-    type(sparse_symmetric_t), intent(in) :: compliance
-    !> Rows to close (n_rows).
-    logical, intent(in) :: chosen(:)
-    !> Gaps to close (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> theta/w (n_rows) [length/force].
-    real(dp), intent(in) :: softness(:)
+    type(sparse_symmetric_t), intent(in) :: compliance  !! B D^{-1} B^T (n_rows, n_rows) [length/force].
+    logical, intent(in) :: chosen(:)  !! Rows to close (n_rows).
+    real(dp), intent(in) :: gap(:)  !! Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: softness(:)  !! theta/w (n_rows) [length/force].
     !> Fraction of the diagonal that is added: rows that depend on each other are closed in the mean, with less force
     !> the larger it is [].
     real(dp), intent(in) :: shift
-    !> B g, of all rows (n_rows) [length].
-    real(dp), intent(out) :: closed(:)
-    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    !> Allocated where a number is not finite, or memory runs out.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(out) :: closed(:)  !! B g, of all rows (n_rows) [length].
+    real(dp), intent(out) :: norm  !! Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     type(cholesky_t) :: factor
     type(sparse_symmetric_t) :: part
     real(dp), allocatable :: mu(:), all_mu(:), left(:)
@@ -78,12 +70,9 @@ contains
 
   !> The rows and columns of some contact rows.
   subroutine restrict_matrix(matrix, row, part)
-    !> Of all rows.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> Rows, ascending (n).
-    integer, intent(in) :: row(:)
-    !> Of these rows.
-    type(sparse_symmetric_t), intent(out) :: part
+    type(sparse_symmetric_t), intent(in) :: matrix  !! Of all rows.
+    integer, intent(in) :: row(:)  !! Rows, ascending (n).
+    type(sparse_symmetric_t), intent(out) :: part  !! Of these rows.
     integer :: number(matrix%n), i, j
     integer(int64) :: k, n
     number = 0
@@ -110,16 +99,11 @@ contains
 
   !> Factorize the matrix with the softness of the rows on its diagonal.
   subroutine factorize_rows(matrix, softness, shift, factor, error)
-    !> B D^{-1} B^T of the rows.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> theta/w (n) [length/force].
-    real(dp), intent(in) :: softness(:)
-    !> As in `close_gaps`; larger where rounding has made the matrix indefinite [].
-    real(dp), intent(in) :: shift
-    !> The factor.
-    type(cholesky_t), intent(inout) :: factor
-    !> As in `close_gaps`.
-    type(error_t), allocatable, intent(out) :: error
+    type(sparse_symmetric_t), intent(in) :: matrix  !! B D^{-1} B^T of the rows.
+    real(dp), intent(in) :: softness(:)  !! theta/w (n) [length/force].
+    real(dp), intent(in) :: shift  !! As in `close_gaps`; larger where rounding has made the matrix indefinite [].
+    type(cholesky_t), intent(inout) :: factor  !! The factor.
+    type(error_t), allocatable, intent(out) :: error  !! As in `close_gaps`.
     type(sparse_symmetric_t) :: shifted
     integer, allocatable :: start(:), neighbour(:), order(:)
     real(dp) :: now
@@ -147,12 +131,9 @@ contains
 
   !> The graph of a symmetric matrix.
   subroutine find_neighbours(matrix, start, neighbour)
-    !> The matrix.
-    type(sparse_symmetric_t), intent(in) :: matrix
-    !> First neighbour of each row, and their number + 1 (n + 1).
-    integer, allocatable, intent(out) :: start(:)
-    !> The neighbours, row after row (start(n + 1) - 1).
-    integer, allocatable, intent(out) :: neighbour(:)
+    type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix.
+    integer, allocatable, intent(out) :: start(:)  !! First neighbour of each row, and their number + 1 (n + 1).
+    integer, allocatable, intent(out) :: neighbour(:)  !! The neighbours, row after row (start(n + 1) - 1).
     integer, allocatable :: next(:)
     integer :: i, j, pass
     integer(int64) :: k
@@ -189,14 +170,10 @@ contains
   !> Rows with forces, theta = 0 and a remaining penetration are no admissible ones: as in 6.3 of docs/theory.md, twice
   !> its work stands for the displacement that closes it, and for those of stiff layers likewise.
   pure real(dp) function left_open(weight, theta, lambda, y, closed, is_stiff) result(left)
-    !> Weights (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Contact forces, not negative (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Penetrations, and what is closed of them (n_rows) [length].
-    real(dp), intent(in) :: y(:), closed(:)
+    real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces, not negative (n_rows) [force].
+    real(dp), intent(in) :: y(:), closed(:)  !! Penetrations, and what is closed of them (n_rows) [length].
     !> Whether theta = 0, or the layer is stiffer than the nodes of the row (n_rows).
     logical, intent(in) :: is_stiff(:)
     real(dp) :: rest, over, nothing, of_row

@@ -5,31 +5,20 @@ module dotyk_scheme_history
   implicit none
   private
 
-  !> Steps over which the contraction is measured, and the one before them.
-  integer, parameter :: n_measured = 11
-  !> Entries of new arrays; they double where they are full.
-  integer, parameter :: first_size = 128
+  integer, parameter :: n_measured = 11  !! Steps over which the contraction is measured, and the one before them.
+  integer, parameter :: first_size = 128  !! Entries of new arrays; they double where they are full.
 
-  !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
-  type, public :: history_t
-    !> Number of entries.
-    integer :: n = 0
-    !> Wall time since the start of the scheme [s].
-    real(dp), allocatable :: seconds(:)
-    !> ||u^{k+1} - u^k||_G / ||u^{k+1}||_A, G = A but for the Robin scheme [].
-    real(dp), allocatable :: increment(:)
-    !> Guaranteed bound of the relative error in the energy norm [].
-    real(dp), allocatable :: error_bound(:)
-    !> Bound (41) of the same error; NaN where there is none [].
-    real(dp), allocatable :: error_bound_paper(:)
+  type, public :: history_t  !! One entry per iteration; arrays are longer than `n` while the iteration goes on.
+    integer :: n = 0  !! Number of entries.
+    real(dp), allocatable :: seconds(:)  !! Wall time since the start of the scheme [s].
+    real(dp), allocatable :: increment(:)  !! ||u^{k+1} - u^k||_G / ||u^{k+1}||_A, G = A but for the Robin scheme [].
+    real(dp), allocatable :: error_bound(:)  !! Guaranteed bound of the relative error in the energy norm [].
+    real(dp), allocatable :: error_bound_paper(:)  !! Bound (41) of the same error; NaN where there is none [].
     !> Relative errors of penalty and discretization, NaN where they were not estimated [].
     real(dp), allocatable :: error_penalty(:), error_discretization(:)
-    !> F_theta [energy].
-    real(dp), allocatable :: energy(:)
-    !> Largest penetration [length].
-    real(dp), allocatable :: max_penetration(:)
-    !> Number of active contact rows.
-    integer, allocatable :: active(:)
+    real(dp), allocatable :: energy(:)  !! F_theta [energy].
+    real(dp), allocatable :: max_penetration(:)  !! Largest penetration [length].
+    integer, allocatable :: active(:)  !! Number of active contact rows.
     !> Lengths of the last steps in the norm of G, newest first [sqrt(energy)].
     real(dp), private :: length(n_measured) = 0
     !> Steps that `length` has seen: those of this iteration, without earlier ones that were put before it.
@@ -46,14 +35,11 @@ contains
   !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
   subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active, &
                          error_bound_paper)
-    !> The history.
     class(history_t), intent(inout) :: self
     !> As the components of `history_t`, of one step; the length [sqrt(energy)].
     real(dp), intent(in) :: seconds, length, increment, error_bound, energy, max_penetration
-    !> Number of active contact rows.
-    integer, intent(in) :: active
-    !> Bound (41); there is none if absent [].
-    real(dp), intent(in), optional :: error_bound_paper
+    integer, intent(in) :: active  !! Number of active contact rows.
+    real(dp), intent(in), optional :: error_bound_paper  !! Bound (41); there is none if absent [].
     if (.not. allocated(self%seconds)) call resize(self, first_size)
     if (self%n == size(self%seconds)) call resize(self, 2*self%n)
     self%n = self%n + 1
@@ -73,17 +59,14 @@ contains
 
   !> Cut the arrays to the entries that there are.
   subroutine history_finish(self)
-    !> The history.
     class(history_t), intent(inout) :: self
     call resize(self, self%n)
   end subroutine history_finish
 
   !> Put this history after an earlier one, both finished.
   subroutine history_put_after(self, earlier)
-    !> The history.
     class(history_t), intent(inout) :: self
-    !> History of the same scheme, ended before this one began.
-    type(history_t), intent(in) :: earlier
+    type(history_t), intent(in) :: earlier  !! History of the same scheme, ended before this one began.
     if (earlier%n == 0) return
     self%seconds = [earlier%seconds, earlier%seconds(earlier%n) + self%seconds]
     self%increment = [earlier%increment, self%increment]
@@ -99,10 +82,8 @@ contains
 
   !> Arrays of another length.
   subroutine resize(self, length)
-    !> The history.
     class(history_t), intent(inout) :: self
-    !> Entries of the new arrays, at least those in use.
-    integer, intent(in) :: length
+    integer, intent(in) :: length  !! Entries of the new arrays, at least those in use.
     integer, allocatable :: active(:)
     call resize_real(self%seconds)
     call resize_real(self%increment)
@@ -129,7 +110,6 @@ contains
 
   !> Mean factor between the last increments (up to ten of them); NaN where there are fewer than two.
   pure real(dp) function history_measured_contraction(self) result(q)
-    !> The history.
     class(history_t), intent(in) :: self
     integer :: span
     q = ieee_value(q, ieee_quiet_nan)

@@ -21,12 +21,10 @@ module dotyk_scheme_interior_point
   private
   public :: interior_point_method
 
-  !> Linear systems at most.
-  integer, parameter :: most_steps = 60
+  integer, parameter :: most_steps = 60  !! Linear systems at most.
   !> The method ends where the complementarity products are this fraction of the energy, unless asked otherwise, and
   real(dp), parameter :: least_product = 1.0e-14_dp
-  !> the imbalance is this fraction of the loads.
-  real(dp), parameter :: balanced = 1.0e-9_dp
+  real(dp), parameter :: balanced = 1.0e-9_dp  !! the imbalance is this fraction of the loads.
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
   !> A start from penetrations has complementarity products of this fraction of the energy: small enough to keep what
@@ -35,48 +33,35 @@ module dotyk_scheme_interior_point
   !> Such a start is used where its forces are out of balance by this fraction of the loads at most: farther from
   !> equilibrium it takes more steps than a start from nothing.
   real(dp), parameter :: most_imbalance = 0.01_dp
-  !> A shorter step than this is stopped by rounding errors.
-  real(dp), parameter :: shortest_step = 1.0e-8_dp
+  real(dp), parameter :: shortest_step = 1.0e-8_dp  !! A shorter step than this is stopped by rounding errors.
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
   real(dp), parameter :: step_reduction = 0.01_dp
-  !> So many modes make factors expensive against solutions.
-  integer, parameter :: many_modes = 300
+  integer, parameter :: many_modes = 300  !! So many modes make factors expensive against solutions.
 
 contains
 
   !> Forces, amplitudes and active set near the solution.
   subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
                                    steps, error, accuracy, penetration, motion)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Work space: the system of the last step on return.
-    type(active_system_t), intent(inout) :: system
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
     !> Compliance of a Winkler foundation in place of the bodies, for the start and the active set (n_rows)
     !> [length/force].
     real(dp), intent(in) :: foundation(:)
-    !> Points that may have a force (n_rows).
-    logical, intent(in) :: usable(:)
-    !> Contact forces, positive at all usable points (n_rows) [force].
-    real(dp), intent(out) :: lambda(:)
-    !> Amplitudes of the rigid body modes (coarse%n) [length].
-    real(dp), intent(out) :: alpha(:)
-    !> Points whose force, on the foundation, exceeds their gap (n_rows).
-    logical, intent(out) :: active(:)
-    !> Linear systems that were solved.
-    integer, intent(out) :: steps
-    !> The linear system cannot be prepared (`init` of its type).
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
+    real(dp), intent(out) :: lambda(:)  !! Contact forces, positive at all usable points (n_rows) [force].
+    real(dp), intent(out) :: alpha(:)  !! Amplitudes of the rigid body modes (coarse%n) [length].
+    logical, intent(out) :: active(:)  !! Points whose force, on the foundation, exceeds their gap (n_rows).
+    integer, intent(out) :: steps  !! Linear systems that were solved.
+    type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     !> The method ends where the complementarity products are this fraction of the energy; rounding if absent [].
     real(dp), intent(in), optional :: accuracy
     !> A solution of a problem next to this one: penetrations of the foundation, negative where there is a gap (n_rows)
     !> [length].
     real(dp), intent(in), optional :: penetration(:)
-    !> Its amplitudes; present with `penetration` (coarse%n) [length].
-    real(dp), intent(in), optional :: motion(:)
+    real(dp), intent(in), optional :: motion(:)  !! Its amplitudes; present with `penetration` (coarse%n) [length].
     type(point_t) :: now
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: row(:)
@@ -121,30 +106,19 @@ contains
 
   !> Follow the central path from an iterate.
   subroutine follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Work space: the system of the last step on return.
-    type(active_system_t), intent(inout) :: system
-    !> Points that may have a force (n_rows).
-    logical, intent(in) :: usable(:)
-    !> These (n).
-    integer, intent(in) :: row(:)
-    !> Fraction of each point in the sum of the weights (n) [].
-    real(dp), intent(in) :: fraction(:)
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
+    logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
+    integer, intent(in) :: row(:)  !! These (n).
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each point in the sum of the weights (n) [].
     !> The path ends where the complementarity products are this fraction of the energy [].
     real(dp), intent(in) :: least
-    !> The iterate.
-    type(point_t), intent(inout) :: now
-    !> Linear systems that were solved.
-    integer, intent(out) :: steps
-    !> Whether the end was reached.
-    logical, intent(out) :: converged
-    !> The linear system cannot be prepared (`init` of its type).
-    type(error_t), allocatable, intent(out) :: error
+    type(point_t), intent(inout) :: now  !! The iterate.
+    integer, intent(out) :: steps  !! Linear systems that were solved.
+    logical, intent(out) :: converged  !! Whether the end was reached.
+    type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     type(point_t) :: step
     real(dp), allocatable :: r_dual(:), r_balance(:), product(:)
     real(dp) :: mu, mu_ahead, sigma, length
@@ -185,23 +159,17 @@ contains
 
   !> The energy that complementarity products are compared with.
   pure real(dp) function energy_of(qp, row, now) result(energy)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Usable rows (n).
-    integer, intent(in) :: row(:)
-    !> The iterate.
-    type(point_t), intent(in) :: now
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    integer, intent(in) :: row(:)  !! Usable rows (n).
+    type(point_t), intent(in) :: now  !! The iterate.
     energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
   end function energy_of
 
   !> Whether forces nearly balance the loads.
   logical function is_near(qp, lambda, alpha)
-    !> With the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: alpha(:)
+    type(contact_qp_t), intent(in) :: qp  !! With the resultants of the loads.
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (coarse%n) [length].
     real(dp), allocatable :: resultant(:)
     allocate (resultant(qp%coarse%n))
     call qp%mode_resultant(lambda, resultant)
@@ -212,20 +180,13 @@ contains
   !> The first iterate from the solution of a problem next to this one: forces and gaps on the central path of the
   !> foundation, `foundation*lambda - s = penetration`.
   pure subroutine start_near(qp, row, foundation, fraction, penetration, motion, now)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Usable rows (n).
-    integer, intent(in) :: row(:)
-    !> Compliance of the foundation there (n) [length/force].
-    real(dp), intent(in) :: foundation(:)
-    !> Fraction of each point in the sum of the weights (n) [].
-    real(dp), intent(in) :: fraction(:)
-    !> Penetrations of that solution (n) [length].
-    real(dp), intent(in) :: penetration(:)
-    !> Its amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: motion(:)
-    !> The iterate.
-    type(point_t), intent(out) :: now
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    integer, intent(in) :: row(:)  !! Usable rows (n).
+    real(dp), intent(in) :: foundation(:)  !! Compliance of the foundation there (n) [length/force].
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each point in the sum of the weights (n) [].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations of that solution (n) [length].
+    real(dp), intent(in) :: motion(:)  !! Its amplitudes (coarse%n) [length].
+    type(point_t), intent(out) :: now  !! The iterate.
     real(dp) :: product(size(row)), root(size(row))
     now%is_tied = qp%is_tied(row)
     now%lambda = max(0.0_dp, penetration)/foundation
@@ -249,26 +210,16 @@ contains
 
   !> The first iterate: all contact points tied to foundations, then forces and gaps shifted to be positive.
   subroutine find_start(qp, compliance, theta, system, usable, row, foundation, fraction, now, error)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Work space.
-    type(active_system_t), intent(inout) :: system
-    !> Points that may have a force (n_rows).
-    logical, intent(in) :: usable(:)
-    !> These (n).
-    integer, intent(in) :: row(:)
-    !> Compliance of the foundation there (n) [length/force].
-    real(dp), intent(in) :: foundation(:)
-    !> Fraction of each point in the sum of the weights (n) [].
-    real(dp), intent(in) :: fraction(:)
-    !> The iterate.
-    type(point_t), intent(out) :: now
-    !> The linear system cannot be prepared (`init` of its type).
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Work space.
+    logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
+    integer, intent(in) :: row(:)  !! These (n).
+    real(dp), intent(in) :: foundation(:)  !! Compliance of the foundation there (n) [length/force].
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each point in the sum of the weights (n) [].
+    type(point_t), intent(out) :: now  !! The iterate.
+    type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     real(dp) :: force, gap, product
     allocate (now%lambda(size(row)), now%alpha(qp%coarse%n))
     now%is_tied = qp%is_tied(row)
@@ -291,22 +242,14 @@ contains
 
   !> The system of all usable points with softer Winkler layers.
   subroutine make_system(qp, compliance, theta, system, usable, row, softer, error)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Factorized on return.
-    type(active_system_t), intent(inout) :: system
-    !> Points that may have a force (n_rows).
-    logical, intent(in) :: usable(:)
-    !> These (n).
-    integer, intent(in) :: row(:)
-    !> Compliance added to the layers (n) [length/force].
-    real(dp), intent(in) :: softer(:)
-    !> The linear system cannot be prepared (`init` of its type).
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Factorized on return.
+    logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
+    integer, intent(in) :: row(:)  !! These (n).
+    real(dp), intent(in) :: softer(:)  !! Compliance added to the layers (n) [length/force].
+    type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     real(dp), allocatable :: soft_theta(:)
     allocate (soft_theta(qp%n_rows))
     soft_theta = theta
@@ -316,20 +259,13 @@ contains
 
   !> Residuals `M lambda - G alpha - y - s` and `G^T lambda + S alpha - e`.
   subroutine find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Usable rows (n).
-    integer, intent(in) :: row(:)
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Residual of the contact rows (n) [length].
-    real(dp), allocatable, intent(out) :: r_dual(:)
-    !> Residual of equilibrium (coarse%n) [force].
-    real(dp), allocatable, intent(out) :: r_balance(:)
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    integer, intent(in) :: row(:)  !! Usable rows (n).
+    type(point_t), intent(in) :: now  !! The iterate.
+    real(dp), allocatable, intent(out) :: r_dual(:)  !! Residual of the contact rows (n) [length].
+    real(dp), allocatable, intent(out) :: r_balance(:)  !! Residual of equilibrium (coarse%n) [force].
     real(dp), allocatable :: lambda(:), z(:), motion(:)
     allocate (lambda(qp%n_rows), z(qp%n_rows), motion(qp%n_rows), source=0.0_dp)
     allocate (r_balance(qp%coarse%n))
@@ -343,12 +279,9 @@ contains
 
   !> Whether contact forces balance the loads.
   pure logical function is_balanced(qp, now, r_balance)
-    !> With the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Residual of equilibrium (coarse%n) [force].
-    real(dp), intent(in) :: r_balance(:)
+    type(contact_qp_t), intent(in) :: qp  !! With the resultants of the loads.
+    type(point_t), intent(in) :: now  !! The iterate.
+    real(dp), intent(in) :: r_balance(:)  !! Residual of equilibrium (coarse%n) [force].
     real(dp) :: largest
     largest = max(maxval(abs(now%lambda)), maxval([0.0_dp, abs(qp%coarse%resultant)]))
     is_balanced = .not. any(abs(r_balance) > balanced*largest)

@@ -14,16 +14,11 @@ contains
   !> The derivative is monotone, and linear between kinks, the zeros of the positions: bisection over the sorted kinks
   !> finds the interval, interpolation the zero of the derivative.
   pure real(dp) function line_minimum(slope, curvature, k, position, change) result(t)
-    !> Derivative of the smooth part at t = 0 [energy].
-    real(dp), intent(in) :: slope
-    !> Second derivative of the smooth part, not negative [energy].
-    real(dp), intent(in) :: curvature
-    !> Stiffnesses (n) [force/length].
-    real(dp), intent(in) :: k(:)
-    !> Positions at t = 0 (n) [length].
-    real(dp), intent(in) :: position(:)
-    !> Changes of the positions per t (n) [length].
-    real(dp), intent(in) :: change(:)
+    real(dp), intent(in) :: slope  !! Derivative of the smooth part at t = 0 [energy].
+    real(dp), intent(in) :: curvature  !! Second derivative of the smooth part, not negative [energy].
+    real(dp), intent(in) :: k(:)  !! Stiffnesses (n) [force/length].
+    real(dp), intent(in) :: position(:)  !! Positions at t = 0 (n) [length].
+    real(dp), intent(in) :: change(:)  !! Changes of the positions per t (n) [length].
     real(dp), allocatable :: kink(:)
     integer, allocatable :: order(:), moving(:)
     real(dp) :: low, high, d_low, d_high
@@ -56,8 +51,7 @@ contains
   contains
     !> Derivative along the line.
     pure real(dp) function derivative(t)
-      !> Step length [].
-      real(dp), intent(in) :: t
+      real(dp), intent(in) :: t  !! Step length [].
       derivative = slope + t*curvature + sum(k*change*max(0.0_dp, position + t*change))
     end function derivative
   end function line_minimum

@@ -28,23 +28,17 @@ module dotyk_scheme_linear_solver_choice
   real(dp), parameter :: bytes_of_entry = 32
   !> Bytes that compliances, forward substitutions and the factor may take,
   real(dp), parameter :: most_bytes = 8.0e9_dp
-  !> also as a fraction of the available memory.
-  real(dp), parameter :: most_of_memory = 0.5_dp
+  real(dp), parameter :: most_of_memory = 0.5_dp  !! also as a fraction of the available memory.
 
 contains
 
   !> Choose for the rows of a QP; where entries are formed already, they are used.
   subroutine choose_coupling(qp, compliance, wish, rows, system)
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator of its bodies.
-    class(compliance_t), intent(inout) :: compliance
-    !> One of `linear_solver_*` of dotyk_base_options.
-    integer, intent(in) :: wish
-    !> The rows whose entries will be needed (n_rows).
-    logical, intent(in) :: rows(:)
-    !> Not prepared; gets its coupling.
-    type(active_system_t), intent(inout) :: system
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator of its bodies.
+    integer, intent(in) :: wish  !! One of `linear_solver_*` of dotyk_base_options.
+    logical, intent(in) :: rows(:)  !! The rows whose entries will be needed (n_rows).
+    type(active_system_t), intent(inout) :: system  !! Not prepared; gets its coupling.
     type(memory_t) :: memory
     logical :: matrix_free
     system%coupling = merge(coupling_pairs, coupling_all, qp%is_heap())
@@ -63,12 +57,9 @@ contains
 
   !> Whether products cost less than entries and factorizations, or these take too much memory.
   logical function is_matrix_free_cheaper(qp, compliance, rows) result(cheaper)
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator of its bodies.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `choose_coupling` (n_rows).
-    logical, intent(in) :: rows(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator of its bodies.
+    logical, intent(in) :: rows(:)  !! As in `choose_coupling` (n_rows).
     type(memory_t) :: memory
     real(dp) :: cost(2), bytes
     call find_costs(qp, compliance, rows, cost, bytes)
@@ -78,12 +69,9 @@ contains
 
   !> Whether entries and factors fit into the memory.
   logical function entries_fit(qp, compliance, rows)
-    !> As in `choose_coupling`.
-    type(contact_qp_t), intent(in) :: qp
-    !> As in `choose_coupling`.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `choose_coupling` (n_rows).
-    logical, intent(in) :: rows(:)
+    type(contact_qp_t), intent(in) :: qp  !! As in `choose_coupling`.
+    class(compliance_t), intent(inout) :: compliance  !! As in `choose_coupling`.
+    logical, intent(in) :: rows(:)  !! As in `choose_coupling` (n_rows).
     type(memory_t) :: memory
     real(dp) :: cost(2), bytes
     call find_costs(qp, compliance, rows, cost, bytes)
@@ -93,16 +81,11 @@ contains
 
   !> Costs of all bodies.
   subroutine find_costs(qp, compliance, rows, cost, bytes)
-    !> As in `choose_coupling`.
-    type(contact_qp_t), intent(in) :: qp
-    !> As in `choose_coupling`.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `choose_coupling` (n_rows).
-    logical, intent(in) :: rows(:)
-    !> As in `add_costs` (2).
-    real(dp), intent(out) :: cost(:)
-    !> As in `add_costs` [B].
-    real(dp), intent(out) :: bytes
+    type(contact_qp_t), intent(in) :: qp  !! As in `choose_coupling`.
+    class(compliance_t), intent(inout) :: compliance  !! As in `choose_coupling`.
+    logical, intent(in) :: rows(:)  !! As in `choose_coupling` (n_rows).
+    real(dp), intent(out) :: cost(:)  !! As in `add_costs` (2).
+    real(dp), intent(out) :: bytes  !! As in `add_costs` [B].
     real(dp) :: path, solve
     integer :: b, n
     cost = 0
@@ -117,17 +100,13 @@ contains
 
   !> Add what a body costs.
   pure subroutine add_costs(n_rows, path, solve, has_ties, has_no_contact, cost, bytes)
-    !> Its rows.
-    integer, intent(in) :: n_rows
-    !> As in `compliance_t`.
-    real(dp), intent(in) :: path, solve
-    !> Whether some rows of the scene are ties, and whether all are.
-    logical, intent(in) :: has_ties, has_no_contact
+    integer, intent(in) :: n_rows  !! Its rows.
+    real(dp), intent(in) :: path, solve  !! As in `compliance_t`.
+    logical, intent(in) :: has_ties, has_no_contact  !! Whether some rows of the scene are ties, and whether all are.
     !> Of entries, and of products: floating-point operations at the speed of single solves, 4 for each entry of the
     !> factor of the body (2).
     real(dp), intent(inout) :: cost(:)
-    !> Memory of entries, forward substitution and factors [B].
-    real(dp), intent(inout) :: bytes
+    real(dp), intent(inout) :: bytes  !! Memory of entries, forward substitution and factors [B].
     real(dp) :: n
     n = n_rows
     ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries. The
@@ -140,20 +119,16 @@ contains
 
   !> Whether products are taken: by the cost where both ways fit into the memory, else by the memory.
   pure logical function takes_products(cost, bytes, room) result(takes)
-    !> Of entries, and of products (2) [any].
-    real(dp), intent(in) :: cost(:)
-    !> Memory, likewise (2) [B].
-    real(dp), intent(in) :: bytes(:)
-    !> Memory that there is [B].
-    real(dp), intent(in) :: room
+    real(dp), intent(in) :: cost(:)  !! Of entries, and of products (2) [any].
+    real(dp), intent(in) :: bytes(:)  !! Memory, likewise (2) [B].
+    real(dp), intent(in) :: room  !! Memory that there is [B].
     takes = cost(1) > cost(2)
     if (maxval(bytes) > room) takes = bytes(1) > bytes(2)
   end function takes_products
 
   !> Bytes for compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)
-    !> Available memory.
-    type(memory_t), intent(in) :: memory
+    type(memory_t), intent(in) :: memory  !! Available memory.
     bytes = most_bytes
     if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)
     ! Each rank of a node has all of them.

@@ -5,16 +5,12 @@ module dotyk_scheme_mode_columns
   implicit none
   private
 
-  !> The columns.
-  type, public :: mode_columns_t
-    !> Number of columns.
-    integer :: n = 0
+  type, public :: mode_columns_t  !! The columns.
+    integer :: n = 0  !! Number of columns.
     !> Entries of column k are first(k) .. first(k+1)-1; longer than needed (at least n + 1).
     integer, allocatable, private :: first(:)
-    !> Mode of each entry; longer than needed (at least number of entries).
-    integer, allocatable, private :: mode(:)
-    !> Amplitude of each entry (as `mode`) [any].
-    real(dp), allocatable, private :: value(:)
+    integer, allocatable, private :: mode(:)  !! Mode of each entry; longer than needed (at least number of entries).
+    real(dp), allocatable, private :: value(:)  !! Amplitude of each entry (as `mode`) [any].
   contains
     procedure :: add => columns_add
     procedure :: take_dense => columns_take_dense
@@ -32,12 +28,9 @@ contains
 
   !> Append a column; entries that are rounding errors are left out.
   subroutine columns_add(self, x, offset)
-    !> The columns.
     class(mode_columns_t), intent(inout) :: self
-    !> Amplitudes of successive modes (m) [any].
-    real(dp), intent(in) :: x(:)
-    !> Modes before the first of them; none if absent.
-    integer, intent(in), optional :: offset
+    real(dp), intent(in) :: x(:)  !! Amplitudes of successive modes (m) [any].
+    integer, intent(in), optional :: offset  !! Modes before the first of them; none if absent.
     real(dp) :: least
     integer :: i, before, last
     before = 0
@@ -63,10 +56,8 @@ contains
 
   !> The columns of a matrix in place of what was there.
   subroutine columns_take_dense(self, matrix)
-    !> The columns.
     class(mode_columns_t), intent(inout) :: self
-    !> As columns of amplitudes (n_modes, n) [any].
-    real(dp), intent(in) :: matrix(:, :)
+    real(dp), intent(in) :: matrix(:, :)  !! As columns of amplitudes (n_modes, n) [any].
     integer :: k
     call self%destroy()
     do k = 1, size(matrix, 2)
@@ -76,12 +67,9 @@ contains
 
   !> One column.
   pure subroutine columns_get(self, k, x)
-    !> The columns.
     class(mode_columns_t), intent(in) :: self
-    !> Its number.
-    integer, intent(in) :: k
-    !> Amplitudes of all modes (n_modes) [any].
-    real(dp), intent(out) :: x(:)
+    integer, intent(in) :: k  !! Its number.
+    real(dp), intent(out) :: x(:)  !! Amplitudes of all modes (n_modes) [any].
     x = 0
     associate (first => self%first(k), last => self%first(k + 1) - 1)
       x(self%mode(first:last)) = self%value(first:last)
@@ -90,10 +78,8 @@ contains
 
   !> Multiply the amplitudes of each mode by a number of its own.
   pure subroutine columns_scale(self, factor)
-    !> The columns.
     class(mode_columns_t), intent(inout) :: self
-    !> By modes (n_modes) [any].
-    real(dp), intent(in) :: factor(:)
+    real(dp), intent(in) :: factor(:)  !! By modes (n_modes) [any].
     if (self%n == 0) return
     associate (last => self%first(self%n + 1) - 1)
       self%value(:last) = factor(self%mode(:last))*self%value(:last)
@@ -102,10 +88,8 @@ contains
 
   !> Remove the components of amplitudes along the columns, which are orthonormal.
   pure subroutine columns_remove_from(self, x)
-    !> The columns.
     class(mode_columns_t), intent(in) :: self
-    !> Amplitudes (n_modes) [any].
-    real(dp), intent(inout) :: x(:)
+    real(dp), intent(inout) :: x(:)  !! Amplitudes (n_modes) [any].
     real(dp) :: along
     integer :: k, i
     do k = 1, self%n
@@ -121,12 +105,9 @@ contains
 
   !> The rows of each body, without the columns that do not move it.
   subroutine columns_by_bodies(self, first, block)
-    !> The columns.
     class(mode_columns_t), intent(in) :: self
-    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
-    integer, intent(in) :: first(:)
-    !> Amplitudes of its modes as columns (n_bodies) [any].
-    type(mode_block_t), allocatable, intent(out) :: block(:)
+    integer, intent(in) :: first(:)  !! Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
+    type(mode_block_t), allocatable, intent(out) :: block(:)  !! Amplitudes of its modes as columns (n_bodies) [any].
     integer :: n_columns(size(first) - 1), latest(size(first) - 1), body(first(size(first)) - 1), b, i, k, pass
     do b = 1, size(first) - 1
       body(first(b):first(b + 1) - 1) = b
@@ -153,7 +134,6 @@ contains
 
   !> Free all memory.
   subroutine columns_destroy(self)
-    !> The columns.
     class(mode_columns_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%mode, self%value)

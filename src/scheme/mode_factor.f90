@@ -8,12 +8,9 @@ module dotyk_scheme_mode_factor
   private
   public :: multiply_springs
 
-  !> The factor.
-  type, public :: mode_factor_t
-    !> Of the matrix, scaled to a unit diagonal.
-    type(dense_cholesky_t), private :: factor
-    !> Scales of the modes (n_modes) [sqrt(length/force)].
-    real(dp), allocatable, private :: scale(:)
+  type, public :: mode_factor_t  !! The factor.
+    type(dense_cholesky_t), private :: factor  !! Of the matrix, scaled to a unit diagonal.
+    real(dp), allocatable, private :: scale(:)  !! Scales of the modes (n_modes) [sqrt(length/force)].
   contains
     procedure :: init => factor_init
     procedure :: solve => factor_solve
@@ -27,12 +24,10 @@ contains
   !> Factorize.
   subroutine factor_init(self, stiffness, spring, error)
     class(mode_factor_t), intent(inout) :: self
-    !> S (n_modes, n_modes) [force/length].
-    real(dp), intent(in) :: stiffness(:, :)
+    real(dp), intent(in) :: stiffness(:, :)  !! S (n_modes, n_modes) [force/length].
     !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
     type(mode_block_t), intent(in) :: spring(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     real(dp), allocatable :: sum(:, :)
     real(dp) :: shift
     integer :: b, first, k, n, failed
@@ -64,8 +59,7 @@ contains
   !> alpha := (S + T)^{-1} alpha.
   subroutine factor_solve(self, alpha)
     class(mode_factor_t), intent(in) :: self
-    !> Resultants in [force], amplitudes out [length] (n_modes).
-    real(dp), intent(inout) :: alpha(:)
+    real(dp), intent(inout) :: alpha(:)  !! Resultants in [force], amplitudes out [length] (n_modes).
     alpha = self%scale*alpha
     call self%factor%solve(alpha)
     alpha = self%scale*alpha
@@ -75,10 +69,8 @@ contains
   pure function multiply_springs(spring, alpha) result(force)
     !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
     type(mode_block_t), intent(in) :: spring(:)
-    !> Amplitudes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n_modes) [force]
-    real(dp) :: force(size(alpha))
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n_modes) [length].
+    real(dp) :: force(size(alpha))  !! (n_modes) [force]
     integer :: b, first, n
     force = 0
     first = 0

@@ -12,18 +12,14 @@ module dotyk_scheme_mode_stiffness
 
   !> The matrix and its factor. It owns a factor: never copy it, destroy it in the end.
   type, public :: mode_stiffness_t
-    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
-    integer, allocatable, private :: first(:)
+    integer, allocatable, private :: first(:)  !! Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
     !> Bodies after b that couple to it, ascending: later(start(b):start(b+1)-1) (n_bodies + 1).
     integer, allocatable, private :: start(:)
-    !> See `start`.
-    integer, allocatable, private :: later(:)
+    integer, allocatable, private :: later(:)  !! See `start`.
     !> Modes of the bodies in `later` before each, in the columns of b (as `later`).
     integer, allocatable, private :: before(:)
-    !> The matrix [force/length].
-    type(sparse_symmetric_t), private :: matrix
-    !> Its factor.
-    type(cholesky_t), private :: factor
+    type(sparse_symmetric_t), private :: matrix  !! The matrix [force/length].
+    type(cholesky_t), private :: factor  !! Its factor.
   contains
     procedure :: init => modes_init
     procedure :: clear => modes_clear
@@ -38,12 +34,10 @@ contains
   !> Structure of the matrix, its entries 0.
   subroutine modes_init(self, first, list_start, member, error)
     class(mode_stiffness_t), intent(inout) :: self
-    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
-    integer, intent(in) :: first(:)
+    integer, intent(in) :: first(:)  !! Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
     !> Lists of bodies that are coupled to each other: member(list_start(l):list_start(l+1)-1) (n_lists + 1).
     integer, intent(in) :: list_start(:), member(:)
-    !> METIS or CHOLMOD has no memory.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! METIS or CHOLMOD has no memory.
     integer, allocatable :: graph_start(:), neighbour(:), body_order(:), order(:)
     logical, allocatable :: couples(:)
     integer :: b, i, j, k, l, n_bodies, n
@@ -116,10 +110,8 @@ contains
 
   !> The next body after b that is marked; 0 if there is none.
   pure integer function next_body(marked, b) result(next)
-    !> (n_bodies)
-    logical, intent(in) :: marked(:)
-    !> The body.
-    integer, intent(in) :: b
+    logical, intent(in) :: marked(:)  !! (n_bodies)
+    integer, intent(in) :: b  !! The body.
     next = findloc(marked(b + 1:), .true., 1)
     if (next > 0) next = next + b
   end function next_body
@@ -133,10 +125,8 @@ contains
   !> Add a block.
   subroutine modes_add(self, b, c, value)
     class(mode_stiffness_t), intent(inout) :: self
-    !> The bodies of its rows and columns: the same, or coupled.
-    integer, intent(in) :: b, c
-    !> (modes of b, modes of c) [force/length]
-    real(dp), intent(in) :: value(:, :)
+    integer, intent(in) :: b, c  !! The bodies of its rows and columns: the same, or coupled.
+    real(dp), intent(in) :: value(:, :)  !! (modes of b, modes of c) [force/length]
     integer :: i, j, k
     integer(int64) :: at
     if (size(value) == 0) return
@@ -165,10 +155,8 @@ contains
   !> Factorize.
   subroutine modes_factorize(self, is_singular, error)
     class(mode_stiffness_t), intent(inout) :: self
-    !> Whether the matrix is not positive definite.
-    logical, intent(out) :: is_singular
-    !> CHOLMOD has no memory.
-    type(error_t), allocatable, intent(out) :: error
+    logical, intent(out) :: is_singular  !! Whether the matrix is not positive definite.
+    type(error_t), allocatable, intent(out) :: error  !! CHOLMOD has no memory.
     integer :: failed
     call self%factor%factorize(self%matrix, failed, error)
     is_singular = failed > 0
@@ -176,10 +164,8 @@ contains
 
   !> Solve.
   subroutine modes_solve(self, x)
-    !> Factorized.
     class(mode_stiffness_t), intent(in) :: self
-    !> Right-hand side [force], then solution (n_modes) [length].
-    real(dp), intent(inout), contiguous :: x(:)
+    real(dp), intent(inout), contiguous :: x(:)  !! Right-hand side [force], then solution (n_modes) [length].
     if (size(x) > 0) call self%factor%solve(x)
   end subroutine modes_solve
 

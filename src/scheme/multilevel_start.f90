@@ -26,10 +26,8 @@ module dotyk_scheme_multilevel_start
 
   !> Fewer contact rows than this need no better start than that of rigid bodies.
   integer, parameter, public :: few_rows = 60
-  !> Rows of a group at most.
-  integer, parameter :: most_rows = 6
-  !> Active sets of the groups at most: a start need not be exact.
-  integer, parameter :: most_steps = 12
+  integer, parameter :: most_rows = 6  !! Rows of a group at most.
+  integer, parameter :: most_steps = 12  !! Active sets of the groups at most: a start need not be exact.
   !> A row of an active group starts active unless its gap exceeds this fraction of the group's self-indentation, the
   !> displacement by the group's own force.
   real(dp), parameter :: gap_over_indentation = 0.5_dp
@@ -47,18 +45,12 @@ contains
 
   !> A first iterate and its active set.
   recursive subroutine find_start(qp, compliance, theta, now, active, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Formed at all rows, or matrix-free.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The iterate.
-    type(iterate_t), intent(out) :: now
-    !> Active set (n_rows).
-    logical, intent(out) :: active(:)
-    !> As in `find_active_set`, for the groups.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Formed at all rows, or matrix-free.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(iterate_t), intent(out) :: now  !! The iterate.
+    logical, intent(out) :: active(:)  !! Active set (n_rows).
+    type(error_t), allocatable, intent(out) :: error  !! As in `find_active_set`, for the groups.
     type(contact_qp_t) :: coarse
     type(dense_compliance_t) :: of_groups
     type(iterate_t) :: start
@@ -112,20 +104,14 @@ contains
 
   !> The contact problem of the groups.
   recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)
-    !> QP of the groups.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_groups) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Linear system of an active set: work space.
-    type(active_system_t), intent(inout) :: system
-    !> The last iterate.
-    type(iterate_t), intent(out) :: now
+    type(contact_qp_t), intent(in) :: qp  !! QP of the groups.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_groups) [length/pressure].
+    type(active_system_t), intent(inout) :: system  !! Linear system of an active set: work space.
+    type(iterate_t), intent(out) :: now  !! The last iterate.
     !> Displacement of each group by its own force (n_groups) [length].
     real(dp), allocatable, intent(out) :: indentation(:)
-    !> As in `find_start`.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! As in `find_start`.
     type(monitor_t) :: silent
     type(solver_state_t) :: state
     logical :: active(qp%n_rows)
@@ -146,12 +132,9 @@ contains
   !> Group each row that is still single with its single neighbours: rows of a pair that share a node. Rows that are
   !> left over join a neighbouring group.
   subroutine group_rows(qp, group, n_groups)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Group of each row; groups are numbered pair by pair (n_rows).
-    integer, intent(out) :: group(:)
-    !> Number of groups.
-    integer, intent(out) :: n_groups
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    integer, intent(out) :: group(:)  !! Group of each row; groups are numbered pair by pair (n_rows).
+    integer, intent(out) :: n_groups  !! Number of groups.
     integer, allocatable :: start(:), row_of(:), neighbour(:)
     integer :: k, i, j, n, b
     group = 0
@@ -188,12 +171,9 @@ contains
 
   !> Rows that touch each node of a block.
   subroutine rows_of_nodes(block, dimension, start, row)
-    !> One body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Dimension of the scene, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Rows of node i: row(start(i):start(i+1)-1) (n_nodes + 1).
-    integer, allocatable, intent(out) :: start(:)
+    type(contact_block_t), intent(in) :: block  !! One body's rows of B.
+    integer, intent(in) :: dimension  !! Dimension of the scene, 2 or 3.
+    integer, allocatable, intent(out) :: start(:)  !! Rows of node i: row(start(i):start(i+1)-1) (n_nodes + 1).
     !> Rows of the nodes, as numbers in the operator, ascending; a row stands once per entry (number of entries).
     integer, allocatable, intent(out) :: row(:)
     integer, allocatable :: next(:)
@@ -220,16 +200,11 @@ contains
 
   !> Rows that share the nodes of the largest entries of one row, itself among them.
   subroutine neighbours(block, dimension, i, start, row, list)
-    !> One body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Dimension of the scene, 2 or 3.
-    integer, intent(in) :: dimension
-    !> Place of the row in the block.
-    integer, intent(in) :: i
-    !> As from `rows_of_nodes` (n_nodes + 1).
-    integer, intent(in) :: start(:)
-    !> As from `rows_of_nodes` (number of entries).
-    integer, intent(in) :: row(:)
+    type(contact_block_t), intent(in) :: block  !! One body's rows of B.
+    integer, intent(in) :: dimension  !! Dimension of the scene, 2 or 3.
+    integer, intent(in) :: i  !! Place of the row in the block.
+    integer, intent(in) :: start(:)  !! As from `rows_of_nodes` (n_nodes + 1).
+    integer, intent(in) :: row(:)  !! As from `rows_of_nodes` (number of entries).
     !> Neighbouring rows, as numbers in the operator, each once (number of neighbours).
     integer, allocatable, intent(out) :: list(:)
     integer, allocatable :: found(:)

@@ -21,8 +21,7 @@ module dotyk_scheme_neumann
   implicit none
   private
 
-  !> The scheme.
-  type, extends(scheme_t), public :: neumann_t
+  type, extends(scheme_t), public :: neumann_t  !! The scheme.
   contains
     procedure :: solve => neumann_solve
   end type neumann_t
@@ -33,18 +32,12 @@ contains
 
   !> Iterate from u_0, the solution without contact, or from the state; continue a paused iteration.
   subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
-    !> The scheme.
     class(neumann_t), intent(in) :: self
-    !> Contact QP of held bodies.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters, above 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
+    type(contact_qp_t), intent(in) :: qp  !! Contact QP of held bodies.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, above 0 (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
@@ -66,22 +59,14 @@ contains
 
   !> The first iterate, with gamma and the stopping criterion.
   subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> As in `begin_iteration`.
-    type(solver_state_t), intent(inout) :: state
-    !> An `iteration_t`: a step depends on the last iterate alone.
-    class(paused_t), allocatable, intent(out) :: paused
-    !> As in `neumann_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! As in `begin_iteration`.
+    class(paused_t), allocatable, intent(out) :: paused  !! An `iteration_t`: a step depends on the last iterate alone.
+    type(error_t), allocatable, intent(out) :: error  !! As in `neumann_solve`.
     type(iteration_t), allocatable :: iteration
     logical :: is_first
     is_first = .not. state%lambda_max > 0
@@ -101,12 +86,9 @@ contains
   !> The first iterate, of the Robin scheme as well: u_0 unless the state has pressures. Without contact rows it is the
   !> solution.
   subroutine begin_iteration(qp, compliance, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Its L stays, with the pressures if it has any.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    type(solver_state_t), intent(inout) :: state  !! Its L stays, with the pressures if it has any.
     type(solver_state_t) :: start, empty
     call move_alloc(state%m, start%m)
     start%lambda_max = state%lambda_max
@@ -127,12 +109,9 @@ contains
 
   !> The end of an iteration, or its pause at the time limit: its history is cut, and its contraction measured.
   subroutine finish_iteration(monitor, state, paused)
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> Gets the iteration where it pauses.
-    type(solver_state_t), intent(inout) :: state
-    !> The iteration.
-    class(paused_t), allocatable, intent(inout) :: paused
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! Gets the iteration where it pauses.
+    class(paused_t), allocatable, intent(inout) :: paused  !! The iteration.
     call monitor%finish()
     call state%history%finish()
     state%iterations = state%history%n
@@ -143,18 +122,12 @@ contains
 
   !> The steps of equations (43), (44).
   subroutine iterate(qp, compliance, theta, stopping, monitor, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Begun.
-    type(stopping_t), intent(inout) :: stopping
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> With L, gamma and an iterate.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(stopping_t), intent(inout) :: stopping  !! Begun.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! With L, gamma and an iterate.
     real(dp), allocatable :: p(:), z(:)
     real(dp) :: residual, gamma
 
@@ -175,22 +148,14 @@ contains
   !> displacements of the rows under them, and the residual of equation (23), `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C
   !> W (p-m)`, which bounds the error of the iterate. One product.
   subroutine evaluate_step(qp, compliance, theta, m, y, p, z, residual)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Contact pressures of the iterate (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> B u - d of the iterate (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> max(0, y)/theta (n_rows) [pressure].
-    real(dp), intent(out) :: p(:)
-    !> C W p (n_rows) [length].
-    real(dp), intent(out) :: z(:)
-    !> Energy norm of the residual [sqrt(energy)].
-    real(dp), intent(out) :: residual
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: m(:)  !! Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(in) :: y(:)  !! B u - d of the iterate (n_rows) [length].
+    real(dp), intent(out) :: p(:)  !! max(0, y)/theta (n_rows) [pressure].
+    real(dp), intent(out) :: z(:)  !! C W p (n_rows) [length].
+    real(dp), intent(out) :: residual  !! Energy norm of the residual [sqrt(energy)].
     p = max(0.0_dp, y)/theta
     call compliance%multiply(qp, qp%weight*p, z)
     ! C W m = y_0 - y.

@@ -23,8 +23,7 @@ module dotyk_scheme_primal
   implicit none
   private
 
-  !> The scheme.
-  type, extends(scheme_t), public :: primal_t
+  type, extends(scheme_t), public :: primal_t  !! The scheme.
   contains
     procedure :: solve => primal_solve
     procedure :: needs_held_bodies => primal_needs_held_bodies
@@ -74,12 +73,10 @@ contains
   !> Modes with a stiffness, and supports that press rows together, are for the dual scheme.
   integer function primal_why_not(self, qp, compliance, theta) result(reason)
     class(primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> Compliance of the bodies at these rows: p-multigrids, or factors that join them.
     class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical :: is_rigid(qp%n_rows)
     associate (not_needed => same_type_as(self, self))
     end associate
@@ -99,28 +96,20 @@ contains
   !> Unless it leaves the QP to another scheme.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
     class(primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = self%why_not(qp, compliance, theta) == reason_none
   end function primal_finds_displacements
 
   !> Solve.
   subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where numbers are not finite, or an interrupt came before there was a state.
@@ -137,20 +126,13 @@ contains
   !> Solve by the dual scheme, and add the error of the solves to its bound, which is that of exact ones.
   subroutine grid_dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(grid_dual_t), intent(in) :: self
-    !> As in `primal_solve`.
-    type(contact_qp_t), intent(in) :: qp
-    !> As in `primal_solve`.
-    class(compliance_t), intent(inout) :: compliance
-    !> As in `primal_solve`.
-    real(dp), intent(in) :: theta(:)
-    !> As in `primal_solve`.
-    type(solver_settings_t), intent(in) :: settings
-    !> As in `primal_solve`.
-    class(monitor_t), intent(inout) :: monitor
-    !> As in `primal_solve`.
-    type(solver_state_t), intent(inout) :: state
-    !> As in `dual_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! As in `primal_solve`.
+    class(compliance_t), intent(inout) :: compliance  !! As in `primal_solve`.
+    real(dp), intent(in) :: theta(:)  !! As in `primal_solve`.
+    type(solver_settings_t), intent(in) :: settings  !! As in `primal_solve`.
+    class(monitor_t), intent(inout) :: monitor  !! As in `primal_solve`.
+    type(solver_state_t), intent(inout) :: state  !! As in `primal_solve`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
     call self%dual_t%solve(qp, compliance, theta, settings, monitor, state, error)
     select type (compliance)
     class is (body_compliance_t)
@@ -164,12 +146,9 @@ contains
 
   !> Rows whose nodes are held, all but for rounding.
   subroutine find_rigid_rows(qp, compliance, is_rigid)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(body_compliance_t), intent(in) :: compliance
-    !> (n_rows)
-    logical, intent(out) :: is_rigid(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(body_compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
+    logical, intent(out) :: is_rigid(:)  !! (n_rows)
     real(dp) :: diagonal(qp%n_rows)
     call compliance%nodal_diagonal(qp, diagonal)
     ! Entries of B at free nodes may be rounding.
@@ -178,20 +157,13 @@ contains
 
   !> Solve by displacements.
   subroutine solve_by_grids(qp, compliance, theta, settings, monitor, state, error)
-    !> As in `primal_solve`.
-    type(contact_qp_t), intent(in) :: qp
-    !> By p-multigrids.
-    class(body_compliance_t), target, intent(inout) :: compliance
-    !> As in `primal_solve` (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> As in `primal_solve`.
-    type(solver_settings_t), intent(in) :: settings
-    !> As in `primal_solve`.
-    class(monitor_t), intent(inout) :: monitor
-    !> As in `primal_solve`.
-    type(solver_state_t), intent(inout) :: state
-    !> As in `primal_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! As in `primal_solve`.
+    class(body_compliance_t), target, intent(inout) :: compliance  !! By p-multigrids.
+    real(dp), intent(in) :: theta(:)  !! As in `primal_solve` (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! As in `primal_solve`.
+    class(monitor_t), intent(inout) :: monitor  !! As in `primal_solve`.
+    type(solver_state_t), intent(inout) :: state  !! As in `primal_solve`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `primal_solve`.
     type(primal_system_t), target :: system
     type(proximal_outcome_t) :: total
     real(dp), allocatable :: v(:)

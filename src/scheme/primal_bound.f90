@@ -16,10 +16,8 @@ module dotyk_scheme_primal_bound
   real(dp), parameter :: nearly_closed = 4
   !> Fractions of the diagonal that are added where gaps are closed [].
   real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
-  !> Bounds beyond this are none: squares of larger numbers overflow.
-  real(dp), parameter :: largest = 1.0e150_dp
-  !> Eigenvalues below this fraction of the greatest are rounding [].
-  real(dp), parameter :: rank = 1.0e-10_dp
+  real(dp), parameter :: largest = 1.0e150_dp  !! Bounds beyond this are none: squares of larger numbers overflow.
+  real(dp), parameter :: rank = 1.0e-10_dp  !! Eigenvalues below this fraction of the greatest are rounding [].
   !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
   real(dp), parameter :: small_change = 0.1_dp
 
@@ -33,20 +31,14 @@ contains
   !> |r| comes from the preconditioner and its least eigenvalue. `huge` where other rows penetrate. The least of several
   !> g: none, and such that close gaps of dependent rows with more or less force.
   real(dp) function error_bound(system, weight, theta, load, u, lambda, y) result(bound)
-    !> The bodies and rows.
-    class(proximal_system_t), intent(inout) :: system
-    !> Weights (n_rows) [area].
-    real(dp), intent(in) :: weight(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: load(:)
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
+    class(proximal_system_t), intent(inout) :: system  !! The bodies and rows.
+    real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in), contiguous :: load(:)  !! Loads (n) [force].
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
     !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> Penetrations (n_rows) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: r(:)
     real(dp) :: closed(size(y)), softness(size(y)), of_r, of_g, left
@@ -72,23 +64,17 @@ contains
 
   !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
   pure real(dp) function slack(weight, theta, lambda, y)
-    !> Weights (n) [area].
-    real(dp), intent(in) :: weight(:)
-    !> Penalty parameters (n) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Contact forces (n) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Penetrations (n) [length].
-    real(dp), intent(in) :: y(:)
+    real(dp), intent(in) :: weight(:)  !! Weights (n) [area].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n) [length/pressure].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n) [force].
+    real(dp), intent(in) :: y(:)  !! Penetrations (n) [length].
     slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0))])
   end function slack
 
   !> Change the pressures of the active rows as little as the equilibrium of the floating bodies asks for.
   subroutine balance(qp, m)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
     real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:)
     integer, allocatable :: row(:)
     type(error_t), allocatable :: error

@@ -27,12 +27,10 @@ module dotyk_scheme_primal_solution
   private
   public :: solve_by_displacements
 
-  !> How often violated rows enter the working set; then all rows do.
-  integer, parameter :: most_rounds = 6
+  integer, parameter :: most_rounds = 6  !! How often violated rows enter the working set; then all rows do.
   !> How often a bound above the tolerance is followed by a more accurate solution.
   integer, parameter :: most_attempts = 5
-  !> Active sets at most: where it converges, it takes a third of them.
-  integer, parameter :: most_sets = 100
+  integer, parameter :: most_sets = 100  !! Active sets at most: where it converges, it takes a third of them.
   !> Rows enter the working set with the violated ones whose gaps are smaller than this multiple of the largest
   !> violation.
   real(dp), parameter :: near_violation = 4
@@ -51,28 +49,19 @@ contains
 
   !> Solve by displacements.
   subroutine solve_by_displacements(system, qp, theta, tolerance, settings, is_rigid, monitor, u, total, state, error)
-    !> The bodies.
-    class(proximal_system_t), target, intent(inout) :: system
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Bound to end at, relative in the energy norm [].
-    real(dp), intent(in) :: tolerance
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Rows that no displacement moves: they are in no system (n_rows).
-    logical, intent(in) :: is_rigid(:)
-    !> Gets each solution that is followed by a more accurate one.
-    class(monitor_t), intent(inout) :: monitor
+    class(proximal_system_t), target, intent(inout) :: system  !! The bodies.
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: tolerance  !! Bound to end at, relative in the energy norm [].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    logical, intent(in) :: is_rigid(:)  !! Rows that no displacement moves: they are in no system (n_rows).
+    class(monitor_t), intent(inout) :: monitor  !! Gets each solution that is followed by a more accurate one.
     !> Displacements: start where allocated, and solution (system%n) [length].
     real(dp), allocatable, intent(inout) :: u(:)
-    !> Active sets and iterations in all.
-    type(proximal_outcome_t), intent(out) :: total
+    type(proximal_outcome_t), intent(out) :: total  !! Active sets and iterations in all.
     !> Where to begin if it has pressures; without pressures on return where there is no solution.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where numbers are not finite, or PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where numbers are not finite, or PETSc fails.
     ! With the rows of the working set alone, and with the loads less what the springs carry.
     type(contact_qp_t) :: part, held
     type(coarse_space_t) :: coarse

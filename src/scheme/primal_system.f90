@@ -11,10 +11,8 @@ module dotyk_scheme_primal_system
   implicit none
   private
 
-  !> The system.
-  type, extends(contact_multigrid_t), public :: primal_system_t
-    !> With p-multigrids for all bodies.
-    class(body_compliance_t), pointer :: compliance => null()
+  type, extends(contact_multigrid_t), public :: primal_system_t  !! The system.
+    class(body_compliance_t), pointer :: compliance => null()  !! With p-multigrids for all bodies.
   contains
     procedure :: take_rows => system_take_rows
     procedure :: start => system_start
@@ -27,8 +25,7 @@ contains
   !> Make the system for the rows of a QP.
   subroutine system_take_rows(self, qp)
     class(primal_system_t), target, intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     class(body_compliance_t), pointer :: compliance
     type(grid_pointer_t), allocatable :: grid(:)
     type(grid_body_t), allocatable :: body(:)
@@ -55,30 +52,21 @@ contains
   !> The start: contact of the bodies in their corner spaces.
   subroutine system_start(self, qp, theta, warm, m, u)
     class(primal_system_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Whether there are pressures.
-    logical, intent(in) :: warm
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
-    !> Displacements by contact (n) [length].
-    real(dp), intent(inout), contiguous :: u(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: warm  !! Whether there are pressures.
+    real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(inout), contiguous :: u(:)  !! Displacements by contact (n) [length].
     if (.not. warm) call solve_corner_contact(self, qp, self%gap, theta, self%load, m, u)
   end subroutine system_start
 
   !> The loads that u_0 does not balance: their resultants on the rigid body modes as forces, R e, and what the solves
   !> of u_0 have left.
   subroutine load_by_contact(self, qp, compliance, load)
-    !> The system.
     class(primal_system_t), intent(in) :: self
-    !> With the resultants.
-    type(contact_qp_t), intent(in) :: qp
-    !> With the forces that u_0 leaves.
-    class(body_compliance_t), intent(in) :: compliance
-    !> (n) [force]
-    real(dp), intent(out), contiguous :: load(:)
+    type(contact_qp_t), intent(in) :: qp  !! With the resultants.
+    class(body_compliance_t), intent(in) :: compliance  !! With the forces that u_0 leaves.
+    real(dp), intent(out), contiguous :: load(:)  !! (n) [force]
     integer :: b, k, j
     load = 0
     do b = 1, size(self%body)
@@ -98,10 +86,8 @@ contains
 
   !> Error of the displacements of bodies that touch no other, at most [sqrt(energy)].
   real(dp) function find_error_of_isolated(self, compliance) result(norm)
-    !> The system.
     class(primal_system_t), intent(in) :: self
-    !> With the forces that the solves of these bodies leave.
-    class(body_compliance_t), intent(in) :: compliance
+    class(body_compliance_t), intent(in) :: compliance  !! With the forces that the solves of these bodies leave.
     real(dp), allocatable :: r(:)
     integer :: b
     norm = 0
@@ -120,12 +106,9 @@ contains
   !> Penetrations of all rows of the QP, of which those of the system may be a part.
   subroutine system_find_penetrations(self, qp, u, y)
     class(primal_system_t), intent(in) :: self
-    !> All rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Displacements by contact (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> y_0 + B u (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    type(contact_qp_t), intent(in) :: qp  !! All rows.
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements by contact (n) [length].
+    real(dp), intent(out) :: y(:)  !! y_0 + B u (n_rows) [length].
     real(dp), allocatable :: x(:), nodal(:), moved(:)
     integer :: b
     y = qp%initial_penetration
@@ -146,10 +129,8 @@ contains
   !> Leave the displacements to the compliance, without rigid body motions.
   subroutine system_keep_displacements(self, v, compliance)
     class(primal_system_t), intent(in) :: self
-    !> Displacements by contact (n) [length].
-    real(dp), intent(in), contiguous :: v(:)
-    !> Gets u_0 + v.
-    class(body_compliance_t), intent(inout) :: compliance
+    real(dp), intent(in), contiguous :: v(:)  !! Displacements by contact (n) [length].
+    class(body_compliance_t), intent(inout) :: compliance  !! Gets u_0 + v.
     real(dp), allocatable :: own(:)
     integer :: b
     do b = 1, size(self%body)

@@ -28,38 +28,25 @@ module dotyk_scheme_proximal_active_set
   private
   public :: best_step, solve_proximal
 
-  !> How the iteration went.
-  type, public :: proximal_outcome_t
-    !> Linear systems, and their iterations in all.
-    integer :: steps = 0, cg_steps = 0
-    !> Whether the active set, the pressures m_0 and the displacements are converged.
-    logical :: converged = .false.
+  type, public :: proximal_outcome_t  !! How the iteration went.
+    integer :: steps = 0, cg_steps = 0  !! Linear systems, and their iterations in all.
+    logical :: converged = .false.  !! Whether the active set, the pressures m_0 and the displacements are converged.
     !> Why it ended: one of `ended_*` of `dotyk_scheme_solver_state`. Not converged, the last iterate is returned.
     integer :: ended = ended_limit
     !> Last residual in the norm of the preconditioner, about the error in the energy norm [sqrt(energy)].
     real(dp) :: residual = 0
-    !> Last change of the pressures, sqrt(sum w prox change^2) [sqrt(energy)].
-    real(dp) :: change = 0
-    !> Energy norm of the displacements before the last step [sqrt(energy)].
-    real(dp) :: norm = 0
-    !> How often an active set came again.
-    integer :: n_cycles = 0
+    real(dp) :: change = 0  !! Last change of the pressures, sqrt(sum w prox change^2) [sqrt(energy)].
+    real(dp) :: norm = 0  !! Energy norm of the displacements before the last step [sqrt(energy)].
+    integer :: n_cycles = 0  !! How often an active set came again.
   end type proximal_outcome_t
 
-  !> An iterate.
-  type :: iterate_t
-    !> prox of each row, and theta + prox (n_rows) [length/pressure].
-    real(dp), allocatable :: prox(:), softness(:)
-    !> B u, and d - prox m_0 (n_rows) [length].
-    real(dp), allocatable :: y(:), shifted(:)
-    !> The active set of the linear system (n_rows).
-    logical, allocatable :: active(:)
-    !> Relative residual of the next linear system [].
-    real(dp) :: aim = 0
-    !> Whether steps are minima along their directions.
-    logical :: guarded = .false.
-    !> Marks of the active sets since the pressures m_0 changed.
-    real(dp), allocatable :: seen(:)
+  type :: iterate_t  !! An iterate.
+    real(dp), allocatable :: prox(:), softness(:)  !! prox of each row, and theta + prox (n_rows) [length/pressure].
+    real(dp), allocatable :: y(:), shifted(:)  !! B u, and d - prox m_0 (n_rows) [length].
+    logical, allocatable :: active(:)  !! The active set of the linear system (n_rows).
+    real(dp) :: aim = 0  !! Relative residual of the next linear system [].
+    logical :: guarded = .false.  !! Whether steps are minima along their directions.
+    real(dp), allocatable :: seen(:)  !! Marks of the active sets since the pressures m_0 changed.
   end type iterate_t
 
   !> prox grows by this factor where active sets come again although steps are minima, up to the compliance of the row.
@@ -73,45 +60,36 @@ module dotyk_scheme_proximal_active_set
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
   !> Errors that fall by less than this factor, with the same active set, have reached rounding.
   real(dp), parameter :: least_gain = 0.7_dp
-  !> Linear systems before which errors that do not fall are no reason to end.
-  integer, parameter :: least_steps = 5
+  integer, parameter :: least_steps = 5  !! Linear systems before which errors that do not fall are no reason to end.
   !> Rows without free unknowns that penetrate by less, relative to the largest gap, touch.
   real(dp), parameter :: rounding = 1.0e-12_dp
   !> Residuals that are smaller, relative to the forces that balance, are rounding.
   real(dp), parameter :: no_residual = 1.0e-9_dp
-  !> Iterations of one linear system at most.
-  integer, parameter :: most_iterations = 500
-  !> Fractions of its multiples tell sets of rows apart.
-  real(dp), parameter :: golden = 0.6180339887498949_dp
+  integer, parameter :: most_iterations = 500  !! Iterations of one linear system at most.
+  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples tell sets of rows apart.
 
 contains
 
   !> Solve, from pressures m and displacements u.
   subroutine solve_proximal(system, qp, gap, theta, load, tolerance, most_steps, motion, m, u, outcome, error)
-    !> The bodies and rows; its active set is changed.
-    class(proximal_system_t), target, intent(inout) :: system
-    !> The same rows, with weights and the rigid body modes of the bodies.
-    type(contact_qp_t), intent(in) :: qp
+    class(proximal_system_t), target, intent(inout) :: system  !! The bodies and rows; its active set is changed.
+    type(contact_qp_t), intent(in) :: qp  !! The same rows, with weights and the rigid body modes of the bodies.
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
     real(dp), intent(in) :: gap(:)
-    !> Penalty parameters, zero or positive (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, zero or positive (n_rows) [length/pressure].
     !> Loads and forces of prescribed displacements, over the unknowns of the system (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Relative error of the displacements in the energy norm to end at, estimated [].
     real(dp), intent(in) :: tolerance
-    !> Greatest number of linear systems.
-    integer, intent(in) :: most_steps
+    integer, intent(in) :: most_steps  !! Greatest number of linear systems.
     !> Springs on motions of floating bodies; with their feet at rest where it is new.
     type(proximal_motion_t), intent(inout) :: motion
     !> Pressures: those that start the active set, then the solution (n_rows) [pressure].
     real(dp), intent(inout) :: m(:)
     !> Displacements of the free unknowns: start, then solution (n) [length].
     real(dp), intent(inout), contiguous :: u(:)
-    !> Steps and convergence.
-    type(proximal_outcome_t), intent(out) :: outcome
-    !> Allocated where numbers are not finite, or PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(proximal_outcome_t), intent(out) :: outcome  !! Steps and convergence.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where numbers are not finite, or PETSc fails.
     type(solve_outcome_t) :: solve
     type(iterate_t) :: now
     type(proximal_motion_t) :: moved
@@ -200,12 +178,9 @@ contains
 
   !> T on the amplitudes of the orthonormal modes.
   pure function springs_of(motion, qp) result(spring)
-    !> T on those of the QP.
-    type(proximal_motion_t), intent(in) :: motion
-    !> With the scales of the modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> (n_bodies) [force/length]
-    type(mode_block_t) :: spring(size(motion%stiffness))
+    type(proximal_motion_t), intent(in) :: motion  !! T on those of the QP.
+    type(contact_qp_t), intent(in) :: qp  !! With the scales of the modes.
+    type(mode_block_t) :: spring(size(motion%stiffness))  !! (n_bodies) [force/length]
     integer :: b, n
     do b = 1, size(spring)
       associate (scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1))
@@ -218,14 +193,10 @@ contains
   !> Whether a solve has failed: numbers are not finite, or the preconditioner is not positive, and the right-hand side
   !> more than rounding.
   logical function has_failed(system, solve, r, load)
-    !> The bodies.
-    class(proximal_system_t), intent(in) :: system
-    !> How the solve went.
-    type(solve_outcome_t), intent(in) :: solve
-    !> Right-hand side, the residual of the iterate (n) [force].
-    real(dp), intent(in), contiguous :: r(:)
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: load(:)
+    class(proximal_system_t), intent(in) :: system  !! The bodies.
+    type(solve_outcome_t), intent(in) :: solve  !! How the solve went.
+    real(dp), intent(in), contiguous :: r(:)  !! Right-hand side, the residual of the iterate (n) [force].
+    real(dp), intent(in), contiguous :: load(:)  !! Loads (n) [force].
     has_failed = .not. solve%residual <= huge(solve%residual)
     if (solve%has_failed) has_failed = .not. system%product(r, r) <= no_residual**2* &
       max(system%product(load, load), system%product(load - r, load - r))
@@ -233,16 +204,11 @@ contains
 
   !> Whether an active set has come again, and what to do about it.
   subroutine look_for_cycles(compliance, gap, m, tolerance, new, now, n_cycles)
-    !> Of the rows, positive (n_rows) [length/pressure].
-    real(dp), intent(in) :: compliance(:)
-    !> As in `solve_proximal`.
-    real(dp), intent(in) :: gap(:), m(:), tolerance
-    !> The next active set; changed where prox is (n_rows).
-    logical, intent(inout) :: new(:)
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
-    !> How often sets came again.
-    integer, intent(inout) :: n_cycles
+    real(dp), intent(in) :: compliance(:)  !! Of the rows, positive (n_rows) [length/pressure].
+    real(dp), intent(in) :: gap(:), m(:), tolerance  !! As in `solve_proximal`.
+    logical, intent(inout) :: new(:)  !! The next active set; changed where prox is (n_rows).
+    type(iterate_t), intent(inout) :: now  !! The iterate.
+    integer, intent(inout) :: n_cycles  !! How often sets came again.
     real(dp) :: mark
     mark = mark_of_set(new)
     if (.not. any(abs(now%seen - mark) <= 0)) then
@@ -264,22 +230,17 @@ contains
 
   !> A number that tells active sets apart.
   pure real(dp) function mark_of_set(active) result(mark)
-    !> (n_rows)
-    logical, intent(in) :: active(:)
+    logical, intent(in) :: active(:)  !! (n_rows)
     integer :: i
     mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(active))], mask=active)
   end function mark_of_set
 
   !> The minimum of the energy along a step e.
   pure real(dp) function best_step(active_stiffness, stiffness, over, along, work) result(t)
-    !> W of the active rows (n_rows) [force/length].
-    real(dp), intent(in) :: active_stiffness(:)
-    !> w/(theta + prox) of all rows (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> B u - d + prox m_0 (n_rows) [length].
-    real(dp), intent(in) :: over(:)
-    !> B e (n_rows) [length].
-    real(dp), intent(in) :: along(:)
+    real(dp), intent(in) :: active_stiffness(:)  !! W of the active rows (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)  !! w/(theta + prox) of all rows (n_rows) [force/length].
+    real(dp), intent(in) :: over(:)  !! B u - d + prox m_0 (n_rows) [length].
+    real(dp), intent(in) :: along(:)  !! B e (n_rows) [length].
     !> r . e with the residual r of the linear system, which is e . (K + B^T W B) e, too [energy].
     real(dp), intent(in) :: work
     real(dp) :: low, high, curvature, slope
@@ -308,30 +269,21 @@ contains
 
     !> Derivative of the energy.
     pure real(dp) function derivative(step)
-      !> Length of the step [].
-      real(dp), intent(in) :: step
+      real(dp), intent(in) :: step  !! Length of the step [].
       derivative = slope + step*curvature + sum(stiffness*max(0.0_dp, over + step*along)*along)
     end function derivative
   end function best_step
 
   !> The residual f - K u - B^T W (B u - d + prox m_0) - R T (R^T u - alpha_k), and the norm of u.
   subroutine find_residual(system, load, shifted, centre, u, r, y, norm)
-    !> The bodies, the active rows and the springs.
-    class(proximal_system_t), intent(in) :: system
-    !> f (n) [force].
-    real(dp), intent(in), contiguous :: load(:)
-    !> d - prox m_0 (n_rows) [length].
-    real(dp), intent(in) :: shifted(:)
-    !> alpha_k, of orthonormal modes (n_modes) [length].
-    real(dp), intent(in) :: centre(:)
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> Residual (n) [force].
-    real(dp), intent(out), contiguous :: r(:)
-    !> B u (n_rows) [length].
-    real(dp), intent(out) :: y(:)
-    !> Energy norm of u [sqrt(energy)].
-    real(dp), intent(out) :: norm
+    class(proximal_system_t), intent(in) :: system  !! The bodies, the active rows and the springs.
+    real(dp), intent(in), contiguous :: load(:)  !! f (n) [force].
+    real(dp), intent(in) :: shifted(:)  !! d - prox m_0 (n_rows) [length].
+    real(dp), intent(in) :: centre(:)  !! alpha_k, of orthonormal modes (n_modes) [length].
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out), contiguous :: r(:)  !! Residual (n) [force].
+    real(dp), intent(out) :: y(:)  !! B u (n_rows) [length].
+    real(dp), intent(out) :: norm  !! Energy norm of u [sqrt(energy)].
     call system%strain_forces(u, r)
     norm = system%energy_norm(u, r)
     r(:) = load - r

@@ -28,22 +28,17 @@ module dotyk_scheme_proximal_motion
   implicit none
   private
 
-  !> The springs.
-  type, public :: proximal_motion_t
+  type, public :: proximal_motion_t  !! The springs.
     !> T by bodies; of size 0 for bodies without modes, those whose modes have a stiffness, and those that ties hold
     !> (n_bodies).
     type(mode_block_t), allocatable :: stiffness(:)
-    !> alpha_k: where the feet of the springs are (n_modes) [length].
-    real(dp), allocatable :: centre(:)
-    !> T (alpha_{k+1} - alpha_k) of the last step (n_modes) [force].
-    real(dp), allocatable :: imbalance(:)
+    real(dp), allocatable :: centre(:)  !! alpha_k: where the feet of the springs are (n_modes) [length].
+    real(dp), allocatable :: imbalance(:)  !! T (alpha_{k+1} - alpha_k) of the last step (n_modes) [force].
     !> Imbalance of each body as a fraction of the forces on it, where it is more than rounding, and without what the
     !> uncertainty of the normals explains (n_bodies) [].
     real(dp), allocatable :: rest(:), excess(:)
-    !> Number of steps so far.
-    integer :: n_steps = 0
-    !> Whether T is another one than in the last step.
-    logical :: has_changed = .true.
+    integer :: n_steps = 0  !! Number of steps so far.
+    logical :: has_changed = .true.  !! Whether T is another one than in the last step.
     !> Directions of motion that are held, by bodies: rows resist them by no more than they are uncertain, or not at all.
     !> Orthonormal in the mean square displacement (modes of the body, number of directions) [].
     type(mode_block_t), allocatable, private :: held(:)
@@ -51,8 +46,7 @@ module dotyk_scheme_proximal_motion
     type(mode_block_t), allocatable, private :: loaded(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
-    !> Active rows of each body in the last step (n_bodies).
-    integer, allocatable, private :: n_active(:)
+    integer, allocatable, private :: n_active(:)  !! Active rows of each body in the last step (n_bodies).
     !> Group of bodies that ties join, of each body (n_bodies); those that ties hold (n_groups).
     integer, allocatable, private :: group(:)
     logical, allocatable, private :: is_held(:)
@@ -63,8 +57,7 @@ module dotyk_scheme_proximal_motion
     procedure :: find_undetermined => motion_find_undetermined
   end type proximal_motion_t
 
-  !> Stiffness of the springs as a fraction of that of the contact.
-  real(dp), parameter :: fraction = 1.0e-5_dp
+  real(dp), parameter :: fraction = 1.0e-5_dp  !! Stiffness of the springs as a fraction of that of the contact.
   !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
   real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-10_dp
   !> A motion goes on if its imbalance does not fall to this fraction in a step: contact resists it by less than the
@@ -80,8 +73,7 @@ module dotyk_scheme_proximal_motion
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
-  !> Steps at most.
-  integer, parameter :: most_steps = 60
+  integer, parameter :: most_steps = 60  !! Steps at most.
   !> Motions of several bodies together are looked for among so many modes at most; the eigenvectors of more would take
   !> longer than the contact.
   integer, parameter :: most_modes = 300
@@ -91,14 +83,11 @@ contains
   !> The first springs, with their feet at given amplitudes.
   subroutine motion_init(self, qp, foundation, active, alpha)
     class(proximal_motion_t), intent(out) :: self
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
     !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
     real(dp), intent(in) :: foundation(:)
-    !> Rows that are expected to be active (n_rows).
-    logical, intent(in) :: active(:)
-    !> (n_modes) [length]
-    real(dp), intent(in) :: alpha(:)
+    logical, intent(in) :: active(:)  !! Rows that are expected to be active (n_rows).
+    real(dp), intent(in) :: alpha(:)  !! (n_modes) [length]
     integer :: b
     call find_held_groups(qp, foundation, self%group, self%is_held)
     associate (n_bodies => size(qp%block))
@@ -121,16 +110,12 @@ contains
 
   !> The first springs of a body.
   pure function springs_of(qp, b, foundation, active) result(stiffness)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Stiffness of the foundation (n_rows) [force/length].
-    real(dp), intent(in) :: foundation(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: foundation(:)  !! Stiffness of the foundation (n_rows) [force/length].
     !> Rows that the stiffness of the contact is that of; all of the body if it has none of them (n_rows).
     logical, intent(in) :: active(:)
-    !> (modes of the body, the same) [force/length]
-    real(dp), allocatable :: stiffness(:, :)
+    real(dp), allocatable :: stiffness(:, :)  !! (modes of the body, the same) [force/length]
     real(dp) :: contact
     integer :: j
     associate (row => qp%block(b)%row, first => qp%coarse%first(b), n => qp%coarse%first(b + 1) - qp%coarse%first(b))
@@ -152,14 +137,10 @@ contains
   !> Motions of a body that all its rows together resist by no more than they are uncertain: the spin of a ball, rolling
   !> along a groove. Springs against rotations carry moments alone.
   subroutine find_uncertain(qp, b, foundation, springs, direction, loaded)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Stiffness of the foundation (n_rows) [force/length].
-    real(dp), intent(in) :: foundation(:)
-    !> The springs of the body (modes, modes) [force/length].
-    real(dp), intent(in) :: springs(:, :)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: foundation(:)  !! Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: springs(:, :)  !! The springs of the body (modes, modes) [force/length].
     !> Orthonormal in the mean square displacement (modes, number of directions) [].
     real(dp), allocatable, intent(out) :: direction(:, :)
     !> The same, rotations about the centre (modes, number of directions) [].
@@ -206,17 +187,14 @@ contains
   pure subroutine hold(direction, springs)
     !> Orthonormal in the mean square displacement (modes, number of directions) [].
     real(dp), intent(in) :: direction(:, :)
-    !> Its first springs in; stiffer on return (modes, modes) [force/length].
-    real(dp), intent(inout) :: springs(:, :)
+    real(dp), intent(inout) :: springs(:, :)  !! Its first springs in; stiffer on return (modes, modes) [force/length].
     if (size(direction) > 0) springs = springs + stiff_part(direction, springs)/fraction
   end subroutine hold
 
   !> The part of springs that acts in some directions.
   pure function stiff_part(direction, springs) result(part)
-    !> As in `hold`.
-    real(dp), intent(in) :: direction(:, :)
-    !> As stiff in all of these directions (modes, modes) [force/length].
-    real(dp), intent(in) :: springs(:, :)
+    real(dp), intent(in) :: direction(:, :)  !! As in `hold`.
+    real(dp), intent(in) :: springs(:, :)  !! As stiff in all of these directions (modes, modes) [force/length].
     real(dp) :: part(size(springs, 1), size(springs, 1))
     real(dp) :: force(size(springs, 1), size(direction, 2))
     force = matmul(springs, direction)
@@ -226,10 +204,8 @@ contains
   !> The QP with the springs, of which nothing else may change between the steps.
   subroutine motion_apply(self, qp, with_springs)
     class(proximal_motion_t), intent(in) :: self
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Its copy; gets stiffness and resultants of the springs.
-    type(contact_qp_t), intent(inout) :: with_springs
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    type(contact_qp_t), intent(inout) :: with_springs  !! Its copy; gets stiffness and resultants of the springs.
     type(coarse_space_t) :: coarse
     integer :: b
     coarse = qp%coarse
@@ -255,16 +231,11 @@ contains
   !> Move the feet of the springs to the bodies, and decide whether they are to be moved again.
   subroutine motion_advance(self, qp, foundation, lambda, alpha, active, done)
     class(proximal_motion_t), intent(inout) :: self
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Stiffness of the foundation (n_rows) [force/length].
-    real(dp), intent(in) :: foundation(:)
-    !> Contact forces with the springs (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Amplitudes with the springs (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Active rows (n_rows).
-    logical, intent(in) :: active(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    real(dp), intent(in) :: foundation(:)  !! Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: lambda(:)  !! Contact forces with the springs (n_rows) [force].
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes with the springs (n_modes) [length].
+    logical, intent(in) :: active(:)  !! Active rows (n_rows).
     !> Whether all bodies are in equilibrium, or contact does not determine what they go on doing.
     logical, intent(out) :: done
     real(dp) :: before(size(alpha)), step(size(alpha)), force(size(alpha))
@@ -404,8 +375,7 @@ contains
     !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact is.
     !> False where they are so already.
     logical function may_change(stiffer) result(may)
-      !> Whether they become stiffer.
-      logical, intent(in) :: stiffer
+      logical, intent(in) :: stiffer  !! Whether they become stiffer.
       real(dp), allocatable :: first_springs(:, :)
       real(dp) :: along, at_first, next
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, springs => self%stiffness(b)%value)
@@ -434,14 +404,10 @@ contains
   !> uncertain.
   subroutine motion_find_undetermined(self, qp, foundation, active, motion)
     class(proximal_motion_t), intent(in) :: self
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Stiffness of the foundation (n_rows) [force/length].
-    real(dp), intent(in) :: foundation(:)
-    !> Active rows (n_rows).
-    logical, intent(in) :: active(:)
-    !> As columns of amplitudes; the largest one of each is 1.
-    type(mode_columns_t), intent(out) :: motion
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    real(dp), intent(in) :: foundation(:)  !! Stiffness of the foundation (n_rows) [force/length].
+    logical, intent(in) :: active(:)  !! Active rows (n_rows).
+    type(mode_columns_t), intent(out) :: motion  !! As columns of amplitudes; the largest one of each is 1.
     integer :: b, g
     if (qp%coarse%n <= most_modes) then
       call find_of(self, qp, foundation, active, [(b, b=1, size(qp%block))], motion)
@@ -455,16 +421,11 @@ contains
   !> Undetermined motions of some bodies, the others at rest.
   subroutine find_of(self, qp, foundation, active, body, motion)
     type(proximal_motion_t), intent(in) :: self
-    !> As in `find_undetermined`.
-    type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [force/length]
-    real(dp), intent(in) :: foundation(:)
-    !> (n_rows)
-    logical, intent(in) :: active(:)
-    !> The bodies.
-    integer, intent(in) :: body(:)
-    !> Gets their motions.
-    type(mode_columns_t), intent(inout) :: motion
+    type(contact_qp_t), intent(in) :: qp  !! As in `find_undetermined`.
+    real(dp), intent(in) :: foundation(:)  !! (n_rows) [force/length]
+    logical, intent(in) :: active(:)  !! (n_rows)
+    integer, intent(in) :: body(:)  !! The bodies.
+    type(mode_columns_t), intent(inout) :: motion  !! Gets their motions.
     type(error_t), allocatable :: error
     real(dp), allocatable :: g(:, :), d(:, :), weak(:, :), root(:, :), null_space(:, :), values(:), vectors(:, :)
     real(dp), allocatable :: alpha(:)
@@ -529,18 +490,12 @@ contains
 
   !> Some rows of successive modes, by the root of their stiffness.
   pure subroutine rows_of(qp, block, row, foundation, before, n, g)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Rows by bodies (n_bodies) [].
-    type(mode_block_t), intent(in) :: block(:)
-    !> The rows (n_rows of g).
-    integer, intent(in) :: row(:)
-    !> Stiffness of all rows (n_rows) [force/length].
-    real(dp), intent(in) :: foundation(:)
-    !> Modes before the first one, and number of modes.
-    integer, intent(in) :: before, n
-    !> (rows, n) [sqrt(force/length)]
-    real(dp), allocatable, intent(out) :: g(:, :)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    type(mode_block_t), intent(in) :: block(:)  !! Rows by bodies (n_bodies) [].
+    integer, intent(in) :: row(:)  !! The rows (n_rows of g).
+    real(dp), intent(in) :: foundation(:)  !! Stiffness of all rows (n_rows) [force/length].
+    integer, intent(in) :: before, n  !! Modes before the first one, and number of modes.
+    real(dp), allocatable, intent(out) :: g(:, :)  !! (rows, n) [sqrt(force/length)]
     integer :: i, k, b
     allocate (g(size(row), n), source=0.0_dp)
     do i = 1, size(row)
@@ -557,12 +512,9 @@ contains
 
   !> How uncertain the displacements of the rows by a motion are.
   pure subroutine find_uncertainty(qp, alpha, z)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> The motion (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n_rows) [length]
-    real(dp), intent(out) :: z(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    real(dp), intent(in) :: alpha(:)  !! The motion (n_modes) [length].
+    real(dp), intent(out) :: z(:)  !! (n_rows) [length]
     integer :: b, j
     z = 0
     if (.not. allocated(qp%coarse%deviation)) return

@@ -18,24 +18,17 @@ module dotyk_scheme_proximal_system
   implicit none
   private
 
-  !> How a solve went.
-  type, public :: solve_outcome_t
-    !> Iterations.
-    integer :: steps = 0
+  type, public :: solve_outcome_t  !! How a solve went.
+    integer :: steps = 0  !! Iterations.
     !> Last residual in the norm of the preconditioner, about the error in the energy norm [sqrt(energy)].
     real(dp) :: residual = 0
-    !> Whether the preconditioner is no positive one for this right-hand side.
-    logical :: has_failed = .false.
+    logical :: has_failed = .false.  !! Whether the preconditioner is no positive one for this right-hand side.
   end type solve_outcome_t
 
-  !> The systems.
-  type, abstract, public :: proximal_system_t
-    !> Number of unknowns, of this rank.
-    integer :: n = 0
-    !> Number of contact rows.
-    integer :: n_rows = 0
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), allocatable :: stiffness(:)
+  type, abstract, public :: proximal_system_t  !! The systems.
+    integer :: n = 0  !! Number of unknowns, of this rank.
+    integer :: n_rows = 0  !! Number of contact rows.
+    real(dp), allocatable :: stiffness(:)  !! W; zero where not active (n_rows) [force/length].
     !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
     type(mode_block_t), allocatable :: spring(:)
     !> The proximal term as a fraction of the compliance of the rows (`row_compliance`) [].
@@ -43,45 +36,30 @@ module dotyk_scheme_proximal_system
     !> Energy norm of a displacement that the unknown one is added to: the norm of the sum is not less than the
     !> difference of both [sqrt(energy)].
     real(dp) :: norm_0 = 0
-    !> Gaps of the rows, less their displacement where u is zero (n_rows) [length].
-    real(dp), allocatable :: gap(:)
+    real(dp), allocatable :: gap(:)  !! Gaps of the rows, less their displacement where u is zero (n_rows) [length].
     !> Loads and forces of prescribed displacements, as far as u carries them (n) [force].
     real(dp), allocatable :: load(:)
-    !> Error of bodies that touch no other, at most [sqrt(energy)].
-    real(dp) :: error_of_isolated = 0
+    real(dp) :: error_of_isolated = 0  !! Error of bodies that touch no other, at most [sqrt(energy)].
     !> Whether the systems are made for the rows of a working set, so that it is worth screening others.
     logical :: is_for_rows = .false.
-    !> Iterations so far, and at most [].
-    integer :: n_iterations = 0, most_iterations = huge(1)
+    integer :: n_iterations = 0, most_iterations = huge(1)  !! Iterations so far, and at most [].
   contains
     procedure :: take_rows => system_take_rows
     procedure :: start => system_start
     procedure :: find_penetrations => system_find_penetrations
     procedure :: find_terms => system_find_terms
-    !> Choose active rows and springs, and prepare the solver.
-    procedure(set_active), deferred :: set_active
-    !> Solve.
-    procedure(solve), deferred :: solve
-    !> f = K u.
-    procedure(strain_forces), deferred :: strain_forces
-    !> y = B u.
-    procedure(row_displacement), deferred :: row_displacement
-    !> r := r - B^T lambda.
-    procedure(subtract_row_force), deferred :: subtract_row_force
-    !> R^T f.
-    procedure(resultants), deferred :: resultants
-    !> u := u + R alpha.
-    procedure(add_modes), deferred :: add_modes
-    !> Compliance of each row in a coarse space or a smoother.
-    procedure(row_compliance), deferred :: row_compliance
-    !> Whether rows have no free unknown.
-    procedure(is_rigid_row), deferred :: is_rigid_row
-    !> Scalar product.
-    procedure(inner_product), deferred :: product
-    !> sqrt(r^T K^+ r), at most.
-    procedure(force_norm), deferred :: force_norm
-    !> Displacements g that close gaps, as in `dotyk_scheme_gap_closing`.
-    procedure(close_gaps), deferred :: close_gaps
+    procedure(set_active), deferred :: set_active  !! Choose active rows and springs, and prepare the solver.
+    procedure(solve), deferred :: solve  !! Solve.
+    procedure(strain_forces), deferred :: strain_forces  !! f = K u.
+    procedure(row_displacement), deferred :: row_displacement  !! y = B u.
+    procedure(subtract_row_force), deferred :: subtract_row_force  !! r := r - B^T lambda.
+    procedure(resultants), deferred :: resultants  !! R^T f.
+    procedure(add_modes), deferred :: add_modes  !! u := u + R alpha.
+    procedure(row_compliance), deferred :: row_compliance  !! Compliance of each row in a coarse space or a smoother.
+    procedure(is_rigid_row), deferred :: is_rigid_row  !! Whether rows have no free unknown.
+    procedure(inner_product), deferred :: product  !! Scalar product.
+    procedure(force_norm), deferred :: force_norm  !! sqrt(r^T K^+ r), at most.
+    procedure(close_gaps), deferred :: close_gaps  !! Displacements g that close gaps, as in `dotyk_scheme_gap_closing`.
     !> The diagonal of B D^{-1} B^T, D the diagonal blocks of the smoother.
     procedure(row_compliance), deferred :: smoother_compliance
     procedure :: spring_force => system_spring_force
@@ -94,10 +72,8 @@ module dotyk_scheme_proximal_system
     subroutine set_active(self, stiffness, spring, error)
       import :: proximal_system_t, mode_block_t, error_t, dp
       class(proximal_system_t), target, intent(inout) :: self
-      !> W; zero where not active (n_rows) [force/length].
-      real(dp), intent(in) :: stiffness(:)
-      !> T; of size 0 for bodies without modes (n_bodies) [force/length].
-      type(mode_block_t), intent(in) :: spring(:)
+      real(dp), intent(in) :: stiffness(:)  !! W; zero where not active (n_rows) [force/length].
+      type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without modes (n_bodies) [force/length].
       !> Allocated where a number is not finite, memory runs out, or PETSc fails.
       type(error_t), allocatable, intent(out) :: error
     end subroutine set_active
@@ -106,120 +82,93 @@ module dotyk_scheme_proximal_system
     subroutine solve(self, r, aim, most_steps, e, outcome, error)
       import :: proximal_system_t, solve_outcome_t, error_t, dp
       class(proximal_system_t), target, intent(inout) :: self
-      !> Forces (n) [force].
-      real(dp), intent(inout), contiguous :: r(:)
-      !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
-      real(dp), intent(in) :: aim
-      !> Iterations at most.
-      integer, intent(in) :: most_steps
-      !> Displacements (n) [length].
-      real(dp), intent(inout), contiguous :: e(:)
-      !> How it went.
-      type(solve_outcome_t), intent(out) :: outcome
-      !> Allocated where PETSc fails.
-      type(error_t), allocatable, intent(out) :: error
+      real(dp), intent(inout), contiguous :: r(:)  !! Forces (n) [force].
+      real(dp), intent(in) :: aim  !! Residual in the norm of the preconditioner to end at [sqrt(energy)].
+      integer, intent(in) :: most_steps  !! Iterations at most.
+      real(dp), intent(inout), contiguous :: e(:)  !! Displacements (n) [length].
+      type(solve_outcome_t), intent(out) :: outcome  !! How it went.
+      type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     end subroutine solve
 
     !> f = K u.
     subroutine strain_forces(self, u, f)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Displacements (n) [length].
-      real(dp), intent(in), contiguous :: u(:)
-      !> (n) [force]
-      real(dp), intent(out), contiguous :: f(:)
+      real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+      real(dp), intent(out), contiguous :: f(:)  !! (n) [force]
     end subroutine strain_forces
 
     !> y = B u.
     subroutine row_displacement(self, u, y)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Displacements (n) [length].
-      real(dp), intent(in), contiguous :: u(:)
-      !> (n_rows) [length]
-      real(dp), intent(out) :: y(:)
+      real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+      real(dp), intent(out) :: y(:)  !! (n_rows) [length]
     end subroutine row_displacement
 
     !> r := r - B^T lambda.
     subroutine subtract_row_force(self, lambda, r)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Contact forces (n_rows) [force].
-      real(dp), intent(in) :: lambda(:)
-      !> (n) [force]
-      real(dp), intent(inout), contiguous :: r(:)
+      real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
+      real(dp), intent(inout), contiguous :: r(:)  !! (n) [force]
     end subroutine subtract_row_force
 
     !> R^T f.
     function resultants(self, f) result(resultant)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Forces (n) [force].
-      real(dp), intent(in), contiguous :: f(:)
-      !> On the rigid body modes (n_modes) [force].
-      real(dp), allocatable :: resultant(:)
+      real(dp), intent(in), contiguous :: f(:)  !! Forces (n) [force].
+      real(dp), allocatable :: resultant(:)  !! On the rigid body modes (n_modes) [force].
     end function resultants
 
     !> u := u + R alpha.
     subroutine add_modes(self, alpha, u)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Amplitudes (n_modes) [length].
-      real(dp), intent(in) :: alpha(:)
-      !> Displacements (n) [length].
-      real(dp), intent(inout), contiguous :: u(:)
+      real(dp), intent(in) :: alpha(:)  !! Amplitudes (n_modes) [length].
+      real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     end subroutine add_modes
 
     !> Compliance of each row.
     pure function row_compliance(self) result(compliance)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> (n_rows) [length/force]
-      real(dp) :: compliance(self%n_rows)
+      real(dp) :: compliance(self%n_rows)  !! (n_rows) [length/force]
     end function row_compliance
 
     !> Whether rows have no free unknown.
     pure function is_rigid_row(self) result(is_rigid)
       import :: proximal_system_t
       class(proximal_system_t), intent(in) :: self
-      !> (n_rows)
-      logical :: is_rigid(self%n_rows)
+      logical :: is_rigid(self%n_rows)  !! (n_rows)
     end function is_rigid_row
 
     !> Scalar product, over all ranks.
     real(dp) function inner_product(self, a, b) result(product)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Vectors (n) [any].
-      real(dp), intent(in), contiguous :: a(:), b(:)
+      real(dp), intent(in), contiguous :: a(:), b(:)  !! Vectors (n) [any].
     end function inner_product
 
     !> sqrt(r^T K^+ r) of forces without their resultants on the rigid body modes, at most [sqrt(energy)].
     real(dp) function force_norm(self, r) result(norm)
       import :: proximal_system_t, dp
       class(proximal_system_t), intent(inout) :: self
-      !> Forces; without resultants on return (n) [force].
-      real(dp), intent(inout), contiguous :: r(:)
+      real(dp), intent(inout), contiguous :: r(:)  !! Forces; without resultants on return (n) [force].
     end function force_norm
 
     !> Close the gaps of some rows.
     subroutine close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
       import :: proximal_system_t, error_t, dp
       class(proximal_system_t), intent(in) :: self
-      !> Rows to close (n_rows).
-      logical, intent(in) :: chosen(:)
-      !> Gaps to close (n_rows) [length].
-      real(dp), intent(in) :: gap(:)
-      !> theta/w (n_rows) [length/force].
-      real(dp), intent(in) :: softness(:)
-      !> Fraction of the diagonal that is added [].
-      real(dp), intent(in) :: shift
-      !> B g, of all rows (n_rows) [length].
-      real(dp), intent(out) :: closed(:)
-      !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
-      real(dp), intent(out) :: norm
-      !> Allocated where a number is not finite, or memory runs out.
-      type(error_t), allocatable, intent(out) :: error
+      logical, intent(in) :: chosen(:)  !! Rows to close (n_rows).
+      real(dp), intent(in) :: gap(:)  !! Gaps to close (n_rows) [length].
+      real(dp), intent(in) :: softness(:)  !! theta/w (n_rows) [length/force].
+      real(dp), intent(in) :: shift  !! Fraction of the diagonal that is added [].
+      real(dp), intent(out) :: closed(:)  !! B g, of all rows (n_rows) [length].
+      real(dp), intent(out) :: norm  !! Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+      type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     end subroutine close_gaps
   end interface
 
@@ -228,8 +177,7 @@ contains
   !> Take the rows of a QP: systems that are not made for rows have all rows.
   subroutine system_take_rows(self, qp)
     class(proximal_system_t), target, intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     associate (not_needed => [self%n_rows, qp%n_rows])
     end associate
   end subroutine system_take_rows
@@ -237,16 +185,11 @@ contains
   !> Pressures and displacements where the iteration begins: at rest.
   subroutine system_start(self, qp, theta, warm, m, u)
     class(proximal_system_t), intent(inout) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Whether there are pressures.
-    logical, intent(in) :: warm
-    !> Pressures, changed unless there are some (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
-    !> Displacements (n) [length].
-    real(dp), intent(inout), contiguous :: u(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: warm  !! Whether there are pressures.
+    real(dp), intent(inout) :: m(:)  !! Pressures, changed unless there are some (n_rows) [pressure].
+    real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     if (.not. warm) m = 0
     u(:) = 0
     associate (not_needed => [self%n, qp%n_rows, size(theta)])
@@ -256,12 +199,9 @@ contains
   !> Penetrations of all rows of a QP, of which those of the system may be a part.
   subroutine system_find_penetrations(self, qp, u, y)
     class(proximal_system_t), intent(in) :: self
-    !> All rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> (n_rows) [length]
-    real(dp), intent(out) :: y(:)
+    type(contact_qp_t), intent(in) :: qp  !! All rows.
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(out) :: y(:)  !! (n_rows) [length]
     call self%row_displacement(u, y)
     y = y - self%gap
     associate (not_needed => qp%n_rows)
@@ -271,10 +211,8 @@ contains
   !> Strain energy and work of the loads, where the displacements tell them more accurately than the QP does.
   subroutine system_find_terms(self, u, terms)
     class(proximal_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> Not changed otherwise (2) [energy].
-    real(dp), allocatable, intent(inout) :: terms(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), allocatable, intent(inout) :: terms(:)  !! Not changed otherwise (2) [energy].
     associate (not_needed => [self%n, size(u)], nor => allocated(terms))
     end associate
   end subroutine system_find_terms
@@ -282,20 +220,16 @@ contains
   !> T alpha.
   pure function system_spring_force(self, alpha) result(force)
     class(proximal_system_t), intent(in) :: self
-    !> Amplitudes (n_modes) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> (n_modes) [force]
-    real(dp) :: force(size(alpha))
+    real(dp), intent(in) :: alpha(:)  !! Amplitudes (n_modes) [length].
+    real(dp) :: force(size(alpha))  !! (n_modes) [force]
     force = multiply_springs(self%spring, alpha)
   end function system_spring_force
 
   !> Energy norm of the displacements [sqrt(energy)].
   real(dp) function system_energy_norm(self, u, f) result(norm)
     class(proximal_system_t), intent(in) :: self
-    !> Displacements (n) [length].
-    real(dp), intent(in), contiguous :: u(:)
-    !> K u (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
+    real(dp), intent(in), contiguous :: f(:)  !! K u (n) [force].
     norm = sqrt(max(0.0_dp, self%product(u, f)))
     norm = max(norm, self%norm_0 - norm)
   end function system_energy_norm

@@ -13,10 +13,8 @@ contains
 
   !> The scheme with a name; for 'auto' the best one, which is the dual scheme.
   subroutine make_scheme(name, scheme)
-    !> One of `scheme_*` of dotyk_base_options.
-    integer, intent(in) :: name
-    !> The scheme of that name.
-    class(scheme_t), allocatable, intent(out) :: scheme
+    integer, intent(in) :: name  !! One of `scheme_*` of dotyk_base_options.
+    class(scheme_t), allocatable, intent(out) :: scheme  !! The scheme of that name.
     select case (name)
     case (scheme_neumann)
       allocate (neumann_t :: scheme)

@@ -17,12 +17,9 @@ module dotyk_scheme_relaxation
   !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are
   !> to dummy arguments of the procedure that has it as a local variable.
   type, extends(linear_operator_t), public :: penalty_compliance_t
-    !> C.
-    class(compliance_t), pointer :: compliance => null()
-    !> The rows.
-    type(contact_qp_t), pointer :: qp => null()
-    !> W^{1/2} Theta^{-1/2} (n_rows).
-    real(dp), allocatable :: scale(:)
+    class(compliance_t), pointer :: compliance => null()  !! C.
+    type(contact_qp_t), pointer :: qp => null()  !! The rows.
+    real(dp), allocatable :: scale(:)  !! W^{1/2} Theta^{-1/2} (n_rows).
   contains
     procedure :: apply => penalty_compliance_apply
   end type penalty_compliance_t
@@ -33,26 +30,20 @@ module dotyk_scheme_relaxation
   !> is too long.
   real(dp), parameter, public :: lambda_max_unknown = 1.0e100_dp
 
-  !> Relative residual at which the Ritz value is taken for converged.
-  real(dp), parameter :: tolerance = 1.0e-2_dp
+  real(dp), parameter :: tolerance = 1.0e-2_dp  !! Relative residual at which the Ritz value is taken for converged.
   !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
   real(dp), parameter :: margin = 1.02_dp
-  !> Lanczos steps at most.
-  integer, parameter :: most_steps = 100
+  integer, parameter :: most_steps = 100  !! Lanczos steps at most.
 
 contains
 
   !> Upper estimate of L = lambda_max(Theta^{-1} C W), the constant D of (22) in the energy norm; j'' is not negative,
   !> equation (20). gamma = 2/(2+L) diverges already when L is short by 1.
   subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in), target :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout), target :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> L [].
-    real(dp), intent(out) :: lambda_max
+    type(contact_qp_t), intent(in), target :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout), target :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(out) :: lambda_max  !! L [].
     type(penalty_compliance_t) :: operator
     operator%qp => qp
     operator%compliance => compliance
@@ -63,10 +54,8 @@ contains
   !> Upper estimate of the largest eigenvalue of an operator, `1.02 (Ritz value + residual)`; after an interrupt
   !> `lambda_max_unknown`.
   real(dp) function upper_estimate(operator, n) result(value)
-    !> The operator, symmetric and positive semidefinite.
-    class(linear_operator_t), intent(inout) :: operator
-    !> Order of the operator.
-    integer, intent(in) :: n
+    class(linear_operator_t), intent(inout) :: operator  !! The operator, symmetric and positive semidefinite.
+    integer, intent(in) :: n  !! Order of the operator.
     real(dp) :: ritz, residual
     integer :: steps
     call largest_eigenvalue(operator, n, tolerance, most_steps, ritz, residual, steps)
@@ -76,24 +65,18 @@ contains
 
   !> y = Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2} x.
   subroutine penalty_compliance_apply(self, x, y)
-    !> The operator.
     class(penalty_compliance_t), intent(inout) :: self
-    !> Vector x (n_rows) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n_rows) [as `x`].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x (n_rows) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n_rows) [as `x`].
     call self%compliance%multiply(self%qp, self%scale*x, y)
     y = self%scale*y
   end subroutine penalty_compliance_apply
 
   !> gamma by one of the rules.
   pure real(dp) function relaxation_parameter(rule, constants, given) result(gamma)
-    !> One of `gamma_*` of dotyk_base_options.
-    integer, intent(in) :: rule
-    !> Constants of the iteration.
-    type(iteration_constants_t), intent(in) :: constants
-    !> Value for the rule `gamma_fixed` [].
-    real(dp), intent(in) :: given
+    integer, intent(in) :: rule  !! One of `gamma_*` of dotyk_base_options.
+    type(iteration_constants_t), intent(in) :: constants  !! Constants of the iteration.
+    real(dp), intent(in) :: given  !! Value for the rule `gamma_fixed` [].
     select case (rule)
     case (gamma_theory)
       gamma = constants%gamma_of_paper()
@@ -106,10 +89,8 @@ contains
 
   !> gamma and the contraction factor of the general iteration (32).
   subroutine choose_relaxation(settings, state, error)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> With the constants of the iteration; gets gamma and the factor.
-    type(solver_state_t), intent(inout) :: state
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    type(solver_state_t), intent(inout) :: state  !! With the constants of the iteration; gets gamma and the factor.
     !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
     type(error_t), allocatable, intent(out) :: error
     associate (constants => state%constants)

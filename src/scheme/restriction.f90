@@ -13,19 +13,15 @@ module dotyk_scheme_restriction
   private
   public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp
 
-  !> Means of rows below this fraction of these are rounding [].
-  real(dp), parameter :: rounding_of_means = 1.0e-13_dp
+  real(dp), parameter :: rounding_of_means = 1.0e-13_dp  !! Means of rows below this fraction of these are rounding [].
 
 contains
 
   !> The QP on some of its rows.
   subroutine restrict_qp(qp, keep, part)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Rows to keep (n_rows).
-    logical, intent(in) :: keep(:)
-    !> The QP of these rows.
-    type(contact_qp_t), intent(out) :: part
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    logical, intent(in) :: keep(:)  !! Rows to keep (n_rows).
+    type(contact_qp_t), intent(out) :: part  !! The QP of these rows.
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: group(:)
     integer :: i, n
@@ -39,16 +35,11 @@ contains
 
   !> The QP on groups of its rows.
   subroutine aggregate_qp(qp, group, n_groups, aggregated, fraction)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Group of each row; groups are numbered pair by pair (n_rows).
-    integer, intent(in) :: group(:)
-    !> Number of groups.
-    integer, intent(in) :: n_groups
-    !> The QP of the groups.
-    type(contact_qp_t), intent(out) :: aggregated
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), allocatable, intent(out) :: fraction(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    integer, intent(in) :: group(:)  !! Group of each row; groups are numbered pair by pair (n_rows).
+    integer, intent(in) :: n_groups  !! Number of groups.
+    type(contact_qp_t), intent(out) :: aggregated  !! The QP of the groups.
+    real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
     integer :: i
     call join_rows(qp, group, n_groups, aggregated, fraction)
     aggregated%level = qp%level + 1
@@ -57,18 +48,12 @@ contains
 
   !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
   subroutine aggregate_compliance(qp, compliance, group, fraction, aggregated, of_groups)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Formed at the rows of `qp`.
-    class(compliance_t), intent(in) :: compliance
-    !> Group of each row (n_rows).
-    integer, intent(in) :: group(:)
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), intent(in) :: fraction(:)
-    !> The QP of the groups.
-    type(contact_qp_t), intent(in) :: aggregated
-    !> Their compliance.
-    type(dense_compliance_t), intent(out) :: of_groups
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(in) :: compliance  !! Formed at the rows of `qp`.
+    integer, intent(in) :: group(:)  !! Group of each row (n_rows).
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    type(contact_qp_t), intent(in) :: aggregated  !! The QP of the groups.
+    type(dense_compliance_t), intent(out) :: of_groups  !! Their compliance.
     integer, allocatable :: place_of(:)
     real(dp), allocatable :: entries(:, :), half(:, :), value(:, :)
     integer :: b, i, j, n
@@ -100,12 +85,9 @@ contains
 
   !> The entries of groups whose rows have none.
   subroutine form_aggregate(aggregated, compliance, of_groups)
-    !> The QP of the groups.
-    type(contact_qp_t), intent(in) :: aggregated
-    !> Compliance operator of the bodies.
-    class(compliance_t), intent(inout) :: compliance
-    !> That of the groups.
-    type(dense_compliance_t), intent(out) :: of_groups
+    type(contact_qp_t), intent(in) :: aggregated  !! The QP of the groups.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator of the bodies.
+    type(dense_compliance_t), intent(out) :: of_groups  !! That of the groups.
     type(entries_t), allocatable :: entries(:)
     integer :: b
     call compliance%form_all(aggregated, entries)
@@ -117,14 +99,10 @@ contains
 
   !> The QP in which rows that are one are joined (`joined_row`), and its compliance.
   subroutine join_qp(qp, compliance, joined, of_joined, fraction)
-    !> With rows to join.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator of the bodies.
-    class(compliance_t), intent(inout) :: compliance
-    !> The QP.
-    type(contact_qp_t), intent(out) :: joined
-    !> Its compliance.
-    type(dense_compliance_t), intent(out) :: of_joined
+    type(contact_qp_t), intent(in) :: qp  !! With rows to join.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator of the bodies.
+    type(contact_qp_t), intent(out) :: joined  !! The QP.
+    type(dense_compliance_t), intent(out) :: of_joined  !! Its compliance.
     !> Fraction of each row in the weight of its joined row (n_rows) [].
     real(dp), allocatable, intent(out) :: fraction(:)
     integer :: b, k
@@ -143,16 +121,11 @@ contains
 
   !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
   subroutine join_rows(qp, group, n_groups, joined, fraction)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: group(:)
-    !> Number of groups.
-    integer, intent(in) :: n_groups
-    !> The QP of the groups.
-    type(contact_qp_t), intent(out) :: joined
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), allocatable, intent(out) :: fraction(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
+    integer, intent(in) :: n_groups  !! Number of groups.
+    type(contact_qp_t), intent(out) :: joined  !! The QP of the groups.
+    real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
     integer :: i, k, b
     joined%n_rows = n_groups
     joined%dimension = qp%dimension
@@ -190,16 +163,11 @@ contains
 
   !> Weighted means of values over groups.
   pure function aggregate_values(group, n_groups, fraction, value) result(mean)
-    !> Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: group(:)
-    !> Number of groups.
-    integer, intent(in) :: n_groups
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), intent(in) :: fraction(:)
-    !> Values of the rows (n_rows) [any].
-    real(dp), intent(in) :: value(:)
-    !> Of the groups (n_groups).
-    real(dp) :: mean(n_groups)
+    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
+    integer, intent(in) :: n_groups  !! Number of groups.
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    real(dp), intent(in) :: value(:)  !! Values of the rows (n_rows) [any].
+    real(dp) :: mean(n_groups)  !! Of the groups (n_groups).
     integer :: j
     mean = 0
     do j = 1, size(value)
@@ -209,16 +177,11 @@ contains
 
   !> One body's rows of B, joined.
   subroutine join_block(fine, group, n_groups, fraction, joined)
-    !> The body's rows.
-    type(contact_block_t), intent(in) :: fine
-    !> Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: group(:)
-    !> Number of groups.
-    integer, intent(in) :: n_groups
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), intent(in) :: fraction(:)
-    !> The body's groups.
-    type(contact_block_t), intent(inout) :: joined
+    type(contact_block_t), intent(in) :: fine  !! The body's rows.
+    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
+    integer, intent(in) :: n_groups  !! Number of groups.
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    type(contact_block_t), intent(inout) :: joined  !! The body's groups.
     integer, allocatable :: row(:), column(:), number(:)
     real(dp), allocatable :: value(:)
     integer :: i, k, n
@@ -248,18 +211,12 @@ contains
 
   !> The rigid body modes at the joined rows; scales and resultants are those of the bodies.
   subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: group(:)
-    !> Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), intent(in) :: fraction(:)
-    !> Joined rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Number of groups.
-    integer, intent(in) :: n_groups
-    !> The modes at the groups.
-    type(coarse_space_t), intent(out) :: coarse
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
+    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    type(contact_block_t), intent(in) :: block(:)  !! Joined rows of B (n_bodies).
+    integer, intent(in) :: n_groups  !! Number of groups.
+    type(coarse_space_t), intent(out) :: coarse  !! The modes at the groups.
     integer, allocatable :: place_of(:)
     integer :: b, i
     coarse = qp%coarse
@@ -274,14 +231,10 @@ contains
   contains
     !> Rows of one body.
     subroutine join(row, n, fine, joined)
-      !> All rows of the body (n_fine).
-      integer, intent(in) :: row(:)
-      !> Number of its groups.
-      integer, intent(in) :: n
-      !> Modes at its rows (n_fine, n_modes) [].
-      real(dp), intent(in) :: fine(:, :)
-      !> At its groups (n, n_modes) [].
-      real(dp), allocatable, intent(inout) :: joined(:, :)
+      integer, intent(in) :: row(:)  !! All rows of the body (n_fine).
+      integer, intent(in) :: n  !! Number of its groups.
+      real(dp), intent(in) :: fine(:, :)  !! Modes at its rows (n_fine, n_modes) [].
+      real(dp), allocatable, intent(inout) :: joined(:, :)  !! At its groups (n, n_modes) [].
       integer :: j
       deallocate (joined)
       allocate (joined(n, size(fine, 2)), source=0.0_dp)

@@ -18,18 +18,13 @@ contains
   !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
   !> supports.
   subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
     real(dp), allocatable, intent(inout) :: yields(:)
-    !> Active set (n_rows).
-    logical, intent(inout) :: active(:)
-    !> Grows (n_rows).
-    logical, intent(inout) :: is_rigid(:)
+    logical, intent(inout) :: active(:)  !! Active set (n_rows).
+    logical, intent(inout) :: is_rigid(:)  !! Grows (n_rows).
     real(dp), allocatable :: diagonal(:), g(:, :)
     integer, allocatable :: row(:)
     real(dp) :: largest
@@ -56,12 +51,9 @@ contains
 
   !> How much all rows yield to forces without any order, by one product: only rigid ones stay where they are.
   subroutine press_all(qp, compliance, yields)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Displacements of the rows, without sign (n_rows) [length].
-    real(dp), allocatable, intent(out) :: yields(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), allocatable, intent(out) :: yields(:)  !! Displacements of the rows, without sign (n_rows) [length].
     integer :: i
     allocate (yields(qp%n_rows))
     call compliance%multiply(qp, [(1 + 0.5_dp*sin(real(i, dp)**2), i=1, qp%n_rows)], yields)

@@ -25,26 +25,21 @@ module dotyk_scheme_robin
   implicit none
   private
 
-  !> The scheme.
-  type, extends(scheme_t), public :: robin_t
+  type, extends(scheme_t), public :: robin_t  !! The scheme.
   contains
     procedure :: solve => robin_solve
     procedure :: expected_products => robin_expected_products
   end type robin_t
 
-  !> A vector on the rows of a body.
-  type :: vector_t
-    !> (n) [length].
-    real(dp), allocatable :: value(:)
+  type :: vector_t  !! A vector on the rows of a body.
+    real(dp), allocatable :: value(:)  !! (n) [length].
   end type vector_t
 
   !> The iteration on both sides of the rows. It keeps the matrices in a pause: to make them again would cost more than
   !> many steps.
   type, extends(iteration_t) :: two_sides_t
-    !> (n_bodies).
-    type(side_t), allocatable :: side(:)
-    !> P_F (n_rows) [force/length].
-    real(dp), allocatable :: spring(:)
+    type(side_t), allocatable :: side(:)  !! (n_bodies).
+    real(dp), allocatable :: spring(:)  !! P_F (n_rows) [force/length].
     !> Penetrations by the displacements of both sides (n_rows) [length]; not allocated where there is nothing to do.
     real(dp), allocatable :: y(:)
   end type two_sides_t
@@ -56,7 +51,6 @@ contains
 
   !> The scheme forms the entries of the compliance.
   pure integer function robin_expected_products(self) result(n)
-    !> The scheme.
     class(robin_t), intent(in) :: self
     n = 0
     associate (not_needed => same_type_as(self, self))
@@ -65,18 +59,12 @@ contains
 
   !> Iterate from u_0 or the state, or continue a paused iteration.
   subroutine robin_solve(self, qp, compliance, theta, settings, monitor, state, error)
-    !> The scheme.
     class(robin_t), intent(in) :: self
-    !> Contact QP of held bodies.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters, above 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
+    type(contact_qp_t), intent(in) :: qp  !! Contact QP of held bodies.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, above 0 (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where a body's C_a is not positive semidefinite, or the rule of the paper is to end the iteration and
@@ -99,22 +87,14 @@ contains
 
   !> The first iterate: both sides have the forces of the state.
   subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Gets lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> As in `begin_iteration`.
-    type(solver_state_t), intent(inout) :: state
-    !> A `two_sides_t`.
-    class(paused_t), allocatable, intent(out) :: paused
-    !> As in `robin_solve`.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    class(monitor_t), intent(inout) :: monitor  !! Gets lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! As in `begin_iteration`.
+    class(paused_t), allocatable, intent(out) :: paused  !! A `two_sides_t`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `robin_solve`.
     type(two_sides_t), allocatable :: now
     logical :: is_first
     integer :: b
@@ -150,10 +130,8 @@ contains
 
   !> Which rows have Robin conditions.
   pure function has_robin_conditions(qp, settings) result(has)
-    !> Contact rows with their initial gaps.
-    type(contact_qp_t), intent(in) :: qp
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows with their initial gaps.
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     logical :: has(qp%n_rows)
     integer :: k
     has = .true.
@@ -167,16 +145,11 @@ contains
 
   !> The steps of (32).
   subroutine iterate(qp, theta, now, monitor, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> The sides.
-    type(two_sides_t), intent(inout) :: now
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> With constants and gamma; the mean of both sides, with its history.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(two_sides_t), intent(inout) :: now  !! The sides.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! With constants and gamma; the mean of both sides, with its history.
     real(dp) :: to_last, to_next, residual, length
     do
       call step(qp, theta, state%gamma, now, state)
@@ -192,23 +165,17 @@ contains
 
   !> Norm of displacements of all bodies from the squares of each.
   pure real(dp) function norm_of(squares)
-    !> Squares, up to rounding (n_bodies) [energy].
-    real(dp), intent(in) :: squares(:)
+    real(dp), intent(in) :: squares(:)  !! Squares, up to rounding (n_bodies) [energy].
     norm_of = sqrt(max(0.0_dp, sum(squares)))
   end function norm_of
 
   !> One step of all bodies, side by side; sums in the order of the bodies, whatever thread is first.
   subroutine step(qp, theta, gamma, now, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
-    !> The sides; know the norms of the step on return.
-    type(two_sides_t), intent(inout) :: now
-    !> Gets the mean of both sides, without tension.
-    type(solver_state_t), intent(inout) :: state
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
+    type(two_sides_t), intent(inout) :: now  !! The sides; know the norms of the step on return.
+    type(solver_state_t), intent(inout) :: state  !! Gets the mean of both sides, without tension.
     real(dp), allocatable :: force(:), mean(:)
     type(vector_t) :: z(size(now%side))
     logical :: side_by_side

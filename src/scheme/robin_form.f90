@@ -22,18 +22,14 @@ module dotyk_scheme_robin_form
   private
   public :: form_sides, find_constants
 
-  !> One body: everything is on its rows (n).
-  type, public :: side_t
+  type, public :: side_t  !! One body: everything is on its rows (n).
     !> Contact forces [force], and displacements C_a lambda by them [length] (n).
     real(dp), allocatable :: lambda(:), z(:)
-    !> C_a, and C_a^G (n, n), symmetric [length/force].
-    real(dp), allocatable :: compliance(:, :), compliance_g(:, :)
+    real(dp), allocatable :: compliance(:, :), compliance_g(:, :)  !! C_a, and C_a^G (n, n), symmetric [length/force].
     !> A factor of C_a^G = L L^T, transposed: L^T (n, n) [sqrt(length/force)]; until the constants are known.
     real(dp), allocatable :: factor(:, :)
-    !> Forces and displacements before the last step (n).
-    real(dp), allocatable :: last_lambda(:), last_z(:)
-    !> Steps so far.
-    integer :: n_steps = 0
+    real(dp), allocatable :: last_lambda(:), last_z(:)  !! Forces and displacements before the last step (n).
+    integer :: n_steps = 0  !! Steps so far.
     !> Squares of norms: K^{-1} F'_theta(u^k) in that of A, the step in that of G, and how far the mean of both sides is
     !> from u^k and from u^{k+1} in that of A [energy].
     real(dp) :: residual = 0, length = 0, to_last = 0, to_next = 0
@@ -43,10 +39,8 @@ module dotyk_scheme_robin_form
     procedure :: compare => side_compare
   end type side_t
 
-  !> A symmetric matrix as an operator.
-  type, extends(linear_operator_t) :: matrix_operator_t
-    !> (n, n).
-    real(dp), allocatable :: value(:, :)
+  type, extends(linear_operator_t) :: matrix_operator_t  !! A symmetric matrix as an operator.
+    real(dp), allocatable :: value(:, :)  !! (n, n).
   contains
     procedure :: apply => matrix_operator_apply
   end type matrix_operator_t
@@ -55,20 +49,15 @@ module dotyk_scheme_robin_form
   !> Theta^{-1} W: the spectrum is that of G^{-1} j'' for k = 0, that of G^{-1} (A + j'') for k = 1, j'' with all rows
   !> active. The pointers are to variables of the procedure that has it as a local variable.
   type, extends(linear_operator_t) :: form_operator_t
-    !> The rows.
-    type(contact_qp_t), pointer :: qp => null()
-    !> P, and P_F (n_rows) [force/length].
-    real(dp), allocatable :: penalty(:), spring(:)
-    !> Bodies with their factors (n_bodies).
-    type(side_t), pointer :: side(:) => null()
-    !> k [].
-    real(dp) :: k = 0
+    type(contact_qp_t), pointer :: qp => null()  !! The rows.
+    real(dp), allocatable :: penalty(:), spring(:)  !! P, and P_F (n_rows) [force/length].
+    type(side_t), pointer :: side(:) => null()  !! Bodies with their factors (n_bodies).
+    real(dp) :: k = 0  !! k [].
   contains
     procedure :: apply => form_operator_apply
   end type form_operator_t
 
-  !> Of the best gamma, as much as the margin of estimated eigenvalues [].
-  real(dp), parameter :: damping = 0.98_dp
+  real(dp), parameter :: damping = 0.98_dp  !! Of the best gamma, as much as the margin of estimated eigenvalues [].
   !> Steps after which displacements are computed anew from the forces: increments keep their rounding errors.
   integer, parameter :: refresh = 64
 
@@ -76,16 +65,11 @@ contains
 
   !> The compliances of all bodies, side by side; an interrupt ends it early, without matrices.
   subroutine form_sides(qp, compliance, spring, side, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows; all entries are formed.
-    class(compliance_t), intent(inout) :: compliance
-    !> P_F (n_rows) [force/length].
-    real(dp), intent(in) :: spring(:)
-    !> Bodies with their compliances, without forces (n_bodies).
-    type(side_t), allocatable, intent(out) :: side(:)
-    !> Allocated where C_a of a body is not positive semidefinite.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows; all entries are formed.
+    real(dp), intent(in) :: spring(:)  !! P_F (n_rows) [force/length].
+    type(side_t), allocatable, intent(out) :: side(:)  !! Bodies with their compliances, without forces (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where C_a of a body is not positive semidefinite.
     type(error_slot_t) :: failed(size(qp%block))
     integer :: b
     allocate (side(size(qp%block)))
@@ -109,12 +93,9 @@ contains
 
   !> C_a^G = F (I + F^T P_F F)^{-1} F^T with C_a = F F^T: positive semidefinite whatever rounding does.
   subroutine form_side(spring, side, error)
-    !> P_F on the rows of the body (n) [force/length].
-    real(dp), intent(in) :: spring(:)
-    !> With C_a; gets the rest.
-    type(side_t), intent(inout) :: side
-    !> Allocated where C_a is not positive semidefinite.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in) :: spring(:)  !! P_F on the rows of the body (n) [force/length].
+    type(side_t), intent(inout) :: side  !! With C_a; gets the rest.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where C_a is not positive semidefinite.
     real(dp), allocatable :: f(:, :), scaled(:, :), matrix(:, :), root(:, :)
     integer :: i, n
     n = size(spring)
@@ -141,16 +122,12 @@ contains
   !> over all bodies; D the largest eigenvalue of G^{-1} j'', and Lambda that of G^{-1} (A + j''). All on the
   !> safe side, as far as the estimates of the eigenvalues are.
   subroutine find_constants(qp, penalty, spring, side, constants)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in), target :: qp
-    !> P (n_rows) [force/length].
-    real(dp), intent(in) :: penalty(:)
-    !> P_F (n_rows) [force/length].
-    real(dp), intent(in) :: spring(:)
+    type(contact_qp_t), intent(in), target :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: penalty(:)  !! P (n_rows) [force/length].
+    real(dp), intent(in) :: spring(:)  !! P_F (n_rows) [force/length].
     !> Bodies with their compliances (n_bodies); without their factors on return.
     type(side_t), intent(inout), target :: side(:)
-    !> The constants.
-    type(iteration_constants_t), intent(out) :: constants
+    type(iteration_constants_t), intent(out) :: constants  !! The constants.
     type(matrix_operator_t) :: of_body
     type(form_operator_t) :: form
     real(dp) :: largest
@@ -192,24 +169,18 @@ contains
 
   !> Begin with contact forces.
   subroutine side_start(self, lambda)
-    !> The body.
     class(side_t), intent(inout) :: self
-    !> Contact forces (n) [force].
-    real(dp), intent(in) :: lambda(:)
+    real(dp), intent(in) :: lambda(:)  !! Contact forces (n) [force].
     self%lambda = lambda
     self%z = matmul(self%compliance, lambda)
   end subroutine side_start
 
   !> One step (32) of the body.
   subroutine side_advance(self, force, spring, gamma)
-    !> The body.
     class(side_t), intent(inout) :: self
-    !> W p by the last penetrations (n) [force].
-    real(dp), intent(in) :: force(:)
-    !> P_F on its rows (n) [force/length].
-    real(dp), intent(in) :: spring(:)
-    !> Relaxation parameter [].
-    real(dp), intent(in) :: gamma
+    real(dp), intent(in) :: force(:)  !! W p by the last penetrations (n) [force].
+    real(dp), intent(in) :: spring(:)  !! P_F on its rows (n) [force/length].
+    real(dp), intent(in) :: gamma  !! Relaxation parameter [].
     real(dp) :: r(size(force)), g(size(force))
     self%last_lambda = self%lambda
     self%last_z = self%z
@@ -225,12 +196,9 @@ contains
 
   !> Displacements by the mean of the forces of both sides, and how far it is from the iterates of the body.
   subroutine side_compare(self, mean, z)
-    !> The body.
     class(side_t), intent(inout) :: self
-    !> Mean forces (n) [force].
-    real(dp), intent(in) :: mean(:)
-    !> C_a mean (n) [length].
-    real(dp), allocatable, intent(out) :: z(:)
+    real(dp), intent(in) :: mean(:)  !! Mean forces (n) [force].
+    real(dp), allocatable, intent(out) :: z(:)  !! C_a mean (n) [length].
     z = matmul(self%compliance, mean)
     self%to_last = dot_product(mean - self%last_lambda, z - self%last_z)
     self%to_next = dot_product(mean - self%lambda, z - self%z)
@@ -238,23 +206,17 @@ contains
 
   !> y = A x.
   subroutine matrix_operator_apply(self, x, y)
-    !> The operator.
     class(matrix_operator_t), intent(inout) :: self
-    !> Vector x (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Product y (n) [operator times x].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x (n) [any].
+    real(dp), intent(out) :: y(:)  !! Product y (n) [operator times x].
     y = matmul(self%value, x)
   end subroutine matrix_operator_apply
 
   !> y = (L^T (E^T P E - k P_F) L + k I) x.
   subroutine form_operator_apply(self, x, y)
-    !> The operator.
     class(form_operator_t), intent(inout) :: self
-    !> Vector x, body after body (number of rows of all bodies) [sqrt(energy)].
-    real(dp), intent(in) :: x(:)
-    !> Product y (the same) [sqrt(energy)].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: x(:)  !! Vector x, body after body (number of rows of all bodies) [sqrt(energy)].
+    real(dp), intent(out) :: y(:)  !! Product y (the same) [sqrt(energy)].
     real(dp), allocatable :: s(:), force(:)
     integer :: b, before, n
     allocate (s(size(x)), force(self%qp%n_rows))

@@ -22,39 +22,28 @@ module dotyk_scheme_scheme
   integer, parameter, public :: reason_accuracy = 5  !< it does not reach the tolerance
   integer, parameter, public :: reason_parts = 6  !< ranks have parts of bodies that are not to be split
 
-  !> A scheme.
-  type, abstract, public :: scheme_t
+  type, abstract, public :: scheme_t  !! A scheme.
   contains
-    !> Solve a QP.
-    procedure(solve_interface), deferred :: solve
-    !> Whether all bodies must be held by their supports.
-    procedure :: needs_held_bodies => scheme_needs_held_bodies
+    procedure(solve_interface), deferred :: solve  !! Solve a QP.
+    procedure :: needs_held_bodies => scheme_needs_held_bodies  !! Whether all bodies must be held by their supports.
     !> Whether theta = 0 is allowed: contact without penetration.
     procedure :: allows_zero_theta => scheme_allows_zero_theta
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
     procedure :: expected_products => scheme_expected_products
-    !> Why it leaves such a QP to another one.
-    procedure :: why_not => scheme_why_not
-    !> Whether it solves such a QP for displacements.
-    procedure :: finds_displacements => scheme_finds_displacements
+    procedure :: why_not => scheme_why_not  !! Why it leaves such a QP to another one.
+    procedure :: finds_displacements => scheme_finds_displacements  !! Whether it solves such a QP for displacements.
   end type scheme_t
 
   abstract interface
     !> Solve.
     subroutine solve_interface(self, qp, compliance, theta, settings, monitor, state, error)
       import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t, dp
-      !> The scheme.
       class(scheme_t), intent(in) :: self
-      !> The rows, the initial penetration, the rigid body modes.
-      type(contact_qp_t), intent(in) :: qp
-      !> C; what entries it forms stays there.
-      class(compliance_t), intent(inout) :: compliance
-      !> Penalty parameters (n_rows) [length/pressure].
-      real(dp), intent(in) :: theta(:)
-      !> What the user chose.
-      type(solver_settings_t), intent(in) :: settings
-      !> Gets each step, and lines for the log.
-      class(monitor_t), intent(inout) :: monitor
+      type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
+      class(compliance_t), intent(inout) :: compliance  !! C; what entries it forms stays there.
+      real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+      type(solver_settings_t), intent(in) :: settings  !! What the user chose.
+      class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
       !> Where to begin if it has pressures; where the scheme ended, and how.
       type(solver_state_t), intent(inout) :: state
       !> Allocated where the settings contradict each other, the matrix of a linear system is singular or not positive
@@ -63,14 +52,12 @@ module dotyk_scheme_scheme
     end subroutine solve_interface
   end interface
 
-  !> Steps of iterative schemes, about.
-  integer, parameter :: typical_products = 300
+  integer, parameter :: typical_products = 300  !! Steps of iterative schemes, about.
 
 contains
 
   !> Whether all bodies must be held by their supports.
   pure logical function scheme_needs_held_bodies(self) result(needed)
-    !> The scheme.
     class(scheme_t), intent(in) :: self
     needed = .true.
     associate (not_needed => same_type_as(self, self))
@@ -79,7 +66,6 @@ contains
 
   !> Whether theta = 0 is allowed.
   pure logical function scheme_allows_zero_theta(self) result(allowed)
-    !> The scheme.
     class(scheme_t), intent(in) :: self
     allowed = .false.
     associate (not_needed => same_type_as(self, self))
@@ -88,7 +74,6 @@ contains
 
   !> Products one by one.
   pure integer function scheme_expected_products(self) result(n)
-    !> The scheme.
     class(scheme_t), intent(in) :: self
     n = typical_products
     associate (not_needed => same_type_as(self, self))
@@ -97,14 +82,10 @@ contains
 
   !> Why the scheme leaves a QP to another one: one of `reason_*`.
   integer function scheme_why_not(self, qp, compliance, theta) result(reason)
-    !> The scheme.
     class(scheme_t), intent(in) :: self
-    !> The rows, the initial penetration, the rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> C.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
+    class(compliance_t), intent(in) :: compliance  !! C.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     reason = reason_none
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
                               qp%n_rows == size(theta)])
@@ -114,14 +95,10 @@ contains
   !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
   !> another theta is for the scheme.
   logical function scheme_finds_displacements(self, qp, compliance, theta) result(finds)
-    !> The scheme.
     class(scheme_t), intent(in) :: self
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
-    !> C.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    class(compliance_t), intent(in) :: compliance  !! C.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = .false.
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
                               qp%n_rows == size(theta)])

@@ -38,12 +38,10 @@ module dotyk_scheme_solver_state
   type, abstract, public :: paused_t
   end type paused_t
 
-  !> The state.
-  type, public :: solver_state_t
+  type, public :: solver_state_t  !! The state.
     !> Contact pressures of the last iterate, u = u_0 - K^+ B^T W m + R alpha (n_rows) [pressure].
     real(dp), allocatable :: m(:)
-    !> B u - d of the last iterate (n_rows) [length].
-    real(dp), allocatable :: y(:)
+    real(dp), allocatable :: y(:)  !! B u - d of the last iterate (n_rows) [length].
     !> Amplitudes of the rigid body modes, body after body; of size 0 where all bodies are held [length].
     real(dp), allocatable :: alpha(:)
     !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.
@@ -60,18 +58,13 @@ module dotyk_scheme_solver_state
     !> of what [length].
     integer :: rigid_row = 0
     real(dp) :: overlap = 0, overlap_of = 0
-    !> How it ended: one of the parameters above.
-    integer :: ended = ended_limit
+    integer :: ended = ended_limit  !! How it ended: one of the parameters above.
     !> Rule that the iteration ends by where it converges: one of `stop_*` of dotyk_base_options.
     integer :: stop_rule = stop_residual
-    !> Steps done.
-    integer :: iterations = 0
-    !> Inactive rows that were screened, and never entered the working set.
-    integer :: screened = 0
-    !> Relaxation parameter [].
-    real(dp) :: gamma = 0
-    !> Upper estimate of L; 0 where not known [].
-    real(dp) :: lambda_max = 0
+    integer :: iterations = 0  !! Steps done.
+    integer :: screened = 0  !! Inactive rows that were screened, and never entered the working set.
+    real(dp) :: gamma = 0  !! Relaxation parameter [].
+    real(dp) :: lambda_max = 0  !! Upper estimate of L; 0 where not known [].
     !> Constants of the general iteration (32); allocated by its schemes only.
     type(iteration_constants_t), allocatable :: constants
     !> Contraction factor per step that the theory promises at worst (sharp), and the one that was measured at the end
@@ -81,15 +74,12 @@ module dotyk_scheme_solver_state
     real(dp) :: error_bound = 0, error_bound_paper = 0
     !> Whether it is guaranteed but for rounding; not where it rests on a constant that was measured.
     logical :: bound_is_guaranteed = .true.
-    !> F_theta [energy].
-    real(dp) :: energy = 0
+    real(dp) :: energy = 0  !! F_theta [energy].
     !> Strain energy and work of the loads of the displacements, where the scheme has these: the terms of F_theta with
     !> which its error is one of second order (2) [energy].
     real(dp), allocatable :: terms(:)
-    !> Largest penetration [length].
-    real(dp) :: max_penetration = 0
-    !> Step by step.
-    type(history_t) :: history
+    real(dp) :: max_penetration = 0  !! Largest penetration [length].
+    type(history_t) :: history  !! Step by step.
     !> Allocated where the scheme ended with `ended_time` in the middle of an iteration: its next call continues with
     !> the same iterates as without the interruption.
     class(paused_t), allocatable :: paused
@@ -105,7 +95,6 @@ contains
 
   !> Whether the solution is one to the tolerance.
   pure logical function state_has_converged(self) result(has_converged)
-    !> The state.
     class(solver_state_t), intent(in) :: self
     has_converged = self%ended == ended_converged
   end function state_has_converged
@@ -121,12 +110,10 @@ contains
   !> rule other than the bound ended the iteration, the bound decides whether the iterate is a solution: an increment is
   !> small where gamma is, at any distance.
   subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
-    !> The state.
     class(solver_state_t), intent(inout) :: self
     !> Relative, in the energy norm: of this solution, and of any displacements that are stored in double precision [].
     real(dp), intent(in) :: rounding, unavoidable
-    !> Tolerance of the scheme [].
-    real(dp), intent(in) :: tolerance
+    real(dp), intent(in) :: tolerance  !! Tolerance of the scheme [].
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
     if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) &
       self%ended = merge(ended_stalled, ended_solves, self%bound_is_guaranteed)
@@ -137,8 +124,7 @@ contains
 
   !> How an iteration ended, in one word for the results file.
   pure function ending_name(ended) result(name)
-    !> One of the parameters above.
-    integer, intent(in) :: ended
+    integer, intent(in) :: ended  !! One of the parameters above.
     character(:), allocatable :: name
     select case (ended)
     case (ended_converged)

@@ -16,18 +16,12 @@ module dotyk_scheme_stopping
   implicit none
   private
 
-  !> What the user may choose for a scheme.
-  type, public :: solver_settings_t
-    !> Rule for gamma, one of `gamma_*` of dotyk_base_options.
-    integer :: gamma_rule = default_gamma_rule
-    !> gamma for the rule `gamma_fixed` [].
-    real(dp) :: gamma = 0
-    !> Rule that ends the iteration, one of `stop_*` of dotyk_base_options.
-    integer :: stop_rule = default_stop_rule
-    !> Tolerance of that rule, relative, in the energy norm [].
-    real(dp) :: tolerance = default_tolerance
-    !> Steps at most.
-    integer :: max_iterations = default_max_iterations
+  type, public :: solver_settings_t  !! What the user may choose for a scheme.
+    integer :: gamma_rule = default_gamma_rule  !! Rule for gamma, one of `gamma_*` of dotyk_base_options.
+    real(dp) :: gamma = 0  !! gamma for the rule `gamma_fixed` [].
+    integer :: stop_rule = default_stop_rule  !! Rule that ends the iteration, one of `stop_*` of dotyk_base_options.
+    real(dp) :: tolerance = default_tolerance  !! Tolerance of that rule, relative, in the energy norm [].
+    integer :: max_iterations = default_max_iterations  !! Steps at most.
     !> Wall time after which an iteration pauses with `ended_time`, after one step at least [s].
     real(dp) :: time_limit = huge(1.0_dp)
     !> How the linear systems of active sets are solved: one of `linear_solver_*`.
@@ -37,22 +31,15 @@ module dotyk_scheme_stopping
     real(dp), allocatable :: robin_gap(:)
   end type solver_settings_t
 
-  !> Watches an iteration.
-  type, public :: stopping_t
-    !> Settings of the user; limits are those of the last continuation.
-    type(solver_settings_t), private :: settings
+  type, public :: stopping_t  !! Watches an iteration.
+    type(solver_settings_t), private :: settings  !! Settings of the user; limits are those of the last continuation.
     !> Wall time that counts as the start of the history, and that of the start or of the last continuation [s].
     real(dp), private :: start = 0, resumed = 0
-    !> Steps of this iteration.
-    integer, private :: step = 0
-    !> Shortest step so far [sqrt(energy)].
-    real(dp), private :: shortest = huge(1.0_dp)
-    !> Best measure so far [].
-    real(dp), private :: best = huge(1.0_dp)
-    !> Step of the best measure.
-    integer, private :: best_step = 0
-    !> Steps without any gain after which rounding is to blame.
-    integer, private :: patience = 200
+    integer, private :: step = 0  !! Steps of this iteration.
+    real(dp), private :: shortest = huge(1.0_dp)  !! Shortest step so far [sqrt(energy)].
+    real(dp), private :: best = huge(1.0_dp)  !! Best measure so far [].
+    integer, private :: best_step = 0  !! Step of the best measure.
+    integer, private :: patience = 200  !! Steps without any gain after which rounding is to blame.
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
@@ -61,8 +48,7 @@ module dotyk_scheme_stopping
 
   !> An iteration that can pause. Schemes whose steps depend on more than the last iterate extend it by that.
   type, extends(paused_t), public :: iteration_t
-    !> When it ends.
-    type(stopping_t) :: stopping
+    type(stopping_t) :: stopping  !! When it ends.
   end type iteration_t
 
   public :: relative, take_up
@@ -71,8 +57,7 @@ module dotyk_scheme_stopping
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
   !> Steps shorter than this fraction of ||u||_A are rounding: they can vanish by chance.
   real(dp), parameter :: shortest_step = 1.0e-10_dp
-  !> A measure counts as a gain below this fraction of the best one so far.
-  real(dp), parameter :: least_gain = 0.99_dp
+  real(dp), parameter :: least_gain = 0.99_dp  !! A measure counts as a gain below this fraction of the best one so far.
   !> Patience in multiples of the 1/(1-q) steps that a factor e takes, and its bounds.
   real(dp), parameter :: patience_factor = 10, least_patience = 200, most_patience = 1.0e9_dp
 
@@ -80,12 +65,9 @@ contains
 
   !> Begin.
   subroutine stopping_begin(self, settings, q)
-    !> The stopping criterion.
     class(stopping_t), intent(out) :: self
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> Factor per step that the theory promises; 1 or more where it promises none [].
-    real(dp), intent(in) :: q
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
+    real(dp), intent(in) :: q  !! Factor per step that the theory promises; 1 or more where it promises none [].
     self%settings = settings
     self%start = wall_time()
     self%resumed = self%start
@@ -94,12 +76,10 @@ contains
 
   !> Continue a paused iteration. Seconds of the history continue with those of its last entry.
   subroutine stopping_resume(self, settings, history)
-    !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
     !> With the limits of the continuation: max_iterations holds for the whole history.
     type(solver_settings_t), intent(in) :: settings
-    !> With at least one entry.
-    type(history_t), intent(in) :: history
+    type(history_t), intent(in) :: history  !! With at least one entry.
     self%settings%max_iterations = settings%max_iterations
     self%settings%time_limit = settings%time_limit
     self%resumed = wall_time()
@@ -108,10 +88,8 @@ contains
 
   !> Take up the iteration of a state that the time limit stopped.
   subroutine take_up(settings, state, iteration)
-    !> As in `stopping_resume`.
-    type(solver_settings_t), intent(in) :: settings
-    !> Without a paused iteration on return.
-    type(solver_state_t), intent(inout) :: state
+    type(solver_settings_t), intent(in) :: settings  !! As in `stopping_resume`.
+    type(solver_state_t), intent(inout) :: state  !! Without a paused iteration on return.
     !> Not allocated where nothing is paused: a new iteration begins.
     class(paused_t), allocatable, intent(out) :: iteration
     call move_alloc(state%paused, iteration)
@@ -125,24 +103,16 @@ contains
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
                                   bound_of_paper) result(finished)
-    !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap [sqrt(energy)].
     real(dp), intent(in) :: bound
-    !> Length of the step in the norm of G [sqrt(energy)].
-    real(dp), intent(in) :: length
-    !> Whether no gain means divergence (gamma is too large) and not rounding.
-    logical, intent(in) :: diverges
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> With the new iterate m, y.
-    type(solver_state_t), intent(inout) :: state
-    !> Bound (41); absent where it means nothing [sqrt(energy)].
-    real(dp), intent(in), optional :: bound_of_paper
+    real(dp), intent(in) :: length  !! Length of the step in the norm of G [sqrt(energy)].
+    logical, intent(in) :: diverges  !! Whether no gain means divergence (gamma is too large) and not rounding.
+    class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
+    type(solver_state_t), intent(inout) :: state  !! With the new iterate m, y.
+    real(dp), intent(in), optional :: bound_of_paper  !! Bound (41); absent where it means nothing [sqrt(energy)].
     real(dp) :: norm, gap, measure, waited
     logical :: at_limit
     finished = .true.
@@ -200,10 +170,8 @@ contains
 
   !> A quotient of norms; 0 where both are 0, NaN where the value is.
   elemental real(dp) function relative(value, norm) result(ratio)
-    !> Value [any].
-    real(dp), intent(in) :: value
-    !> Norm that it is relative to [as `value`].
-    real(dp), intent(in) :: norm
+    real(dp), intent(in) :: value  !! Value [any].
+    real(dp), intent(in) :: norm  !! Norm that it is relative to [as `value`].
     if (norm > 0) then
       ratio = value/norm
     else if (ieee_is_nan(value)) then

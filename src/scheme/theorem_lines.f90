@@ -13,12 +13,9 @@ contains
 
   !> How fast the iteration will be, where it would not converge, and what Theorems 3 and 4 say of it.
   subroutine announce_relaxation(monitor, state, spectrum)
-    !> Gets lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> With constants, gamma and the factor.
-    type(solver_state_t), intent(in) :: state
-    !> The eigenvalues that rule the iteration.
-    character(*), intent(in) :: spectrum
+    class(monitor_t), intent(inout) :: monitor  !! Gets lines for the log.
+    type(solver_state_t), intent(in) :: state  !! With constants, gamma and the factor.
+    character(*), intent(in) :: spectrum  !! The eigenvalues that rule the iteration.
     character(:), allocatable :: best
     associate (constants => state%constants)
       call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//' (stability limit '// &
@@ -44,10 +41,8 @@ contains
 
   !> q of (40), without loss of digits near 1.
   function factor_of_paper(constants, gamma) result(text)
-    !> Constants of the iteration.
-    type(iteration_constants_t), intent(in) :: constants
-    !> Relaxation parameter below gamma_2 [].
-    real(dp), intent(in) :: gamma
+    type(iteration_constants_t), intent(in) :: constants  !! Constants of the iteration.
+    real(dp), intent(in) :: gamma  !! Relaxation parameter below gamma_2 [].
     character(:), allocatable :: text
     real(dp) :: q
     q = constants%contraction_of_paper(gamma)
@@ -58,8 +53,7 @@ contains
 
   !> A contraction factor; near 1 as 1 less a small number.
   function factor_text(q) result(text)
-    !> The factor [].
-    real(dp), intent(in) :: q
+    real(dp), intent(in) :: q  !! The factor [].
     character(:), allocatable :: text
     real(dp), parameter :: near_one = 1.0e-3_dp
     text = to_text(q, 6)

@@ -18,12 +18,9 @@ contains
 
   !> Groups of bodies that ties join, those without any tie each by itself, in the order of their first bodies.
   subroutine find_groups(qp, group_of, n_groups)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> Group of each body (n_bodies).
-    integer, allocatable, intent(out) :: group_of(:)
-    !> Number of groups.
-    integer, intent(out) :: n_groups
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    integer, allocatable, intent(out) :: group_of(:)  !! Group of each body (n_bodies).
+    integer, intent(out) :: n_groups  !! Number of groups.
     integer :: i, b, least, number(size(qp%block))
     logical :: changes
     group_of = [(b, b=1, size(qp%block))]
@@ -54,14 +51,11 @@ contains
 
   !> Groups of several bodies, or of one that is tied to itself, in which ties, springs and supports resist all motions.
   subroutine find_held_groups(qp, foundation, group_of, is_held)
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Stiffness of the foundation that stands for the bodies at the ties (n_rows) [force/length].
     real(dp), intent(in) :: foundation(:)
-    !> Group of each body (n_bodies).
-    integer, allocatable, intent(out) :: group_of(:)
-    !> (n_groups).
-    logical, allocatable, intent(out) :: is_held(:)
+    integer, allocatable, intent(out) :: group_of(:)  !! Group of each body (n_bodies).
+    logical, allocatable, intent(out) :: is_held(:)  !! (n_groups).
     integer, allocatable :: mode(:)
     real(dp), allocatable :: a(:, :), s(:, :), g(:, :)
     integer :: n_groups, b, i, k, n
@@ -97,8 +91,7 @@ contains
 
   !> Whether the sum of two stiffnesses resists all motions, however small the second one is beside the first.
   logical function resists_all(of_ties, of_springs) result(resists)
-    !> Symmetric (n, n) [force/length].
-    real(dp), intent(in) :: of_ties(:, :), of_springs(:, :)
+    real(dp), intent(in) :: of_ties(:, :), of_springs(:, :)  !! Symmetric (n, n) [force/length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: root(:), values(:), vectors(:, :), scaled(:, :), own(:, :)
     integer :: i, n

@@ -21,8 +21,7 @@ module dotyk_scheme_winkler_start
   private
   public :: winkler_equilibrium, find_unbounded_direction
 
-  !> Newton steps at most: a start need not be exact.
-  integer, parameter :: most_steps = 100
+  integer, parameter :: most_steps = 100  !! Newton steps at most: a start need not be exact.
   !> Newton's method ends when the largest imbalance is this fraction of the largest load: a few digits above rounding.
   real(dp), parameter :: balanced = 1.0e-12_dp
   !> Longest step: where the function is linear along a step, and a resultant of rounding errors drives it.
@@ -44,16 +43,11 @@ contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
   subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha)
-    !> Contact rows and rigid body modes, with the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> Resultants that the contact forces have to balance (qp%coarse%n) [force].
-    real(dp), intent(in) :: resultant(:)
-    !> Stiffness of the foundation at the contact points (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> Penetrations at alpha = 0 (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Amplitudes (qp%coarse%n) [length].
-    real(dp), intent(out) :: alpha(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes, with the resultants of the loads.
+    real(dp), intent(in) :: resultant(:)  !! Resultants that the contact forces have to balance (qp%coarse%n) [force].
+    real(dp), intent(in) :: stiffness(:)  !! Stiffness of the foundation at the contact points (n_rows) [force/length].
+    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
     logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
@@ -67,20 +61,13 @@ contains
 
   !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
   subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found)
-    !> Contact rows and rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> See `winkler_equilibrium` (qp%coarse%n) [force].
-    real(dp), intent(in) :: resultant(:)
-    !> Stiffness against all modes [force/length].
-    real(dp), intent(in) :: mu
-    !> Stiffness of the foundations; those of 0 do not count (n_rows) [force/length].
-    real(dp), intent(in) :: k(:)
-    !> Penetrations at alpha = 0 (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Amplitudes (qp%coarse%n) [length].
-    real(dp), intent(out) :: alpha(:)
-    !> Whether it has found them.
-    logical, intent(out) :: found
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
+    real(dp), intent(in) :: resultant(:)  !! See `winkler_equilibrium` (qp%coarse%n) [force].
+    real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
+    real(dp), intent(in) :: k(:)  !! Stiffness of the foundations; those of 0 do not count (n_rows) [force/length].
+    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
+    logical, intent(out) :: found  !! Whether it has found them.
     type(error_t), allocatable :: error
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
@@ -115,12 +102,9 @@ contains
   !> contact pressures balance, the projection of e on the motions with G alpha <= 0: `min |alpha - e|^2/2`, these
   !> conditions by a penalty.
   subroutine find_unbounded_direction(qp, motion, found)
-    !> Contact rows and rigid body modes, with the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> Amplitudes of the direction (qp%coarse%n) [].
-    real(dp), intent(out) :: motion(:)
-    !> Whether there is one: no equilibrium exists then.
-    logical, intent(out) :: found
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes, with the resultants of the loads.
+    real(dp), intent(out) :: motion(:)  !! Amplitudes of the direction (qp%coarse%n) [].
+    logical, intent(out) :: found  !! Whether there is one: no equilibrium exists then.
     type(mode_block_t), allocatable :: springs(:)
     real(dp), allocatable :: e(:), none(:), penalty(:)
     real(dp) :: length
@@ -183,20 +167,13 @@ contains
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.
   !> `find_unbounded_direction` scales the loads: all units are [] there.
   subroutine minimize(qp, e, mu, k, y, alpha, springs)
-    !> Contact rows and rigid body modes, with the resultants of the loads.
-    type(contact_qp_t), intent(in) :: qp
-    !> Resultants of the loads (qp%coarse%n) [force].
-    real(dp), intent(in) :: e(:)
-    !> Stiffness against all modes [force/length].
-    real(dp), intent(in) :: mu
-    !> Stiffness of the foundations (n_rows) [force/length].
-    real(dp), intent(in) :: k(:)
-    !> Penetrations at alpha = 0 (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Amplitudes; the start on entry (qp%coarse%n) [length].
-    real(dp), intent(inout) :: alpha(:)
-    !> S by bodies; none if not allocated (n_bodies).
-    type(mode_block_t), intent(in), allocatable :: springs(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes, with the resultants of the loads.
+    real(dp), intent(in) :: e(:)  !! Resultants of the loads (qp%coarse%n) [force].
+    real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
+    real(dp), intent(in) :: k(:)  !! Stiffness of the foundations (n_rows) [force/length].
+    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(inout) :: alpha(:)  !! Amplitudes; the start on entry (qp%coarse%n) [length].
+    type(mode_block_t), intent(in), allocatable :: springs(:)  !! S by bodies; none if not allocated (n_bodies).
     real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
     type(mode_stiffness_t) :: hessian
     type(error_t), allocatable :: error
@@ -230,10 +207,8 @@ contains
   contains
     !> Forces of mu and S against a motion.
     function resisted(motion) result(force)
-      !> Amplitudes (qp%coarse%n) [length].
-      real(dp), intent(in) :: motion(:)
-      !> (qp%coarse%n).
-      real(dp) :: force(size(motion))
+      real(dp), intent(in) :: motion(:)  !! Amplitudes (qp%coarse%n) [length].
+      real(dp) :: force(size(motion))  !! (qp%coarse%n).
       force = mu*motion
       if (allocated(springs)) force = force + multiply_blocks(qp%coarse%first, springs, motion)
     end function resisted
@@ -241,12 +216,9 @@ contains
 
   !> The matrix of bodies that share contact rows.
   subroutine couple_bodies(coarse, hessian, error)
-    !> Rigid body modes.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Its structure is made.
-    type(mode_stiffness_t), intent(inout) :: hessian
-    !> METIS or CHOLMOD has no memory.
-    type(error_t), allocatable, intent(out) :: error
+    type(coarse_space_t), intent(in) :: coarse  !! Rigid body modes.
+    type(mode_stiffness_t), intent(inout) :: hessian  !! Its structure is made.
+    type(error_t), allocatable, intent(out) :: error  !! METIS or CHOLMOD has no memory.
     integer, allocatable :: first(:), member(:)
     integer :: i, k, n
     ! The rows of a pair have the same bodies and stand together: one list for them.
@@ -268,18 +240,12 @@ contains
 
   !> mu I + S + the sum of k_i G_i G_i^T over the points under pressure.
   subroutine form_hessian(coarse, mu, k, presses, hessian, springs)
-    !> Rigid body modes.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Stiffness against all modes [force/length].
-    real(dp), intent(in) :: mu
-    !> Stiffness of the foundations (n_rows) [force/length].
-    real(dp), intent(in) :: k(:)
-    !> Points under pressure, and ties (n_rows).
-    logical, intent(in) :: presses(:)
-    !> Gets its entries.
-    type(mode_stiffness_t), intent(inout) :: hessian
-    !> S by bodies; none if not allocated (n_bodies).
-    type(mode_block_t), intent(in), allocatable :: springs(:)
+    type(coarse_space_t), intent(in) :: coarse  !! Rigid body modes.
+    real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
+    real(dp), intent(in) :: k(:)  !! Stiffness of the foundations (n_rows) [force/length].
+    logical, intent(in) :: presses(:)  !! Points under pressure, and ties (n_rows).
+    type(mode_stiffness_t), intent(inout) :: hessian  !! Gets its entries.
+    type(mode_block_t), intent(in), allocatable :: springs(:)  !! S by bodies; none if not allocated (n_bodies).
     real(dp), allocatable :: own(:, :), g_p(:, :), g_q(:, :)
     integer :: b, i, j, p, q, n
     call hessian%clear()
@@ -308,8 +274,7 @@ contains
   contains
     !> The row of the modes of one of its bodies (1, modes).
     pure function mode_rows(which) result(g)
-      !> Its number among them.
-      integer, intent(in) :: which
+      integer, intent(in) :: which  !! Its number among them.
       real(dp), allocatable :: g(:, :)
       g = coarse%block(coarse%body(which, i))%value(coarse%place(which, i):coarse%place(which, i), :)
     end function mode_rows

@@ -20,12 +20,9 @@ contains
 
   !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
   subroutine screen_rows(qp, theta, working)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Working set (n_rows).
-    logical, allocatable, intent(out) :: working(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, allocatable, intent(out) :: working(:)  !! Working set (n_rows).
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
     if (qp%n_rows == 0 .or. qp%is_heap()) return
@@ -37,10 +34,8 @@ contains
 
   !> Add rows to a working set that cannot carry the floating bodies.
   subroutine keep_what_carries(qp, working)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Working set (n_rows).
-    logical, intent(inout) :: working(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    logical, intent(inout) :: working(:)  !! Working set (n_rows).
     type(contact_qp_t) :: part
     real(dp), allocatable :: motion(:), penetration(:)
     logical :: found

@@ -46,8 +46,7 @@ contains
 
   !> Build the bodies in both ways.
   subroutine test_bodies(case)
-    !> The case.
-    type(case_t), intent(in) :: case
+    type(case_t), intent(in) :: case  !! The case.
     type(mesh_survey_t) :: survey
     type(body_t), allocatable :: body(:), expected(:)
     type(body_surfaces_t), allocatable :: surfaces(:), expected_surfaces(:)
@@ -93,10 +92,8 @@ contains
 
   !> No rank builds the bodies where one of them is wrong.
   subroutine test_fault(case, what)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> What is wrong.
-    character(*), intent(in) :: what
+    type(case_t), intent(in) :: case  !! The case.
+    character(*), intent(in) :: what  !! What is wrong.
     type(mesh_survey_t) :: survey
     type(body_t), allocatable :: body(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
@@ -112,14 +109,10 @@ contains
 
   !> All that a rank has of a body (n).
   function words(body, surfaces, modes, with_modes) result(word)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Its surfaces.
-    type(body_surfaces_t), intent(inout) :: surfaces
-    !> Its rigid body modes.
-    type(body_modes_t), intent(inout) :: modes
-    !> Whether they are found.
-    logical, intent(in) :: with_modes
+    type(body_t), intent(inout) :: body  !! The body.
+    type(body_surfaces_t), intent(inout) :: surfaces  !! Its surfaces.
+    type(body_modes_t), intent(inout) :: modes  !! Its rigid body modes.
+    logical, intent(in) :: with_modes  !! Whether they are found.
     integer(int64), allocatable :: word(:)
     type(parcel_t) :: parcel
     call body%carry(parcel)
@@ -130,18 +123,15 @@ contains
 
   !> Whether lists are the same.
   pure logical function alike(a, b)
-    !> The lists.
-    integer(int64), intent(in) :: a(:), b(:)
+    integer(int64), intent(in) :: a(:), b(:)  !! The lists.
     alike = size(a) == size(b)
     if (alike) alike = all(a == b)
   end function alike
 
   !> Count a failure.
   subroutine check(holds, what)
-    !> Whether it holds.
-    logical, intent(in) :: holds
-    !> What.
-    character(*), intent(in) :: what
+    logical, intent(in) :: holds  !! Whether it holds.
+    character(*), intent(in) :: what  !! What.
     if (holds) return
     n_failed = n_failed + 1
     write (output_unit, '(a, i0, a)') 'rank ', this_rank(), ': failed: '//what

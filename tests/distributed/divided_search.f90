@@ -25,8 +25,7 @@ program divided_search
   use test_bodies, only: box_t, curved
   implicit none
 
-  !> Numbers of a point that ranks exchange, at least [bytes].
-  real(dp), parameter :: bytes_of_point = 100
+  real(dp), parameter :: bytes_of_point = 100  !! Numbers of a point that ranks exchange, at least [bytes].
   integer :: n_failed, code
   n_failed = 0
   call start_ranks()
@@ -77,14 +76,10 @@ contains
 
   !> A pair of curved boxes, and its rows, divided and not.
   subroutine test_pair(name, kind, discretization, quadrature)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> One of `discretization_*`.
-    integer, intent(in) :: discretization
-    !> One of `quadrature_*`.
-    integer, intent(in) :: quadrature
+    character(*), intent(in) :: name  !! Of the test.
+    integer, intent(in) :: kind  !! Element kind.
+    integer, intent(in) :: discretization  !! One of `discretization_*`.
+    integer, intent(in) :: quadrature  !! One of `quadrature_*`.
     type(box_t) :: upper, lower
     type(surface_t) :: surface(2)
     type(pair_settings_t) :: settings
@@ -137,16 +132,11 @@ contains
 
   !> A pair that another rank has searched.
   subroutine test_dealt(name, dim, pair, surface, operator)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> Dimension of space.
-    integer, intent(in) :: dim
-    !> The pair, the same on all ranks.
-    type(contact_pair_t), intent(in) :: pair
-    !> Its surfaces.
-    type(surface_t), intent(in) :: surface(2)
-    !> Its rows.
-    type(contact_operator_t), intent(in) :: operator
+    character(*), intent(in) :: name  !! Of the test.
+    integer, intent(in) :: dim  !! Dimension of space.
+    type(contact_pair_t), intent(in) :: pair  !! The pair, the same on all ranks.
+    type(surface_t), intent(in) :: surface(2)  !! Its surfaces.
+    type(contact_operator_t), intent(in) :: operator  !! Its rows.
     type(contact_pair_t) :: dealt(2*n_ranks()), original
     type(contact_operator_t) :: of_dealt
     type(parcel_t), allocatable :: one, other
@@ -192,10 +182,8 @@ contains
 
   !> Boxes that overlap, divided and not.
   subroutine test_penetration(name, kind)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> Element kind.
-    integer, intent(in) :: kind
+    character(*), intent(in) :: name  !! Of the test.
+    integer, intent(in) :: kind  !! Element kind.
     type(box_t) :: upper, lower
     type(solid_t) :: solid(2)
     type(penetration_tolerance_t) :: tolerance
@@ -219,12 +207,9 @@ contains
 
   !> Two boxes with bent sides, one on the other.
   subroutine make_boxes(kind, gap, upper, lower)
-    !> Element kind.
-    integer, intent(in) :: kind
-    !> Distance of the boxes [length].
-    real(dp), intent(in) :: gap
-    !> The boxes.
-    type(box_t), intent(out) :: upper, lower
+    integer, intent(in) :: kind  !! Element kind.
+    real(dp), intent(in) :: gap  !! Distance of the boxes [length].
+    type(box_t), intent(out) :: upper, lower  !! The boxes.
     real(dp), allocatable :: turn(:, :), shift(:)
     integer :: dim, i
     call upper%init(kind, 5, curved)
@@ -242,10 +227,8 @@ contains
 
   !> Boundary of a box.
   subroutine make_solid(box, solid)
-    !> The box.
-    type(box_t), intent(in) :: box
-    !> Its boundary.
-    type(solid_t), intent(out) :: solid
+    type(box_t), intent(in) :: box  !! The box.
+    type(solid_t), intent(out) :: solid  !! Its boundary.
     type(surface_t) :: boundary
     real(dp), allocatable :: u(:, :)
     integer :: f
@@ -257,10 +240,8 @@ contains
 
   !> Two arrays must be the same to the bit.
   subroutine compare(name, one, other)
-    !> What they are.
-    character(*), intent(in) :: name
-    !> The arrays.
-    real(dp), intent(in) :: one(:), other(:)
+    character(*), intent(in) :: name  !! What they are.
+    real(dp), intent(in) :: one(:), other(:)  !! The arrays.
     logical :: same
     same = size(one) == size(other)
     if (same) same = all(abs(one - other) <= 0)
@@ -269,10 +250,8 @@ contains
 
   !> Something must hold.
   subroutine check(name, holds)
-    !> What it is.
-    character(*), intent(in) :: name
-    !> Whether it does.
-    logical, intent(in) :: holds
+    character(*), intent(in) :: name  !! What it is.
+    logical, intent(in) :: holds  !! Whether it does.
     if (holds) return
     write (output_unit, '(a, i0, 2a)') 'rank ', this_rank(), ', failed: ', name
     n_failed = n_failed + 1

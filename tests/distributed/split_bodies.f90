@@ -22,8 +22,7 @@ program split_bodies
 
   !> Tolerance of the schemes, and of pressures relative to the largest one [].
   real(dp), parameter :: tolerance = 1.0e-8_dp, accuracy = 1.0e-6_dp
-  !> Pressure on the top, and E of the blocks [pressure].
-  real(dp), parameter :: press = 0.2_dp, modulus = 2
+  real(dp), parameter :: press = 0.2_dp, modulus = 2  !! Pressure on the top, and E of the blocks [pressure].
   integer :: n_failed, code
   type(error_t), allocatable :: error
   n_failed = 0
@@ -48,14 +47,11 @@ contains
 
   !> Blocks without lateral strain under uniform pressure.
   subroutine test_uniform(name, kinds, cells, holding, theta)
-    !> Of the test.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: name  !! Of the test.
     !> Element kinds and cells, from the highest block to the lowest (n_bodies).
     integer, intent(in) :: kinds(:), cells(:)
-    !> How the blocks are held.
-    integer, intent(in) :: holding
-    !> Penalty parameter [length/pressure].
-    real(dp), intent(in) :: theta
+    integer, intent(in) :: holding  !! How the blocks are held.
+    real(dp), intent(in) :: theta  !! Penalty parameter [length/pressure].
     type(scene_settings_t) :: settings
     type(solver_state_t) :: state
     real(dp) :: in_displacement
@@ -72,12 +68,9 @@ contains
 
   !> A curved gap: the pressures of the dual scheme.
   subroutine test_curved(name, kinds, cells, holding, theta)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> As in `test_uniform`.
-    integer, intent(in) :: kinds(:), cells(:), holding
-    !> As in `test_uniform`.
-    real(dp), intent(in) :: theta
+    character(*), intent(in) :: name  !! Of the test.
+    integer, intent(in) :: kinds(:), cells(:), holding  !! As in `test_uniform`.
+    real(dp), intent(in) :: theta  !! As in `test_uniform`.
     type(scene_settings_t) :: settings
     type(solver_state_t) :: state
     real(dp) :: difference
@@ -92,14 +85,10 @@ contains
 
   !> Solve a scene.
   subroutine solve(settings, theta, is_curved, state, difference)
-    !> What it is made of.
-    type(scene_settings_t), intent(in) :: settings
-    !> Penalty parameter [length/pressure].
-    real(dp), intent(in) :: theta
-    !> Whether the dual scheme has the solution, not the uniform state.
-    logical, intent(in) :: is_curved
-    !> Pressures, energy and bound.
-    type(solver_state_t), intent(out) :: state
+    type(scene_settings_t), intent(in) :: settings  !! What it is made of.
+    real(dp), intent(in) :: theta  !! Penalty parameter [length/pressure].
+    logical, intent(in) :: is_curved  !! Whether the dual scheme has the solution, not the uniform state.
+    type(solver_state_t), intent(out) :: state  !! Pressures, energy and bound.
     !> Relative difference from the dual scheme's pressures and energy; else of the vertical displacements from the
     !> exact ones of the lowest block [].
     real(dp), intent(out) :: difference
@@ -179,12 +168,9 @@ contains
 
   !> Note a result.
   subroutine check(name, state, of_pressure, of_displacement)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> With the bound.
-    type(solver_state_t), intent(in) :: state
-    !> Relative differences [].
-    real(dp), intent(in) :: of_pressure, of_displacement
+    character(*), intent(in) :: name  !! Of the test.
+    type(solver_state_t), intent(in) :: state  !! With the bound.
+    real(dp), intent(in) :: of_pressure, of_displacement  !! Relative differences [].
     logical :: is_good
     is_good = of_pressure <= accuracy .and. of_displacement <= accuracy .and. state%ended == ended_converged
     if (.not. is_good) n_failed = n_failed + 1

@@ -116,18 +116,12 @@ contains
 
   !> Modes, sizes and texts of a body in parts against those of the whole body.
   subroutine compare(name, box, supports, moves, n_modes, on_last)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> The box.
-    type(box_t), intent(in) :: box
-    !> Its supports (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> Whether its loads move it; else they are in equilibrium.
-    logical, intent(in) :: moves
-    !> Number of modes.
-    integer, intent(in) :: n_modes
-    !> Whether the last rank computes the whole body.
-    logical, intent(in) :: on_last
+    character(*), intent(in) :: name  !! Of the test.
+    type(box_t), intent(in) :: box  !! The box.
+    type(support_t), intent(in) :: supports(:)  !! Its supports (n_supports).
+    logical, intent(in) :: moves  !! Whether its loads move it; else they are in equilibrium.
+    integer, intent(in) :: n_modes  !! Number of modes.
+    logical, intent(in) :: on_last  !! Whether the last rank computes the whole body.
     type(body_t) :: body, part
     type(body_modes_t) :: modes, of_part
     integer, allocatable :: element_rank(:), number(:), node(:)
@@ -219,14 +213,10 @@ contains
 
   !> A body with loads.
   subroutine make_loaded(box, supports, moves, body)
-    !> As in `compare`.
-    type(box_t), intent(in) :: box
-    !> As in `compare`.
-    type(support_t), intent(in) :: supports(:)
-    !> As in `compare`.
-    logical, intent(in) :: moves
-    !> The body.
-    type(body_t), intent(out) :: body
+    type(box_t), intent(in) :: box  !! As in `compare`.
+    type(support_t), intent(in) :: supports(:)  !! As in `compare`.
+    logical, intent(in) :: moves  !! As in `compare`.
+    type(body_t), intent(out) :: body  !! The body.
     type(load_t) :: load
     type(error_t), allocatable :: error
     real(dp) :: force(box%mesh%dimension)
@@ -254,10 +244,8 @@ contains
 
   !> Exchange the numbers of two nodes.
   subroutine swap_nodes(box, i, j)
-    !> The box.
-    type(box_t), intent(inout) :: box
-    !> The nodes.
-    integer, intent(in) :: i, j
+    type(box_t), intent(inout) :: box  !! The box.
+    integer, intent(in) :: i, j  !! The nodes.
     integer :: e, k
     box%mesh%x(:, [i, j]) = box%mesh%x(:, [j, i])
     box%lattice(:, [i, j]) = box%lattice(:, [j, i])
@@ -276,10 +264,8 @@ contains
 
   !> Sum over the nodes of all ranks.
   real(dp) function own_sum(value, own)
-    !> At the held nodes (dim, n_nodes) [any].
-    real(dp), intent(in) :: value(:, :)
-    !> Whether this rank computes each (n_nodes).
-    logical, intent(in) :: own(:)
+    real(dp), intent(in) :: value(:, :)  !! At the held nodes (dim, n_nodes) [any].
+    logical, intent(in) :: own(:)  !! Whether this rank computes each (n_nodes).
     real(dp) :: total(1)
     total = sum(sum(value, 1), mask=own)
     call add_up(total)
@@ -288,8 +274,7 @@ contains
 
   !> Greatest difference of numbers that all ranks should have alike, to the bit.
   real(dp) function difference_of_ranks(value) result(difference)
-    !> The numbers (n) [any].
-    real(dp), intent(in) :: value(:)
+    real(dp), intent(in) :: value(:)  !! The numbers (n) [any].
     real(dp) :: high(size(value)), low(size(value))
     high = value
     low = -value
@@ -300,12 +285,9 @@ contains
 
   !> Note a result.
   subroutine note(name, passed, worst)
-    !> Of the test.
-    character(*), intent(in) :: name
-    !> Whether this rank finds it passed.
-    logical, intent(in) :: passed
-    !> Differences (n) [].
-    real(dp), intent(in) :: worst(:)
+    character(*), intent(in) :: name  !! Of the test.
+    logical, intent(in) :: passed  !! Whether this rank finds it passed.
+    real(dp), intent(in) :: worst(:)  !! Differences (n) [].
     logical :: is_good
     is_good = .not. on_any_rank(.not. passed)
     if (.not. is_good) n_failed = n_failed + 1

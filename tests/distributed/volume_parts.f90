@@ -23,8 +23,7 @@ program volume_parts
   use dotyk_ranks_exchange, only: add_counts, greatest
   implicit none
 
-  !> Of sums over a body, which depends on their order [].
-  real(dp), parameter :: rounding = 1.0e-12_dp
+  real(dp), parameter :: rounding = 1.0e-12_dp  !! Of sums over a body, which depends on their order [].
   integer :: n_failed, code, i
   character(200) :: file, name
   n_failed = 0
@@ -47,18 +46,15 @@ contains
 
   !> Volumes of the meshes.
   character(10) function name_of(i) result(name)
-    !> Which one.
-    integer, intent(in) :: i
+    integer, intent(in) :: i  !! Which one.
     character(10), parameter :: names(3) = ['tetrahedra', 'hexahedra ', 'prisms    ']
     name = names(i)
   end function name_of
 
   !> Make the parts of a volume, and compare them.
   subroutine test_parts(file, name)
-    !> Mesh file.
-    character(*), intent(in) :: file
-    !> Volume.
-    character(*), intent(in) :: name
+    character(*), intent(in) :: file  !! Mesh file.
+    character(*), intent(in) :: name  !! Volume.
     type(mesh_selection_t) :: selection
     type(mesh_t) :: share, mesh
     type(volume_share_t) :: volume
@@ -124,10 +120,8 @@ contains
 
   !> Compare two held parts.
   subroutine compare(a, b)
-    !> Left of the whole body.
-    type(body_mesh_t), intent(in) :: a
-    !> Made of shares.
-    type(body_mesh_t), intent(in) :: b
+    type(body_mesh_t), intent(in) :: a  !! Left of the whole body.
+    type(body_mesh_t), intent(in) :: b  !! Made of shares.
     integer :: k
     call check(a%n_nodes() == b%n_nodes() .and. a%n_elements() == b%n_elements(), 'numbers of nodes and elements')
     if (a%n_nodes() /= b%n_nodes() .or. a%n_elements() /= b%n_elements()) return
@@ -151,10 +145,8 @@ contains
 
   !> Note whether a test has failed.
   subroutine check(holds, what)
-    !> What must hold.
-    logical, intent(in) :: holds
-    !> What was tested.
-    character(*), intent(in) :: what
+    logical, intent(in) :: holds  !! What must hold.
+    character(*), intent(in) :: what  !! What was tested.
     if (holds) return
     n_failed = n_failed + 1
     write (output_unit, '(a, i0, 2a)') 'FAILED on rank ', this_rank(), ': ', what

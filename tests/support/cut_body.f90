@@ -16,10 +16,8 @@ contains
   !> Divide the elements of a body along a Morton curve through their centres, so that each part has about as many
   !> nodes of elements.
   subroutine split_elements(mesh, n_parts, part_of_element)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Number of parts.
-    integer, intent(in) :: n_parts
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    integer, intent(in) :: n_parts  !! Number of parts.
     !> Part of each element, from 0, counted through all blocks (n_elements).
     integer, allocatable, intent(out) :: part_of_element(:)
     real(dp), allocatable :: centre(:, :)
@@ -40,16 +38,12 @@ contains
 
   !> Cut the part of one rank from a whole body.
   subroutine cut_part(whole, part_of_element, rank, n_ranks, part)
-    !> Mesh of the whole body; every node has an element.
-    type(body_mesh_t), intent(in) :: whole
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the whole body; every node has an element.
     !> Owner of each element, from 0, counted through all blocks (n_elements).
     integer, intent(in) :: part_of_element(:)
-    !> The rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> The part.
-    type(body_part_t), intent(out) :: part
+    integer, intent(in) :: rank  !! The rank, from 0.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    type(body_part_t), intent(out) :: part  !! The part.
     type(surface_t) :: boundary
     integer, allocatable :: owner(:), boundary_node(:), chosen(:)
     logical, allocatable :: at_own(:), kept(:)
@@ -92,12 +86,9 @@ contains
 
   !> The elements that a rank owns of a body in parts, without its ghosts.
   subroutine own_elements(part, mesh, whole)
-    !> Part of the rank.
-    type(body_part_t), intent(in) :: part
-    !> Its own elements, with all nodes of the part.
-    type(body_mesh_t), intent(out) :: mesh
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(out) :: whole
+    type(body_part_t), intent(in) :: part  !! Part of the rank.
+    type(body_mesh_t), intent(out) :: mesh  !! Its own elements, with all nodes of the part.
+    type(whole_numbers_t), intent(out) :: whole  !! Their numbers in the whole body.
     integer, allocatable :: own(:)
     integer :: b, e
     mesh = part%mesh
@@ -118,10 +109,8 @@ contains
 
   !> Copy the nodes of a part, and number them in its elements.
   subroutine take_nodes(whole, part)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: whole
-    !> The part; on entry its elements have node numbers of the whole body.
-    type(body_part_t), intent(inout) :: part
+    type(body_mesh_t), intent(in) :: whole  !! Mesh of the whole body.
+    type(body_part_t), intent(inout) :: part  !! The part; on entry its elements have node numbers of the whole body.
     integer, allocatable :: number(:)
     integer :: b, e, i
     if (allocated(whole%file)) part%mesh%file = whole%file
@@ -145,10 +134,8 @@ contains
 
   !> Number the nodes of the whole body by rank.
   subroutine number_by_rank(owner, part)
-    !> Owner of each node of the whole body (n_whole_nodes).
-    integer, intent(in) :: owner(:)
-    !> The part; its numbering is set.
-    type(body_part_t), intent(inout) :: part
+    integer, intent(in) :: owner(:)  !! Owner of each node of the whole body (n_whole_nodes).
+    type(body_part_t), intent(inout) :: part  !! The part; its numbering is set.
     integer :: next(0:part%n_ranks - 1), r, v, k
     part%n_whole_nodes = size(owner)
     allocate (part%first_node(0:part%n_ranks))

@@ -11,37 +11,29 @@ contains
 
   !> Value of a bilinear form, X(u, v).
   pure real(dp) function inner(x, u, v)
-    !> Its matrix (n, n).
-    real(dp), intent(in) :: x(:, :)
-    !> (n).
-    real(dp), intent(in) :: u(:), v(:)
+    real(dp), intent(in) :: x(:, :)  !! Its matrix (n, n).
+    real(dp), intent(in) :: u(:), v(:)  !! (n).
     inner = dot_product(v, matmul(x, u))
   end function inner
 
   !> sqrt(X(u, u)).
   pure real(dp) function norm_of(x, u)
-    !> Symmetric and positive definite (n, n).
-    real(dp), intent(in) :: x(:, :)
-    !> (n).
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: x(:, :)  !! Symmetric and positive definite (n, n).
+    real(dp), intent(in) :: u(:)  !! (n).
     norm_of = sqrt(inner(x, u, u))
   end function norm_of
 
   !> The least S with |f v| <= S sqrt(X(v, v)) for all v: the norm of a linear form.
   real(dp) function dual_norm_of(x, f) result(s)
-    !> Symmetric and positive definite (n, n).
-    real(dp), intent(in) :: x(:, :)
-    !> (n).
-    real(dp), intent(in) :: f(:)
+    real(dp), intent(in) :: x(:, :)  !! Symmetric and positive definite (n, n).
+    real(dp), intent(in) :: f(:)  !! (n).
     s = sqrt(dot_product(f, solved(x, f)))
   end function dual_norm_of
 
   !> X^{-1} f (n).
   function solved(x, f) result(u)
-    !> Regular (n, n).
-    real(dp), intent(in) :: x(:, :)
-    !> (n).
-    real(dp), intent(in) :: f(:)
+    real(dp), intent(in) :: x(:, :)  !! Regular (n, n).
+    real(dp), intent(in) :: f(:)  !! (n).
     real(dp) :: u(size(f))
     real(dp), allocatable :: column(:, :)
     type(error_t), allocatable :: error
@@ -53,8 +45,7 @@ contains
 
   !> Y^{-1/2}, but for a rotation: root^T Y root is the unit matrix (n, n).
   function inverse_root(y) result(root)
-    !> Symmetric and positive definite (n, n).
-    real(dp), intent(in) :: y(:, :)
+    real(dp), intent(in) :: y(:, :)  !! Symmetric and positive definite (n, n).
     real(dp) :: root(size(y, 1), size(y, 1))
     real(dp) :: values(size(y, 1)), vectors(size(y, 1), size(y, 1))
     type(error_t), allocatable :: error
@@ -70,10 +61,8 @@ contains
   !> of the form X in the norm of Y. Where X is not symmetric, its symmetric part: the least one is still the constant
   !> of coercivity (n).
   function relative_spectrum(x, y) result(values)
-    !> (n, n).
-    real(dp), intent(in) :: x(:, :)
-    !> Symmetric and positive definite (n, n).
-    real(dp), intent(in) :: y(:, :)
+    real(dp), intent(in) :: x(:, :)  !! (n, n).
+    real(dp), intent(in) :: y(:, :)  !! Symmetric and positive definite (n, n).
     real(dp) :: values(size(x, 1))
     real(dp), dimension(size(x, 1), size(x, 1)) :: root, vectors
     type(error_t), allocatable :: error
@@ -85,10 +74,8 @@ contains
 
   !> The least M with |X(u, v)| <= M sqrt(Y(u, u)) sqrt(Y(v, v)) for all u and v.
   real(dp) function continuity_of(x, y) result(m)
-    !> (n, n), symmetric or not.
-    real(dp), intent(in) :: x(:, :)
-    !> Symmetric and positive definite (n, n).
-    real(dp), intent(in) :: y(:, :)
+    real(dp), intent(in) :: x(:, :)  !! (n, n), symmetric or not.
+    real(dp), intent(in) :: y(:, :)  !! Symmetric and positive definite (n, n).
     real(dp), dimension(size(x, 1), size(x, 1)) :: root, vectors
     real(dp) :: values(size(x, 1))
     type(error_t), allocatable :: error
@@ -101,10 +88,8 @@ contains
 
   !> Numbers between -1 and 1, the same on every machine (n).
   pure function random_vector(n, seed) result(u)
-    !> Length.
-    integer, intent(in) :: n
-    !> Another one gives other numbers.
-    integer, intent(in) :: seed
+    integer, intent(in) :: n  !! Length.
+    integer, intent(in) :: seed  !! Another one gives other numbers.
     real(dp) :: u(n)
     integer :: i
     ! The digits of a sine that come late are as good as random.

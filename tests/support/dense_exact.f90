@@ -14,11 +14,9 @@ contains
 
   !> C as a dense matrix, by products with unit forces.
   function dense_matrix(qp, compliance) result(c)
-    !> The rows.
-    type(contact_qp_t), intent(in) :: qp
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
     type(body_compliance_t), intent(inout) :: compliance
-    !> (n_rows, n_rows) [length/force].
-    real(dp), allocatable :: c(:, :)
+    real(dp), allocatable :: c(:, :)  !! (n_rows, n_rows) [length/force].
     real(dp) :: unit(qp%n_rows)
     integer :: i
     allocate (c(qp%n_rows, qp%n_rows))
@@ -31,12 +29,9 @@ contains
 
   !> The lambda >= 0 that minimizes `lambda^T A lambda/2 - lambda^T y`, A symmetric and positive definite.
   function exact_forces(a, y) result(lambda)
-    !> C + Theta W^{-1} (n, n) [length/force].
-    real(dp), intent(in) :: a(:, :)
-    !> y_0 (n) [length].
-    real(dp), intent(in) :: y(:)
-    !> Contact forces (n) [force].
-    real(dp) :: lambda(size(y))
+    real(dp), intent(in) :: a(:, :)  !! C + Theta W^{-1} (n, n) [length/force].
+    real(dp), intent(in) :: y(:)  !! y_0 (n) [length].
+    real(dp) :: lambda(size(y))  !! Contact forces (n) [force].
     real(dp) :: trial(size(y)), slope(size(y)), step
     logical :: active(size(y))
     integer :: enters
@@ -62,12 +57,9 @@ contains
 
   !> The forces with all active rows closed.
   subroutine solve_active(a, y, active, lambda)
-    !> As in `exact_forces`.
-    real(dp), intent(in) :: a(:, :), y(:)
-    !> (n).
-    logical, intent(in) :: active(:)
-    !> Zero where not active (n) [force].
-    real(dp), intent(out) :: lambda(:)
+    real(dp), intent(in) :: a(:, :), y(:)  !! As in `exact_forces`.
+    logical, intent(in) :: active(:)  !! (n).
+    real(dp), intent(out) :: lambda(:)  !! Zero where not active (n) [force].
     type(error_t), allocatable :: error
     integer, allocatable :: k(:)
     real(dp), allocatable :: x(:, :)

@@ -39,14 +39,10 @@ module dense_forms
     type(contact_problem_t) :: problem
     type(contact_qp_t) :: qp
     type(body_compliance_t) :: compliance
-    !> Equations of body b are first(b)+1 .. first(b+1) (4); of all bodies.
-    integer :: first(4) = 0, n = 0
-    !> A, and the scalar product of V_0, that of (H^1)^3 (n, n).
-    real(dp), allocatable :: a(:, :), gram(:, :)
-    !> u_an + u_bn of the rows (n_rows, n) [].
-    real(dp), allocatable :: rows(:, :)
-    !> L (n), theta, weights and gaps (n_rows).
-    real(dp), allocatable :: load(:), theta(:), weight(:), gap(:)
+    integer :: first(4) = 0, n = 0  !! Equations of body b are first(b)+1 .. first(b+1) (4); of all bodies.
+    real(dp), allocatable :: a(:, :), gram(:, :)  !! A, and the scalar product of V_0, that of (H^1)^3 (n, n).
+    real(dp), allocatable :: rows(:, :)  !! u_an + u_bn of the rows (n_rows, n) [].
+    real(dp), allocatable :: load(:), theta(:), weight(:), gap(:)  !! L (n), theta, weights and gaps (n_rows).
   contains
     procedure :: init => forms_init
     procedure :: penetration => forms_penetration
@@ -66,8 +62,7 @@ contains
   !> Mesh, discretize, assemble.
   subroutine forms_init(self, discretization)
     class(forms_t), intent(inout) :: self
-    !> One of `discretization_*`.
-    integer, intent(in) :: discretization
+    integer, intent(in) :: discretization  !! One of `discretization_*`.
     type(contact_operator_t) :: operator
     type(error_t), allocatable :: error
     integer :: b
@@ -91,8 +86,7 @@ contains
 
   !> The bodies, with supports at rest and loads.
   subroutine make_bodies(problem)
-    !> Gets bodies.
-    type(contact_problem_t), intent(inout) :: problem
+    type(contact_problem_t), intent(inout) :: problem  !! Gets bodies.
     integer, parameter :: kind(3) = [element_tet4, element_hex8, element_tet4], cells(3) = [2, 3, 2]
     real(dp), parameter :: identity(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_dp, [3, 3])
     type(box_t) :: box
@@ -140,10 +134,8 @@ contains
 
   !> The pairs: the body in the middle is the slave of both.
   subroutine make_pairs(discretization, problem)
-    !> One of `discretization_*`.
-    integer, intent(in) :: discretization
-    !> With bodies; gets pairs.
-    type(contact_problem_t), intent(inout) :: problem
+    integer, intent(in) :: discretization  !! One of `discretization_*`.
+    type(contact_problem_t), intent(inout) :: problem  !! With bodies; gets pairs.
     character(*), parameter :: gap(2) = ['0.01*(1-x) ', '0.004*(1-y)']
     type(pair_settings_t) :: pair
     type(formula_t) :: formula
@@ -168,8 +160,7 @@ contains
 
   !> The forms as matrices.
   subroutine assemble(self)
-    !> With bodies, rows and equations; gets matrices and loads.
-    type(forms_t), intent(inout) :: self
+    type(forms_t), intent(inout) :: self  !! With bodies, rows and equations; gets matrices and loads.
     type(stiffness_t) :: stiffness
     type(error_t), allocatable :: error
     integer :: b, i, j
@@ -198,10 +189,8 @@ contains
 
   !> Add the scalar product of (H^1)^3 over one body.
   subroutine add_gram(body, gram)
-    !> The body; its supports are along global axes.
-    type(body_t), intent(in) :: body
-    !> (n_equations, n_equations).
-    real(dp), intent(inout) :: gram(:, :)
+    type(body_t), intent(in) :: body  !! The body; its supports are along global axes.
+    real(dp), intent(inout) :: gram(:, :)  !! (n_equations, n_equations).
     type(shape_table_t) :: table
     real(dp), allocatable :: g(:, :, :), w(:), local(:, :)
     real(dp) :: worst
@@ -236,8 +225,7 @@ contains
   !> `u_an + u_bn - d` (n_rows) [length].
   pure function forms_penetration(self, u) result(y)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     real(dp) :: y(size(self%gap))
     y = matmul(self%rows, u) - self%gap
   end function forms_penetration
@@ -245,16 +233,14 @@ contains
   !> j_theta(u) of (18) [energy].
   pure real(dp) function forms_penalty(self, u) result(j)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     j = sum(self%weight/(2*self%theta)*min(0.0_dp, -self%penetration(u))**2)
   end function forms_penalty
 
   !> j'_theta(u, .) (n) [force].
   pure function forms_penalty_slope(self, u) result(slope)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     real(dp) :: slope(self%n), force(size(self%gap))
     force = self%weight/self%theta*min(0.0_dp, -self%penetration(u))
     slope = -matmul(force, self%rows)
@@ -263,8 +249,7 @@ contains
   !> j''_theta(u, ., .) (n, n) [force/length].
   pure function forms_penalty_curvature(self, u) result(curvature)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     real(dp) :: curvature(self%n, self%n), factor(size(self%gap))
     ! 1 - sgn(y) with y = d - u_an - u_bn, over 2.
     factor = self%weight/self%theta*(1 - sign(1.0_dp, -self%penetration(u)))/2
@@ -282,16 +267,14 @@ contains
   !> F_theta(u) of (19) [energy].
   pure real(dp) function forms_functional(self, u) result(f)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     f = inner(self%a, u, u)/2 - dot_product(self%load, u) + self%penalty(u)
   end function forms_functional
 
   !> F'_theta(u, .) (n) [force].
   pure function forms_slope(self, u) result(slope)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
     real(dp) :: slope(self%n)
     slope = matmul(self%a, u) - self%load + self%penalty_slope(u)
   end function forms_slope
@@ -299,10 +282,8 @@ contains
   !> Nodal displacements of the bodies.
   subroutine forms_expand(self, u, solution)
     class(forms_t), intent(in) :: self
-    !> Element of V_0 (n) [length].
-    real(dp), intent(in) :: u(:)
-    !> (3).
-    type(body_solution_t), intent(out) :: solution(3)
+    real(dp), intent(in) :: u(:)  !! Element of V_0 (n) [length].
+    type(body_solution_t), intent(out) :: solution(3)  !! (3).
     integer :: b
     do b = 1, 3
       associate (body => self%problem%body(b))
@@ -315,16 +296,11 @@ contains
   !> The displacements of the program: of the last iterate of a scheme.
   subroutine forms_solve(self, scheme, theta, settings, u, state)
     class(forms_t), intent(inout) :: self
-    !> The scheme.
-    class(scheme_t), intent(in) :: scheme
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the scheme.
-    type(solver_settings_t), intent(in) :: settings
-    !> Element of V_0 (n) [length].
-    real(dp), intent(out) :: u(:)
-    !> The start where it has pressures; the last iterate on return.
-    type(solver_state_t), intent(inout) :: state
+    class(scheme_t), intent(in) :: scheme  !! The scheme.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    type(solver_settings_t), intent(in) :: settings  !! Settings of the scheme.
+    real(dp), intent(out) :: u(:)  !! Element of V_0 (n) [length].
+    type(solver_state_t), intent(inout) :: state  !! The start where it has pressures; the last iterate on return.
     type(monitor_t) :: silent
     type(body_solution_t), allocatable :: solution(:)
     type(error_t), allocatable :: error

@@ -6,10 +6,8 @@ module dense_response
   implicit none
   private
 
-  !> Compliance operator by a dense matrix.
-  type, extends(response_t), public :: dense_response_t
-    !> (n, n) [length/force].
-    real(dp), allocatable :: compliance(:, :)
+  type, extends(response_t), public :: dense_response_t  !! Compliance operator by a dense matrix.
+    real(dp), allocatable :: compliance(:, :)  !! (n, n) [length/force].
   contains
     procedure :: solve => dense_solve
     procedure :: prepare_substitution => dense_prepare_substitution

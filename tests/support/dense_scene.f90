@@ -12,35 +12,25 @@ module dense_scene
   implicit none
   private
 
-  !> One body of n nodes.
-  type, public :: dense_body_t
-    !> Its compliance operator, K^+ where it has modes.
-    class(dense_response_t), allocatable :: response
+  type, public :: dense_body_t  !! One body of n nodes.
+    class(dense_response_t), allocatable :: response  !! Its compliance operator, K^+ where it has modes.
     !> Rigid body modes (n, n_modes), and the resultants of the loads on them (n_modes); none if not allocated.
     real(dp), allocatable :: mode(:, :), resultant(:)
     !> Stiffness of near-null-space modes; not allocated for rigid body modes (n_modes, n_modes).
     real(dp), allocatable :: stiffness(:, :)
-    !> Diagonal of the stiffness; not known if not allocated (n).
-    real(dp), allocatable :: diagonal(:)
-    !> Cost of a solve.
-    real(dp) :: cost = 1
-    !> An earlier body that it is congruent to; 0: it is a representative.
-    integer :: representative = 0
+    real(dp), allocatable :: diagonal(:)  !! Diagonal of the stiffness; not known if not allocated (n).
+    real(dp) :: cost = 1  !! Cost of a solve.
+    integer :: representative = 0  !! An earlier body that it is congruent to; 0: it is a representative.
   end type dense_body_t
 
-  !> A scene.
-  type, public :: dense_scene_t
-    !> Rows of B, weights and gaps.
-    type(contact_operator_t) :: operator
+  type, public :: dense_scene_t  !! A scene.
+    type(contact_operator_t) :: operator  !! Rows of B, weights and gaps.
     !> Penalty parameters, y_0, B K^+ f, compliance of the Winkler foundation (n_rows).
     real(dp), allocatable :: theta(:), y_0(:), y_load(:), foundation(:)
-    !> Of the solution without contact.
-    real(dp) :: energy_0 = 0, norm_square_0 = 0
+    real(dp) :: energy_0 = 0, norm_square_0 = 0  !! Of the solution without contact.
     type(dense_body_t), allocatable :: body(:)
-    !> Rows of ties; none if not allocated (n_rows).
-    logical, allocatable :: is_tied(:)
-    !> Bolts of given tension; none if not allocated.
-    type(slide_t), allocatable :: slide(:)
+    logical, allocatable :: is_tied(:)  !! Rows of ties; none if not allocated (n_rows).
+    type(slide_t), allocatable :: slide(:)  !! Bolts of given tension; none if not allocated.
   contains
     procedure :: build => scene_build
   end type dense_scene_t

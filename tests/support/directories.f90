@@ -9,19 +9,15 @@ module test_directories
   private
   public :: answers_to
 
-  !> Number of directories: not that of the ranks.
-  integer, parameter :: n_directories = 3
+  integer, parameter :: n_directories = 3  !! Number of directories: not that of the ranks.
 
 contains
 
   !> Answers to the keys of one rank.
   subroutine answers_to(own, keys, answers)
-    !> Its keys (key_length, n).
-    integer, intent(in) :: own(:, :)
-    !> Keys of all ranks, in any order (key_length, any).
-    integer, intent(in) :: keys(:, :)
-    !> What the directories tell.
-    type(key_answers_t), intent(out) :: answers
+    integer, intent(in) :: own(:, :)  !! Its keys (key_length, n).
+    integer, intent(in) :: keys(:, :)  !! Keys of all ranks, in any order (key_length, any).
+    type(key_answers_t), intent(out) :: answers  !! What the directories tell.
     type(tag_links_t) :: links
     type(corner_table_t) :: table
     integer, allocatable :: chosen(:), answer(:), node_root(:, :), of_key(:), of_entry(:)
@@ -60,14 +56,10 @@ contains
 
   !> Add the nodes of a key that belong to a directory.
   subroutine add_nodes(key, directory, n, node_root)
-    !> The key (key_length, 1).
-    integer, intent(in) :: key(:, :)
-    !> The directory.
-    integer, intent(in) :: directory
-    !> Number of nodes so far; updated.
-    integer, intent(inout) :: n
-    !> Nodes and roots (2, any).
-    integer, intent(inout) :: node_root(:, :)
+    integer, intent(in) :: key(:, :)  !! The key (key_length, 1).
+    integer, intent(in) :: directory  !! The directory.
+    integer, intent(inout) :: n  !! Number of nodes so far; updated.
+    integer, intent(inout) :: node_root(:, :)  !! Nodes and roots (2, any).
     integer, allocatable :: more(:, :)
     integer :: i
     call list_nodes(key, more)
@@ -80,10 +72,8 @@ contains
 
   !> Some links and others.
   pure function with(some, links) result(all)
-    !> Links (2, any).
-    integer(int64), intent(in) :: some(:, :)
-    !> The others.
-    type(tag_links_t), intent(in) :: links
+    integer(int64), intent(in) :: some(:, :)  !! Links (2, any).
+    type(tag_links_t), intent(in) :: links  !! The others.
     integer(int64) :: all(2, size(some, 2) + links%n)
     all(:, :size(some, 2)) = some
     if (links%n > 0) all(:, size(some, 2) + 1:) = links%link(:, :links%n)

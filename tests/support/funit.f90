@@ -6,8 +6,7 @@ module funit
   implicit none
   private
 
-  !> Any value that can be compared: its shape and one of the other three.
-  type :: value_t
+  type :: value_t  !! Any value that can be compared: its shape and one of the other three.
     integer, allocatable :: shape(:)
     integer(int64), allocatable :: integers(:)
     real(real64), allocatable :: reals(:)
@@ -70,10 +69,8 @@ contains
   subroutine assertLessThan(lhs, rhs, message, line)
     !> The two sides: reals or integers; a scalar on the left stands for a whole array.
     type(value_t), intent(in) :: lhs, rhs
-    !> Shown where the assertion fails.
-    character(*), intent(in), optional :: message
-    !> Line of the assertion.
-    integer, intent(in) :: line
+    character(*), intent(in), optional :: message  !! Shown where the assertion fails.
+    integer, intent(in) :: line  !! Line of the assertion.
     call assert_order(lhs, 'less than', rhs, message, line)
   end subroutine assertLessThan
 
@@ -81,10 +78,8 @@ contains
   subroutine assertLessThanOrEqual(lhs, rhs, message, line)
     !> The two sides: reals or integers; a scalar on the left stands for a whole array.
     type(value_t), intent(in) :: lhs, rhs
-    !> Shown where the assertion fails.
-    character(*), intent(in), optional :: message
-    !> Line of the assertion.
-    integer, intent(in) :: line
+    character(*), intent(in), optional :: message  !! Shown where the assertion fails.
+    integer, intent(in) :: line  !! Line of the assertion.
     call assert_order(lhs, 'less than or equal to', rhs, message, line)
   end subroutine assertLessThanOrEqual
 
@@ -92,10 +87,8 @@ contains
   subroutine assertGreaterThan(lhs, rhs, message, line)
     !> The two sides: reals or integers; a scalar on the left stands for a whole array.
     type(value_t), intent(in) :: lhs, rhs
-    !> Shown where the assertion fails.
-    character(*), intent(in), optional :: message
-    !> Line of the assertion.
-    integer, intent(in) :: line
+    character(*), intent(in), optional :: message  !! Shown where the assertion fails.
+    integer, intent(in) :: line  !! Line of the assertion.
     call assert_order(lhs, 'greater than', rhs, message, line)
   end subroutine assertGreaterThan
 
@@ -103,24 +96,18 @@ contains
   subroutine assertGreaterThanOrEqual(lhs, rhs, message, line)
     !> The two sides: reals or integers; a scalar on the left stands for a whole array.
     type(value_t), intent(in) :: lhs, rhs
-    !> Shown where the assertion fails.
-    character(*), intent(in), optional :: message
-    !> Line of the assertion.
-    integer, intent(in) :: line
+    character(*), intent(in), optional :: message  !! Shown where the assertion fails.
+    integer, intent(in) :: line  !! Line of the assertion.
     call assert_order(lhs, 'greater than or equal to', rhs, message, line)
   end subroutine assertGreaterThanOrEqual
 
   !> Compare element by element; the first pair out of order is shown. As in pFUnit, an array on the left needs one on
   !> the right.
   subroutine assert_order(lhs, relation, rhs, message, line)
-    !> The two sides.
-    type(value_t), intent(in) :: lhs, rhs
-    !> The relation in words, as `in_order` knows it.
-    character(*), intent(in) :: relation
-    !> Shown where the assertion fails.
-    character(*), intent(in), optional :: message
-    !> Line of the assertion.
-    integer, intent(in) :: line
+    type(value_t), intent(in) :: lhs, rhs  !! The two sides.
+    character(*), intent(in) :: relation  !! The relation in words, as `in_order` knows it.
+    character(*), intent(in), optional :: message  !! Shown where the assertion fails.
+    integer, intent(in) :: line  !! Line of the assertion.
     character(:), allocatable :: what
     integer :: i, j
     ! pFUnit has no such procedures.
@@ -145,12 +132,9 @@ contains
   !> Whether an element of the left side has the relation to one of the right side. Integers are compared as integers.
   !> NaN is in no order; builds that trap invalid operations come through.
   logical function in_order(lhs, j, relation, rhs, i) result(holds)
-    !> The two sides.
-    type(value_t), intent(in) :: lhs, rhs
-    !> The element of the left side and that of the right side.
-    integer, intent(in) :: j, i
-    !> The relation in words.
-    character(*), intent(in) :: relation
+    type(value_t), intent(in) :: lhs, rhs  !! The two sides.
+    integer, intent(in) :: j, i  !! The element of the left side and that of the right side.
+    character(*), intent(in) :: relation  !! The relation in words.
     real(real64) :: a, b
     logical :: less, equal
     if (allocated(lhs%integers) .and. allocated(rhs%integers)) then

@@ -14,11 +14,9 @@ module hdf5_test_source
   implicit none
   private
 
-  !> A file open for reading.
-  type, extends(hdf5_source_t), public :: test_source_t
+  type, extends(hdf5_source_t), public :: test_source_t  !! A file open for reading.
   contains
-    !> get_text(object, name, text, error): an attribute, without the nulls that may pad it.
-    procedure :: get_text
+    procedure :: get_text  !! get_text(object, name, text, error): an attribute, without the nulls that may pad it.
     procedure, private :: attribute_reals, attribute_longs
     !> get_attribute(object, name, values, error): a number (as an array of one) or a vector.
     generic :: get_attribute => attribute_reals, attribute_longs
@@ -136,8 +134,7 @@ contains
   subroutine open_dataset(self, name, rank, dataset, extent, error)
     class(test_source_t), intent(in) :: self
     character(*), intent(in) :: name
-    !> Rank that it must have.
-    integer, intent(in) :: rank
+    integer, intent(in) :: rank  !! Rank that it must have.
     integer(hid_t), intent(out) :: dataset
     integer(hsize_t), intent(out) :: extent(rank)
     type(error_t), allocatable, intent(out) :: error
@@ -164,8 +161,7 @@ contains
   subroutine read_values(name, dataset, type_id, length, values, error)
     character(*), intent(in) :: name
     integer(hid_t), intent(in) :: dataset, type_id
-    !> Number of values.
-    integer(hsize_t), intent(in) :: length
+    integer(hsize_t), intent(in) :: length  !! Number of values.
     type(c_ptr), intent(in) :: values
     type(error_t), allocatable, intent(out) :: error
     type(c_ptr) :: buffer

@@ -25,22 +25,15 @@ contains
 
   !> Compare joints and errors of the whole body with those of shares of it.
   subroutine check_shares(mesh, volume, dimension, owner, n_ranks, split, found, message)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the volume.
-    character(*), intent(in) :: volume
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    character(*), intent(in) :: volume  !! Name of the volume.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Rank that reads each element of this dimension, counted through all blocks of the mesh (n_elements).
     integer, intent(in) :: owner(:)
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Whether elements move to balanced parts.
-    logical, intent(in) :: split
-    !> What is found of the whole body, or its error.
-    character(:), allocatable, intent(out) :: found
-    !> The first difference; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    logical, intent(in) :: split  !! Whether elements move to balanced parts.
+    character(:), allocatable, intent(out) :: found  !! What is found of the whole body, or its error.
+    character(:), allocatable, intent(out) :: message  !! The first difference; empty where there is none.
     type(body_mesh_t) :: body
     type(joints_t) :: expected, joints
     type(error_t), allocatable :: expected_error, error
@@ -74,10 +67,8 @@ contains
 
     !> Compare two texts.
     subroutine compare(a, b)
-      !> Text of the whole body.
-      character(:), allocatable, intent(in) :: a
-      !> Text of the shares.
-      character(:), allocatable, intent(in) :: b
+      character(:), allocatable, intent(in) :: a  !! Text of the whole body.
+      character(:), allocatable, intent(in) :: b  !! Text of the shares.
       character(:), allocatable :: text, other
       text = ''
       other = ''
@@ -90,22 +81,15 @@ contains
 
   !> Find how a body hangs together as ranks would.
   subroutine find_of_shares(mesh, volume, dimension, owner, n_ranks, split, joints, error)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Name of the volume.
-    character(*), intent(in) :: volume
-    !> Dimension of space.
-    integer, intent(in) :: dimension
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    character(*), intent(in) :: volume  !! Name of the volume.
+    integer, intent(in) :: dimension  !! Dimension of space.
     !> Rank that reads each element of this dimension, counted through all blocks of the mesh (n_elements).
     integer, intent(in) :: owner(:)
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Whether elements move to balanced parts.
-    logical, intent(in) :: split
-    !> The joints, the same on all ranks.
-    type(joints_t), intent(out) :: joints
-    !> What `extract_body` would refuse.
-    type(error_t), allocatable, intent(out) :: error
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    logical, intent(in) :: split  !! Whether elements move to balanced parts.
+    type(joints_t), intent(out) :: joints  !! The joints, the same on all ranks.
+    type(error_t), allocatable, intent(out) :: error  !! What `extract_body` would refuse.
     type(rank_t) :: rank(0:n_ranks - 1)
     type(share_faults_t) :: faults
     type(surface_layer_t) :: layer
@@ -167,16 +151,11 @@ contains
 
   !> What a rank reads of a mesh: its elements of the dimension of space, and their nodes.
   subroutine read_share(mesh, dimension, owner, rank, share)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Rank that reads each element, counted through all blocks (n_elements).
-    integer, intent(in) :: owner(:)
-    !> The rank.
-    integer, intent(in) :: rank
-    !> What it reads.
-    type(mesh_t), intent(out) :: share
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer, intent(in) :: owner(:)  !! Rank that reads each element, counted through all blocks (n_elements).
+    integer, intent(in) :: rank  !! The rank.
+    type(mesh_t), intent(out) :: share  !! What it reads.
     integer, allocatable :: chosen(:), number(:)
     logical, allocatable :: used(:)
     integer :: b, e, i, n

@@ -26,16 +26,11 @@ contains
 
   !> Check all volumes of a mesh in some numbers of parts.
   subroutine check_volumes(mesh, dimension, n_parts, n_surfaces, message)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> Dimension of space.
-    integer, intent(in) :: dimension
-    !> Numbers of parts (any).
-    integer, intent(in) :: n_parts(:)
-    !> Number of surfaces compared so far; added to.
-    integer, intent(inout) :: n_surfaces
-    !> The first difference; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    integer, intent(in) :: n_parts(:)  !! Numbers of parts (any).
+    integer, intent(inout) :: n_surfaces  !! Number of surfaces compared so far; added to.
+    character(:), allocatable, intent(out) :: message  !! The first difference; empty where there is none.
     type(text_t), allocatable :: names(:)
     type(body_mesh_t) :: whole
     type(surface_layer_t) :: layer
@@ -63,14 +58,10 @@ contains
 
   !> Make the layer of a body in parts, as ranks would.
   subroutine make_layer(mesh, whole, n_parts, layer)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> The whole body.
-    type(body_mesh_t), intent(in) :: whole
-    !> Number of parts.
-    integer, intent(in) :: n_parts
-    !> The layer.
-    type(surface_layer_t), intent(out) :: layer
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    type(body_mesh_t), intent(in) :: whole  !! The whole body.
+    integer, intent(in) :: n_parts  !! Number of parts.
+    type(surface_layer_t), intent(out) :: layer  !! The layer.
     type(body_part_t) :: part
     type(body_mesh_t) :: own(0:n_parts - 1)
     type(whole_numbers_t) :: numbers(0:n_parts - 1)
@@ -107,8 +98,7 @@ contains
 
   !> Whether elements have each node.
   function has_element(mesh) result(has)
-    !> Elements, and their nodes, maybe among others.
-    type(body_mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: mesh  !! Elements, and their nodes, maybe among others.
     logical :: has(mesh%n_nodes())
     integer :: b, e
     has = .false.
@@ -121,16 +111,11 @@ contains
 
   !> Compare a layer with the whole body.
   subroutine compare_layer(mesh, whole, layer, n_surfaces, message)
-    !> The mesh.
-    type(mesh_t), intent(in) :: mesh
-    !> The whole body.
-    type(body_mesh_t), intent(in) :: whole
-    !> The layer.
-    type(surface_layer_t), intent(in) :: layer
-    !> Number of surfaces compared so far; added to.
-    integer, intent(inout) :: n_surfaces
-    !> The first difference; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    type(mesh_t), intent(in) :: mesh  !! The mesh.
+    type(body_mesh_t), intent(in) :: whole  !! The whole body.
+    type(surface_layer_t), intent(in) :: layer  !! The layer.
+    integer, intent(inout) :: n_surfaces  !! Number of surfaces compared so far; added to.
+    character(:), allocatable, intent(out) :: message  !! The first difference; empty where there is none.
     type(surface_t) :: a, b
     type(error_t), allocatable :: error_a, error_b
     type(text_t), allocatable :: names(:), layer_names(:)
@@ -186,12 +171,9 @@ contains
 
     !> Compare two surfaces.
     subroutine compare(s, t, what)
-      !> Surface of the whole body.
-      type(surface_t), intent(in) :: s
-      !> Surface of the layer.
-      type(surface_t), intent(in) :: t
-      !> What it is, for messages.
-      character(*), intent(in) :: what
+      type(surface_t), intent(in) :: s  !! Surface of the whole body.
+      type(surface_t), intent(in) :: t  !! Surface of the layer.
+      character(*), intent(in) :: what  !! What it is, for messages.
       integer :: f
       if (s%n_facets /= t%n_facets) then
         message = what//': '//to_text(t%n_facets)//' facets in place of '//to_text(s%n_facets)

@@ -22,44 +22,29 @@ module part_check
   private
   public :: check_assembly, move_elements, number_all_nodes
 
-  !> What one rank has.
-  type, public :: rank_t
-    !> What it has read of the file.
-    type(mesh_t) :: mesh
-    !> Its own elements.
-    type(body_mesh_t) :: own
-    !> Their numbers.
-    type(whole_numbers_t) :: whole
-    !> Nodes by their numbers in the file (n_nodes).
-    integer, allocatable :: file_node(:)
-    !> Where the nodes of each directory begin (0:n_ranks).
-    integer, allocatable :: first(:)
-    !> Its directory.
-    type(node_directory_t) :: directory
-    !> Number of ranks that have each node (n_nodes).
-    integer, allocatable :: n_sharers(:)
-    !> The ranks (any).
-    integer, allocatable :: sharer(:)
-    !> Faces on the boundary.
-    type(boundary_candidates_t) :: candidates
+  type, public :: rank_t  !! What one rank has.
+    type(mesh_t) :: mesh  !! What it has read of the file.
+    type(body_mesh_t) :: own  !! Its own elements.
+    type(whole_numbers_t) :: whole  !! Their numbers.
+    integer, allocatable :: file_node(:)  !! Nodes by their numbers in the file (n_nodes).
+    integer, allocatable :: first(:)  !! Where the nodes of each directory begin (0:n_ranks).
+    type(node_directory_t) :: directory  !! Its directory.
+    integer, allocatable :: n_sharers(:)  !! Number of ranks that have each node (n_nodes).
+    integer, allocatable :: sharer(:)  !! The ranks (any).
+    type(boundary_candidates_t) :: candidates  !! Faces on the boundary.
   end type rank_t
 
 contains
 
   !> Make the parts of a volume, and compare them.
   subroutine check_assembly(file, volume, n_ranks, split, most, message)
-    !> Mesh file.
-    character(*), intent(in) :: file
-    !> Name of the volume.
-    character(*), intent(in) :: volume
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
+    character(*), intent(in) :: file  !! Mesh file.
+    character(*), intent(in) :: volume  !! Name of the volume.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
     !> Whether elements move to balanced parts; otherwise each rank keeps what it has read.
     logical, intent(in) :: split
-    !> Most elements of a part.
-    integer, intent(out) :: most
-    !> The first difference; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    integer, intent(out) :: most  !! Most elements of a part.
+    character(:), allocatable, intent(out) :: message  !! The first difference; empty where there is none.
     type(rank_t) :: rank(0:n_ranks - 1)
     type(mesh_selection_t) :: selection
     type(surface_layer_t) :: layer
@@ -141,8 +126,7 @@ contains
 
   !> Move elements to balanced parts.
   subroutine move_elements(rank)
-    !> All ranks (0:n_ranks-1).
-    type(rank_t), intent(inout) :: rank(0:)
+    type(rank_t), intent(inout) :: rank(0:)  !! All ranks (0:n_ranks-1).
     type(surface_layer_t) :: got(0:size(rank) - 1)
     type(layer_share_t) :: share
     type(share_curve_t) :: curve(0:size(rank) - 1)
@@ -194,8 +178,7 @@ contains
 
   !> Number the nodes by the directories.
   subroutine number_all_nodes(rank)
-    !> All ranks (0:n_ranks-1).
-    type(rank_t), intent(inout) :: rank(0:)
+    type(rank_t), intent(inout) :: rank(0:)  !! All ranks (0:n_ranks-1).
     integer :: n_from(0:size(rank) - 1), counts(0:size(rank) - 1, 0:size(rank) - 1), r, d, n
     integer, allocatable :: nodes(:), reply(:, :), all_replies(:, :), n_sharers(:), sharer(:)
     n = size(rank)
@@ -231,12 +214,9 @@ contains
 
   !> Compare two parts.
   subroutine compare_parts(a, b, message)
-    !> Cut from the whole body.
-    type(body_part_t), intent(in) :: a
-    !> Made from shares.
-    type(body_part_t), intent(in) :: b
-    !> The first difference; empty where there is none.
-    character(:), allocatable, intent(out) :: message
+    type(body_part_t), intent(in) :: a  !! Cut from the whole body.
+    type(body_part_t), intent(in) :: b  !! Made from shares.
+    character(:), allocatable, intent(out) :: message  !! The first difference; empty where there is none.
     integer :: k
     message = ''
     if (a%rank /= b%rank .or. a%n_ranks /= b%n_ranks .or. a%n_whole_nodes /= b%n_whole_nodes .or. &

@@ -14,14 +14,10 @@ contains
 
   !> The parts of one rank, from whole bodies.
   subroutine cut_bodies(body, rank, n_ranks, part)
-    !> The bodies; they need not be assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> The rank, from 0.
-    integer, intent(in) :: rank
-    !> Number of ranks.
-    integer, intent(in) :: n_ranks
-    !> Its part of each body, maybe without elements (n_bodies).
-    type(part_t), allocatable, intent(out) :: part(:)
+    type(body_t), intent(in) :: body(:)  !! The bodies; they need not be assembled (n_bodies).
+    integer, intent(in) :: rank  !! The rank, from 0.
+    integer, intent(in) :: n_ranks  !! Number of ranks.
+    type(part_t), allocatable, intent(out) :: part(:)  !! Its part of each body, maybe without elements (n_bodies).
     type(body_t) :: piece
     type(rigid_body_modes_t) :: modes
     real(dp), allocatable :: mode(:, :, :)

@@ -15,21 +15,14 @@ module test_bodies
   implicit none
   private
 
-  !> Regular mesh.
-  integer, parameter, public :: undistorted = 0
-  !> Interior corners are displaced irregularly, edges stay straight.
-  integer, parameter, public :: straight = 1
-  !> A smooth map of the box onto itself: edges are curved.
-  integer, parameter, public :: curved = 2
+  integer, parameter, public :: undistorted = 0  !! Regular mesh.
+  integer, parameter, public :: straight = 1  !! Interior corners are displaced irregularly, edges stay straight.
+  integer, parameter, public :: curved = 2  !! A smooth map of the box onto itself: edges are curved.
 
-  !> A meshed unit square or cube.
-  type, public :: box_t
-    !> Elements and nodes.
-    type(body_mesh_t) :: mesh
-    !> Number of cells along each axis.
-    integer :: cells = 0
-    !> Position of each node in a lattice of half cells (dim, n_nodes).
-    integer, allocatable :: lattice(:, :)
+  type, public :: box_t  !! A meshed unit square or cube.
+    type(body_mesh_t) :: mesh  !! Elements and nodes.
+    integer :: cells = 0  !! Number of cells along each axis.
+    integer, allocatable :: lattice(:, :)  !! Position of each node in a lattice of half cells (dim, n_nodes).
   contains
     procedure :: init => box_init
     procedure :: side => box_side
@@ -45,13 +38,11 @@ contains
   !> Mesh the unit square or cube.
   subroutine box_init(self, kind, cells, distortion)
     class(box_t), intent(out) :: self
-    !> Element kind.
-    integer, intent(in) :: kind
+    integer, intent(in) :: kind  !! Element kind.
     !> Number of cells along each axis; a cell is divided into two triangles, six tetrahedra, two prisms or
     !> three pyramids.
     integer, intent(in) :: cells
-    !> Distortion: one of the constants above.
-    integer, intent(in) :: distortion
+    integer, intent(in) :: distortion  !! Distortion: one of the constants above.
     type(element_kind_t) :: properties
     real(dp), allocatable :: xi(:, :), corner(:, :, :), x(:), linear(:)
     integer, allocatable :: number(:), place(:, :), node(:, :)
@@ -104,10 +95,8 @@ contains
 
   !> Divide a unit cell into elements.
   subroutine split_cell(properties, corner)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
-    !> Corners of the elements (dim, n_corners, n_pieces) [].
-    real(dp), allocatable, intent(out) :: corner(:, :, :)
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
+    real(dp), allocatable, intent(out) :: corner(:, :, :)  !! Corners of the elements (dim, n_corners, n_pieces) [].
     integer, parameter :: order(3, 6) = reshape([1, 2, 3, 2, 3, 1, 3, 1, 2, 1, 3, 2, 3, 2, 1, 2, 1, 3], [3, 6])
     real(dp), allocatable :: xi(:, :)
     integer :: i, k
@@ -139,12 +128,9 @@ contains
 
   !> Corners of an element in its cell. Neighbouring cells of pyramids are mirror images: whole faces meet whole ones.
   function in_cell(properties, cell, corner) result(place)
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
-    !> Cell (dim).
-    integer, intent(in) :: cell(:)
-    !> Corners in a cell that is not mirrored (dim, n_corners) [].
-    real(dp), intent(in) :: corner(:, :)
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
+    integer, intent(in) :: cell(:)  !! Cell (dim).
+    real(dp), intent(in) :: corner(:, :)  !! Corners in a cell that is not mirrored (dim, n_corners) [].
     real(dp) :: place(size(corner, 1), size(corner, 2))
     integer :: d
     place = corner
@@ -157,10 +143,8 @@ contains
 
   !> Displace the interior corners, and put the other nodes at their positions on straight elements.
   subroutine move_corners(self, properties)
-    !> The box.
-    type(box_t), intent(inout) :: self
-    !> Properties of the element kind.
-    type(element_kind_t), intent(in) :: properties
+    type(box_t), intent(inout) :: self  !! The box.
+    type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
     real(dp), allocatable :: xi(:, :), linear(:)
     integer :: i, e, a, d
     do i = 1, size(self%lattice, 2)
@@ -185,8 +169,7 @@ contains
 
   !> Map the box smoothly onto itself.
   subroutine bend(self)
-    !> The box.
-    type(box_t), intent(inout) :: self
+    type(box_t), intent(inout) :: self  !! The box.
     real(dp), parameter :: pi = acos(-1.0_dp), direction(3) = [1.0_dp, -0.7_dp, 0.4_dp]
     real(dp) :: bump
     integer :: i
@@ -199,10 +182,8 @@ contains
   !> One side of the box.
   function box_side(self, axis, far) result(surface)
     class(box_t), intent(in) :: self
-    !> Axis to which the side is normal.
-    integer, intent(in) :: axis
-    !> Whether the side is that at 1, else that at 0.
-    logical, intent(in) :: far
+    integer, intent(in) :: axis  !! Axis to which the side is normal.
+    logical, intent(in) :: far  !! Whether the side is that at 1, else that at 0.
     type(surface_t) :: surface
     surface = self%sides([merge(axis, -axis, far)])
   end function box_side
@@ -210,8 +191,7 @@ contains
   !> Several sides of the box as one surface.
   function box_sides(self, chosen) result(surface)
     class(box_t), intent(in) :: self
-    !> Axes normal to the sides, negative for the sides at 0 (n_sides).
-    integer, intent(in) :: chosen(:)
+    integer, intent(in) :: chosen(:)  !! Axes normal to the sides, negative for the sides at 0 (n_sides).
     type(surface_t) :: surface
     type(element_kind_t) :: properties, face
     integer :: e, f, s, level, pass
@@ -248,10 +228,8 @@ contains
   !> Map all nodes linearly: x <- matrix x + shift.
   subroutine box_transform(self, matrix, shift)
     class(box_t), intent(inout) :: self
-    !> Linear map (dim, dim) [].
-    real(dp), intent(in) :: matrix(:, :)
-    !> Translation (dim) [length].
-    real(dp), intent(in) :: shift(:)
+    real(dp), intent(in) :: matrix(:, :)  !! Linear map (dim, dim) [].
+    real(dp), intent(in) :: shift(:)  !! Translation (dim) [length].
     integer :: i
     do i = 1, size(self%mesh%x, 2)
       self%mesh%x(:, i) = matmul(matrix, self%mesh%x(:, i)) + shift
@@ -261,8 +239,7 @@ contains
   !> Add a translated copy of all elements; coinciding nodes are merged. Sides remain those of the first box.
   subroutine box_repeat(self, shift)
     class(box_t), intent(inout) :: self
-    !> Translation (dim) [length].
-    real(dp), intent(in) :: shift(:)
+    real(dp), intent(in) :: shift(:)  !! Translation (dim) [length].
     real(dp), allocatable :: x(:, :)
     integer, allocatable :: number(:), flat(:)
     integer :: i, k, n, dim
@@ -290,12 +267,9 @@ contains
 
   !> A support.
   function make_support(surface, fix, value) result(support)
-    !> Surface.
-    type(surface_t), intent(in) :: surface
-    !> Directions of prescribed displacements, as in the input.
-    character(*), intent(in) :: fix
-    !> Prescribed displacement; zero if absent (3) [length].
-    real(dp), intent(in), optional :: value(3)
+    type(surface_t), intent(in) :: surface  !! Surface.
+    character(*), intent(in) :: fix  !! Directions of prescribed displacements, as in the input.
+    real(dp), intent(in), optional :: value(3)  !! Prescribed displacement; zero if absent (3) [length].
     type(support_t) :: support
     character(:), allocatable :: message
     support%surface = surface
@@ -306,18 +280,12 @@ contains
 
   !> Create a body from a box, with its supports.
   subroutine make_body(box, analysis, material, supports, body, error)
-    !> The box.
-    type(box_t), intent(in) :: box
-    !> Type of analysis: one of the `analysis_*` constants.
-    integer, intent(in) :: analysis
-    !> Material.
-    type(material_t), intent(in) :: material
-    !> Supports (n_supports).
-    type(support_t), intent(in) :: supports(:)
-    !> The body, not assembled, with loads of zero.
-    type(body_t), intent(out) :: body
-    !> Allocated where the supports cannot be used.
-    type(error_t), allocatable, intent(out) :: error
+    type(box_t), intent(in) :: box  !! The box.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material.
+    type(support_t), intent(in) :: supports(:)  !! Supports (n_supports).
+    type(body_t), intent(out) :: body  !! The body, not assembled, with loads of zero.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the supports cannot be used.
     body%name = 'box'
     body%analysis = analysis
     body%dimension = analysis_dimension(analysis)
@@ -330,12 +298,9 @@ contains
 
   !> Assemble, factorize and solve.
   subroutine solve(body, u, error)
-    !> The body; assembled on return.
-    type(body_t), intent(inout) :: body
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), allocatable, intent(out) :: u(:, :)
-    !> Allocated where the body cannot be assembled or factorized.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(inout) :: body  !! The body; assembled on return.
+    real(dp), allocatable, intent(out) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the body cannot be assembled or factorized.
     type(stiffness_t) :: stiffness
     type(cholesky_t) :: factor
     real(dp), allocatable :: x(:)
@@ -356,12 +321,9 @@ contains
 
   !> Forces K u of all nodes in global axes, for a body without supports.
   subroutine nodal_forces(stiffness, u, force)
-    !> Of the body.
-    type(stiffness_t), intent(in) :: stiffness
-    !> Displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> (dim, n_nodes) [force].
-    real(dp), allocatable, intent(out) :: force(:, :)
+    type(stiffness_t), intent(in) :: stiffness  !! Of the body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements (dim, n_nodes) [length].
+    real(dp), allocatable, intent(out) :: force(:, :)  !! (dim, n_nodes) [force].
     real(dp), allocatable :: x(:), y(:)
     x = reshape(u, [size(u)])
     allocate (y(size(u)))
@@ -371,10 +333,8 @@ contains
 
   !> Rotation about an oblique axis in three dimensions, in the plane in two (dim, dim) [].
   function rotation(dim, angle) result(matrix)
-    !> Number of coordinates, 2 or 3.
-    integer, intent(in) :: dim
-    !> Angle [radian].
-    real(dp), intent(in) :: angle
+    integer, intent(in) :: dim  !! Number of coordinates, 2 or 3.
+    real(dp), intent(in) :: angle  !! Angle [radian].
     real(dp) :: matrix(dim, dim)
     real(dp) :: axis(3), k(3, 3)
     integer :: i

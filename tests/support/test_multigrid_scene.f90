@@ -29,36 +29,24 @@ module test_multigrid_scene
   !> and down; they are free; both sides of the contact are held.
   integer, parameter, public :: pressed = 1, floating = 2, loose = 3, clamped = 4
 
-  !> What a scene is made of.
-  type, public :: scene_settings_t
+  type, public :: scene_settings_t  !! What a scene is made of.
     !> Element kind and cells along each axis, from the highest block to the lowest (n_bodies).
     integer, allocatable :: kinds(:), cells(:)
-    !> How the blocks are held.
-    integer :: holding = pressed
-    !> Distortion of the meshes, one of `test_bodies`.
-    integer :: distortion = straight
-    !> Axisymmetric about the left side, instead of plane strain.
-    logical :: is_axisymmetric = .false.
-    !> Poisson's ratio [].
-    real(dp) :: poisson = 0.3_dp
-    !> Displacement of the top [length], or pressure on it [pressure].
-    real(dp) :: press = 0.2_dp
-    !> Gap as a formula of x and y; curved in the middle if not allocated [length].
-    character(:), allocatable :: gap
-    !> Number of equal pairs between two blocks: rows come again.
-    integer :: n_equal = 1
-    !> All blocks but the lowest one share the p-multigrid of the first.
-    logical :: are_congruent = .false.
+    integer :: holding = pressed  !! How the blocks are held.
+    integer :: distortion = straight  !! Distortion of the meshes, one of `test_bodies`.
+    logical :: is_axisymmetric = .false.  !! Axisymmetric about the left side, instead of plane strain.
+    real(dp) :: poisson = 0.3_dp  !! Poisson's ratio [].
+    real(dp) :: press = 0.2_dp  !! Displacement of the top [length], or pressure on it [pressure].
+    character(:), allocatable :: gap  !! Gap as a formula of x and y; curved in the middle if not allocated [length].
+    integer :: n_equal = 1  !! Number of equal pairs between two blocks: rows come again.
+    logical :: are_congruent = .false.  !! All blocks but the lowest one share the p-multigrid of the first.
     !> Displacements are those by contact and rigid body motions, as in the primal scheme, not all.
     logical :: by_contact = .false.
-    !> Whether corner spaces have smoothed aggregation in place of factors.
-    logical :: is_aggregated = .false.
+    logical :: is_aggregated = .false.  !! Whether corner spaces have smoothed aggregation in place of factors.
   end type scene_settings_t
 
-  !> A scene.
-  type, public :: multigrid_scene_t
-    !> The problem, its quadratic programme and the compliance of the bodies.
-    type(contact_problem_t) :: problem
+  type, public :: multigrid_scene_t  !! A scene.
+    type(contact_problem_t) :: problem  !! The problem, its quadratic programme and the compliance of the bodies.
     type(contact_qp_t) :: qp
     type(body_compliance_t) :: compliance
     !> The linear systems of the proximal active set, and the p-multigrids they refer to (n_bodies).
@@ -77,8 +65,7 @@ contains
   !> Mesh, discretize, assemble and factorize.
   subroutine scene_init(self, settings)
     class(multigrid_scene_t), intent(inout) :: self
-    !> What it is made of.
-    type(scene_settings_t), intent(in) :: settings
+    type(scene_settings_t), intent(in) :: settings  !! What it is made of.
     type(box_t), allocatable :: box(:)
     type(contact_operator_t) :: operator
     type(error_t), allocatable :: error
@@ -98,16 +85,11 @@ contains
 
   !> The blocks, from the highest to the lowest.
   subroutine make_bodies(problem, settings, analysis, dim, box)
-    !> Gets the bodies.
-    type(contact_problem_t), intent(inout) :: problem
-    !> What the scene is made of.
-    type(scene_settings_t), intent(in) :: settings
-    !> One of `analysis_*`.
-    integer, intent(in) :: analysis
-    !> Dimension of space.
-    integer, intent(in) :: dim
-    !> The meshes (n_bodies).
-    type(box_t), allocatable, intent(out) :: box(:)
+    type(contact_problem_t), intent(inout) :: problem  !! Gets the bodies.
+    type(scene_settings_t), intent(in) :: settings  !! What the scene is made of.
+    integer, intent(in) :: analysis  !! One of `analysis_*`.
+    integer, intent(in) :: dim  !! Dimension of space.
+    type(box_t), allocatable, intent(out) :: box(:)  !! The meshes (n_bodies).
     type(support_t), allocatable :: support(:)
     type(material_t) :: material
     type(load_t) :: load
@@ -155,14 +137,10 @@ contains
 
   !> The lower side of each block (slave) on the upper one of the next.
   subroutine make_pairs(problem, settings, dim, box)
-    !> Gets the pairs.
-    type(contact_problem_t), intent(inout) :: problem
-    !> What the scene is made of.
-    type(scene_settings_t), intent(in) :: settings
-    !> Dimension of space.
-    integer, intent(in) :: dim
-    !> The meshes (n_bodies).
-    type(box_t), intent(in) :: box(:)
+    type(contact_problem_t), intent(inout) :: problem  !! Gets the pairs.
+    type(scene_settings_t), intent(in) :: settings  !! What the scene is made of.
+    integer, intent(in) :: dim  !! Dimension of space.
+    type(box_t), intent(in) :: box(:)  !! The meshes (n_bodies).
     type(pair_settings_t) :: pair
     type(formula_t) :: formula
     type(error_t), allocatable :: error
@@ -193,10 +171,8 @@ contains
 
   !> The p-multigrids, with the rows on both levels.
   subroutine make_system(self, settings)
-    !> Gets system, gaps and loads.
     class(multigrid_scene_t), intent(inout) :: self
-    !> What it is made of.
-    type(scene_settings_t), intent(in) :: settings
+    type(scene_settings_t), intent(in) :: settings  !! What it is made of.
     type(grid_body_t), allocatable :: body(:)
     type(multigrid_t), pointer :: grid
     type(factorization_report_t) :: report
@@ -246,12 +222,9 @@ contains
   !> Displacements of a body in Cartesian components.
   subroutine scene_displacements(self, b, u, displacement)
     class(multigrid_scene_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Over the system (n) [length].
-    real(dp), intent(in) :: u(:)
-    !> (dimension, n_nodes) [length]
-    real(dp), allocatable, intent(out) :: displacement(:, :)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: u(:)  !! Over the system (n) [length].
+    real(dp), allocatable, intent(out) :: displacement(:, :)  !! (dimension, n_nodes) [length]
     real(dp), allocatable :: x(:)
     associate (body => self%problem%body(b))
       allocate (x(body%constraint%n_equations), displacement(body%dimension, body%mesh%n_nodes()))

@@ -24,15 +24,11 @@ contains
   !> Assemble, factorize and solve without contact. Every body has a compliance operator of its own, of its whole
   !> stiffness: near-null-space modes are not split off.
   subroutine make_problem(operator, problem, qp, compliance, error)
-    !> Rows of B; without its blocks on return.
-    type(contact_operator_t), intent(inout) :: operator
-    !> With bodies that have supports and loads; the rest is set.
-    type(contact_problem_t), intent(inout) :: problem
-    !> With a Winkler foundation: each row with the stiffness of its nodes alone.
-    type(contact_qp_t), intent(out) :: qp
+    type(contact_operator_t), intent(inout) :: operator  !! Rows of B; without its blocks on return.
+    type(contact_problem_t), intent(inout) :: problem  !! With bodies that have supports and loads; the rest is set.
+    type(contact_qp_t), intent(out) :: qp  !! With a Winkler foundation: each row with the stiffness of its nodes alone.
     type(body_compliance_t), intent(inout) :: compliance
-    !> Allocated where a body cannot be assembled or factorized.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a body cannot be assembled or factorized.
     type(stiffness_t), allocatable :: stiffness(:)
     type(operator_slot_t), allocatable :: direct(:)
     type(factor_size_t), allocatable :: size_of(:)

@@ -35,28 +35,19 @@ module test_stack
     logical :: is_floating = .true.
     !> Pressure on the top of the floating upper box [pressure], or displacement of the top of the held one [length].
     real(dp) :: press = 0.2_dp
-    !> Gap as a formula of x [length].
-    character(60) :: gap = '(x-0.4)^2'
-    !> One of `discretization_*`.
-    integer :: discretization = default_discretization
-    !> Penalty parameter of all rows [length/pressure].
-    real(dp) :: theta = 0.01_dp
+    character(60) :: gap = '(x-0.4)^2'  !! Gap as a formula of x [length].
+    integer :: discretization = default_discretization  !! One of `discretization_*`.
+    real(dp) :: theta = 0.01_dp  !! Penalty parameter of all rows [length/pressure].
     !> Number of pairs: the slave surface is cut into so many pieces of one size, from left to right.
     integer :: n_pairs = 1
-    !> Material of both boxes; `steel` of test_bodies if not allocated.
-    type(material_t), allocatable :: material
+    type(material_t), allocatable :: material  !! Material of both boxes; `steel` of test_bodies if not allocated.
   end type stack_settings_t
 
-  !> A stack. Body 1 is the upper box and has the slave surface.
-  type, public :: stack_t
-    !> The problem; pairs and their surfaces included.
-    type(contact_problem_t) :: problem
-    !> Its quadratic programme.
-    type(contact_qp_t) :: qp
-    !> Its compliance operator.
-    type(body_compliance_t) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), allocatable :: theta(:)
+  type, public :: stack_t  !! A stack. Body 1 is the upper box and has the slave surface.
+    type(contact_problem_t) :: problem  !! The problem; pairs and their surfaces included.
+    type(contact_qp_t) :: qp  !! Its quadratic programme.
+    type(body_compliance_t) :: compliance  !! Its compliance operator.
+    real(dp), allocatable :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
   contains
     procedure :: init => stack_init
     procedure :: direct_solution => stack_direct_solution
@@ -72,8 +63,7 @@ contains
   !> Mesh, discretize, assemble and factorize.
   subroutine stack_init(self, settings)
     class(stack_t), intent(inout) :: self
-    !> What it is made of.
-    type(stack_settings_t), intent(in) :: settings
+    type(stack_settings_t), intent(in) :: settings  !! What it is made of.
     real(dp), parameter :: identity(2, 2) = reshape([1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 2])
     type(box_t) :: box(2)
     type(contact_operator_t) :: operator
@@ -137,12 +127,9 @@ contains
 
   !> The facets of a surface between two places along x.
   function piece(surface, x, from, to) result(part)
-    !> The surface.
-    type(surface_t), intent(in) :: surface
-    !> Of the nodes of the body (n_nodes) [length].
-    real(dp), intent(in) :: x(:)
-    !> Left and right end [length].
-    real(dp), intent(in) :: from, to
+    type(surface_t), intent(in) :: surface  !! The surface.
+    real(dp), intent(in) :: x(:)  !! Of the nodes of the body (n_nodes) [length].
+    real(dp), intent(in) :: from, to  !! Left and right end [length].
     type(surface_t) :: part
     real(dp), parameter :: rounding = 1.0e-9_dp
     integer, allocatable :: f(:)
@@ -162,14 +149,10 @@ contains
   !> are active are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
   subroutine stack_direct_solution(self, theta, active, solution, y)
     class(stack_t), intent(in) :: self
-    !> Penalty parameters, positive where active (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Active rows (n_rows).
-    logical, intent(in) :: active(:)
-    !> Displacements (2).
-    type(body_solution_t), intent(out) :: solution(2)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, positive where active (n_rows) [length/pressure].
+    logical, intent(in) :: active(:)  !! Active rows (n_rows).
+    type(body_solution_t), intent(out) :: solution(2)  !! Displacements (2).
+    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
     type(stiffness_t) :: stiffness
     type(error_t), allocatable :: error
     real(dp), allocatable :: matrix(:, :), rows(:, :), x(:, :), u(:)
@@ -217,14 +200,10 @@ contains
   !> As `direct_solution`, with the active set that belongs to it: rows are active where they penetrate.
   subroutine stack_exact_solution(self, theta, active, solution, y)
     class(stack_t), intent(in) :: self
-    !> Penalty parameters, all positive (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Active rows (n_rows).
-    logical, intent(out) :: active(:)
-    !> Displacements (2).
-    type(body_solution_t), intent(out) :: solution(2)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(out) :: y(:)
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters, all positive (n_rows) [length/pressure].
+    logical, intent(out) :: active(:)  !! Active rows (n_rows).
+    type(body_solution_t), intent(out) :: solution(2)  !! Displacements (2).
+    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
     integer :: k
     active = .true.
     do k = 1, 20
@@ -238,12 +217,9 @@ contains
   !> Nodal contact forces of all nodes of a body, - B_b^T W m, from the columns of B.
   subroutine stack_contact_forces(self, b, m, force)
     class(stack_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> (2, n_nodes) [force].
-    real(dp), intent(out) :: force(:, :)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(out) :: force(:, :)  !! (2, n_nodes) [force].
     integer :: i, j
     force = 0
     associate (block => self%qp%block(b))
@@ -261,10 +237,8 @@ contains
 
   !> Add a sparse symmetric matrix to a dense one.
   subroutine add_dense(sparse, dense)
-    !> Lower triangle by columns.
-    type(sparse_symmetric_t), intent(in) :: sparse
-    !> (n, n).
-    real(dp), intent(inout) :: dense(:, :)
+    type(sparse_symmetric_t), intent(in) :: sparse  !! Lower triangle by columns.
+    real(dp), intent(inout) :: dense(:, :)  !! (n, n).
     integer :: i, j, k
     do j = 1, sparse%n
       do k = int(sparse%column_start(j)) + 1, int(sparse%column_start(j + 1))

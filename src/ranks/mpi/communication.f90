@@ -17,10 +17,8 @@ module dotyk_ranks_communication
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
     gather_reals, gather_bytes, collect_reals, deliver_integers, add_integers
 
-  !> What the program is built with, for its version.
-  character(*), parameter, public :: built_with = ', MPI and PETSc'
-  !> Numbers in a greeting.
-  integer, parameter, public :: greeting_length = 4
+  character(*), parameter, public :: built_with = ', MPI and PETSc'  !! What the program is built with, for its version.
+  integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
   !> First number of the greeting of a rank that ends; the second one is its exit code.
   integer(int64), parameter, public :: is_ending = -1
   !> Numbers that one message may have: MPI counts in default integers.
@@ -50,8 +48,7 @@ contains
   !> End this rank. The others, whatever they are about to exchange, end with it. Its exit code is that of the lowest
   !> rank that ended by itself, which is the one to print a message.
   subroutine end_ranks(code, message)
-    !> Exit code of this rank in, that of all ranks out.
-    integer, intent(inout) :: code
+    integer, intent(inout) :: code  !! Exit code of this rank in, that of all ranks out.
     !> Error that the lowest rank of those that end by themselves prints. Before MPI ends: what starts the ranks kills
     !> all of them as soon as one exits with a code.
     character(*), intent(in), optional :: message
@@ -67,8 +64,7 @@ contains
 
   !> End all ranks at once: where the others are in the midst of a library and hear no greeting.
   subroutine abort_ranks(code)
-    !> Exit code.
-    integer, intent(in) :: code
+    integer, intent(in) :: code  !! Exit code.
     call end_expected()
     call mpi_abort(mpi_comm_world, code)
   end subroutine abort_ranks
@@ -90,10 +86,8 @@ contains
 
   !> Say what this rank is about to do, and hear it of all. Where a rank ends, the program ends here.
   subroutine greet(greeting, all)
-    !> What this rank does.
-    integer(int64), intent(in) :: greeting(greeting_length)
-    !> What all ranks do (greeting_length, n_ranks).
-    integer(int64), intent(out) :: all(:, :)
+    integer(int64), intent(in) :: greeting(greeting_length)  !! What this rank does.
+    integer(int64), intent(out) :: all(:, :)  !! What all ranks do (greeting_length, n_ranks).
     integer :: first, code
     call exchange_greetings(greeting, all)
     first = findloc(all(1, :), is_ending, dim=1)
@@ -106,21 +100,16 @@ contains
 
   !> The short message of all ranks.
   subroutine exchange_greetings(greeting, all)
-    !> What this rank does.
-    integer(int64), intent(in) :: greeting(greeting_length)
-    !> What all ranks do (greeting_length, n_ranks).
-    integer(int64), intent(out) :: all(:, :)
+    integer(int64), intent(in) :: greeting(greeting_length)  !! What this rank does.
+    integer(int64), intent(out) :: all(:, :)  !! What all ranks do (greeting_length, n_ranks).
     call mpi_allgather(greeting, greeting_length, mpi_integer8, all, greeting_length, mpi_integer8, mpi_comm_world)
   end subroutine exchange_greetings
 
   !> Integers of all ranks, one rank after the other: sizes of items, of which there are not too many for one message.
   subroutine gather_integers(own, n, all)
-    !> Those of this rank.
-    integer(int64), intent(in) :: own(:)
-    !> Number of each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
-    !> Those of all ranks (sum(n)).
-    integer(int64), intent(out) :: all(:)
+    integer(int64), intent(in) :: own(:)  !! Those of this rank.
+    integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
+    integer(int64), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
     integer :: code
     if (sum(n) >= most_numbers) then
       ! All ranks are here, with the same numbers.
@@ -134,12 +123,9 @@ contains
 
   !> Reals of all ranks, one rank after the other. Many numbers go rank by rank.
   subroutine gather_reals(own, n, all)
-    !> Those of this rank.
-    real(dp), intent(in) :: own(:)
-    !> Number of each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
-    !> Those of all ranks (sum(n)).
-    real(dp), intent(out) :: all(:)
+    real(dp), intent(in) :: own(:)  !! Those of this rank.
+    integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
+    real(dp), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
     integer(int64) :: first, last, done
     integer :: r
     if (sum(n) < most_numbers) then
@@ -160,12 +146,9 @@ contains
 
   !> Reals of all ranks on the first one, one rank after the other, in messages of a length that any rank can hold.
   subroutine collect_reals(own, n, all)
-    !> Those of this rank.
-    real(dp), intent(in) :: own(:)
-    !> Number of each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
-    !> Those of all ranks on the first one (sum(n)); not used elsewhere.
-    real(dp), intent(inout) :: all(:)
+    real(dp), intent(in) :: own(:)  !! Those of this rank.
+    integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
+    real(dp), intent(inout) :: all(:)  !! Those of all ranks on the first one (sum(n)); not used elsewhere.
     integer(int64), parameter :: length = 2_int64**24
     integer(int64) :: first, last, done
     integer :: r
@@ -190,12 +173,9 @@ contains
 
   !> Bytes of all ranks, one rank after the other. Many bytes go rank by rank.
   subroutine gather_bytes(own, n, all, most)
-    !> Those of this rank.
-    integer(int8), intent(in) :: own(:)
-    !> Number of each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
-    !> Those of all ranks (sum(n)).
-    integer(int8), intent(out) :: all(:)
+    integer(int8), intent(in) :: own(:)  !! Those of this rank.
+    integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
+    integer(int8), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
     !> Bytes that one message may have, for tests; as many as MPI counts if absent.
     integer(int64), intent(in), optional :: most
     integer(int64) :: first, last, done, limit
@@ -219,16 +199,11 @@ contains
 
   !> Integers for each rank, to that rank; from all ranks, one after the other.
   subroutine deliver_integers(own, n, all, n_from, most)
-    !> Those for rank 0, for rank 1, and so on (sum(n)).
-    integer(int64), intent(in) :: own(:)
-    !> Number for each rank (n_ranks).
-    integer(int64), intent(in) :: n(:)
-    !> Those of all ranks for this one (sum(n_from)).
-    integer(int64), allocatable, intent(out) :: all(:)
-    !> Number from each rank (n_ranks).
-    integer(int64), intent(out) :: n_from(:)
-    !> Numbers that one message may have, for tests; 2^24 if absent.
-    integer(int64), intent(in), optional :: most
+    integer(int64), intent(in) :: own(:)  !! Those for rank 0, for rank 1, and so on (sum(n)).
+    integer(int64), intent(in) :: n(:)  !! Number for each rank (n_ranks).
+    integer(int64), allocatable, intent(out) :: all(:)  !! Those of all ranks for this one (sum(n_from)).
+    integer(int64), intent(out) :: n_from(:)  !! Number from each rank (n_ranks).
+    integer(int64), intent(in), optional :: most  !! Numbers that one message may have, for tests; 2^24 if absent.
     integer(int64) :: length, done, sent, got
     integer :: step, to, from, target, source
     length = 2_int64**24
@@ -259,23 +234,20 @@ contains
 
   !> Sums of the integers of all ranks.
   subroutine add_integers(value)
-    !> Those of this rank in, their sums on all ranks out (n).
-    integer(int64), intent(inout) :: value(:)
+    integer(int64), intent(inout) :: value(:)  !! Those of this rank in, their sums on all ranks out (n).
     call mpi_allreduce(mpi_in_place, value, size(value), mpi_integer8, mpi_sum, mpi_comm_world)
   end subroutine add_integers
 
   !> Numbers as MPI counts them.
   pure function counts(n)
-    !> Numbers of the ranks, less in all than one message may have (n_ranks).
-    integer(int64), intent(in) :: n(:)
+    integer(int64), intent(in) :: n(:)  !! Numbers of the ranks, less in all than one message may have (n_ranks).
     integer :: counts(size(n))
     counts = int(n)
   end function counts
 
   !> Where the numbers of each rank begin, from 0.
   pure function places(n)
-    !> Numbers of the ranks (n_ranks).
-    integer(int64), intent(in) :: n(:)
+    integer(int64), intent(in) :: n(:)  !! Numbers of the ranks (n_ranks).
     integer :: places(size(n)), r
     places(1) = 0
     do r = 2, size(n)

@@ -9,12 +9,9 @@ module dotyk_ranks_communication
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
     gather_reals, gather_bytes, collect_reals, deliver_integers, add_integers
 
-  !> What the program is built with, for its version.
-  character(*), parameter, public :: built_with = ''
-  !> Numbers in a greeting.
-  integer, parameter, public :: greeting_length = 4
-  !> First number of the greeting of a rank that ends.
-  integer(int64), parameter, public :: is_ending = -1
+  character(*), parameter, public :: built_with = ''  !! What the program is built with, for its version.
+  integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
+  integer(int64), parameter, public :: is_ending = -1  !! First number of the greeting of a rank that ends.
 
 contains
 
@@ -24,10 +21,8 @@ contains
 
   !> End.
   subroutine end_ranks(code, message)
-    !> Exit code.
-    integer, intent(inout) :: code
-    !> Error that is printed.
-    character(*), intent(in), optional :: message
+    integer, intent(inout) :: code  !! Exit code.
+    character(*), intent(in), optional :: message  !! Error that is printed.
     if (present(message)) call print_error(message)
     call end_expected()
     associate (not_needed => code)
@@ -36,8 +31,7 @@ contains
 
   !> End the program at once.
   subroutine abort_ranks(code)
-    !> Exit code.
-    integer, intent(in) :: code
+    integer, intent(in) :: code  !! Exit code.
     call end_expected()
     stop code, quiet=.true.
   end subroutine abort_ranks
@@ -59,75 +53,56 @@ contains
 
   !> Say what this rank is about to do.
   pure subroutine greet(greeting, all)
-    !> What it does.
-    integer(int64), intent(in) :: greeting(greeting_length)
-    !> The same (greeting_length, 1).
-    integer(int64), intent(out) :: all(:, :)
+    integer(int64), intent(in) :: greeting(greeting_length)  !! What it does.
+    integer(int64), intent(out) :: all(:, :)  !! The same (greeting_length, 1).
     all(:, 1) = greeting
   end subroutine greet
 
   !> Integers of the one rank.
   pure subroutine gather_integers(own, n, all)
-    !> Its integers.
-    integer(int64), intent(in) :: own(:)
-    !> Their number (1).
-    integer(int64), intent(in) :: n(:)
-    !> The same.
-    integer(int64), intent(out) :: all(:)
+    integer(int64), intent(in) :: own(:)  !! Its integers.
+    integer(int64), intent(in) :: n(:)  !! Their number (1).
+    integer(int64), intent(out) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine gather_integers
 
   !> Reals of the one rank.
   pure subroutine gather_reals(own, n, all)
-    !> Its reals.
-    real(dp), intent(in) :: own(:)
-    !> Their number (1).
-    integer(int64), intent(in) :: n(:)
-    !> The same.
-    real(dp), intent(out) :: all(:)
+    real(dp), intent(in) :: own(:)  !! Its reals.
+    integer(int64), intent(in) :: n(:)  !! Their number (1).
+    real(dp), intent(out) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine gather_reals
 
   !> Reals of the one rank.
   pure subroutine collect_reals(own, n, all)
-    !> Its reals.
-    real(dp), intent(in) :: own(:)
-    !> Their number (1).
-    integer(int64), intent(in) :: n(:)
-    !> The same.
-    real(dp), intent(inout) :: all(:)
+    real(dp), intent(in) :: own(:)  !! Its reals.
+    integer(int64), intent(in) :: n(:)  !! Their number (1).
+    real(dp), intent(inout) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine collect_reals
 
   !> Bytes of the one rank.
   pure subroutine gather_bytes(own, n, all)
-    !> Its bytes.
-    integer(int8), intent(in) :: own(:)
-    !> Their number (1).
-    integer(int64), intent(in) :: n(:)
-    !> The same.
-    integer(int8), intent(out) :: all(:)
+    integer(int8), intent(in) :: own(:)  !! Its bytes.
+    integer(int64), intent(in) :: n(:)  !! Their number (1).
+    integer(int8), intent(out) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine gather_bytes
 
   !> Integers of the one rank for itself.
   pure subroutine deliver_integers(own, n, all, n_from)
-    !> Its integers.
-    integer(int64), intent(in) :: own(:)
-    !> Their number (1).
-    integer(int64), intent(in) :: n(:)
-    !> The same integers.
-    integer(int64), allocatable, intent(out) :: all(:)
-    !> Their number (1).
-    integer(int64), intent(out) :: n_from(:)
+    integer(int64), intent(in) :: own(:)  !! Its integers.
+    integer(int64), intent(in) :: n(:)  !! Their number (1).
+    integer(int64), allocatable, intent(out) :: all(:)  !! The same integers.
+    integer(int64), intent(out) :: n_from(:)  !! Their number (1).
     all = own(:n(1))
     n_from = n
   end subroutine deliver_integers
 
   !> Sums of the integers of the one rank.
   pure subroutine add_integers(value)
-    !> Its integers.
-    integer(int64), intent(inout) :: value(:)
+    integer(int64), intent(inout) :: value(:)  !! Its integers.
     associate (not_needed => value)
     end associate
   end subroutine add_integers

@@ -14,28 +14,19 @@ module dotyk_split_split_bodies
   implicit none
   private
 
-  !> Where the equations of the part of one body are.
-  type :: equation_map_t
-    !> Those that this rank computes (n_own).
-    integer, allocatable :: equation(:)
-    !> Their places among the own unknowns of all bodies (n_own).
-    integer, allocatable :: place(:)
-    !> Entry of each equation in distributed vectors, from 0 (n_equations).
-    integer, allocatable :: entry(:)
+  type :: equation_map_t  !! Where the equations of the part of one body are.
+    integer, allocatable :: equation(:)  !! Those that this rank computes (n_own).
+    integer, allocatable :: place(:)  !! Their places among the own unknowns of all bodies (n_own).
+    integer, allocatable :: entry(:)  !! Entry of each equation in distributed vectors, from 0 (n_equations).
   end type equation_map_t
 
   !> The bodies of a scene. PETSc has addresses of components: it is never copied or moved.
   type, public :: split_bodies_t
-    !> Stiffness of all bodies.
-    type(distributed_stiffness_t) :: stiffness
-    !> The linear systems of their contact.
-    type(distributed_system_t) :: system
-    !> Equations of the bodies (n_bodies).
-    type(equation_map_t), allocatable :: map(:)
-    !> Greatest relative residual that a solve has left so far [].
-    real(dp) :: worst = 0
-    !> Iterations that the displacements by the loads took; 0 before.
-    integer :: steps_of_free = 0
+    type(distributed_stiffness_t) :: stiffness  !! Stiffness of all bodies.
+    type(distributed_system_t) :: system  !! The linear systems of their contact.
+    type(equation_map_t), allocatable :: map(:)  !! Equations of the bodies (n_bodies).
+    real(dp) :: worst = 0  !! Greatest relative residual that a solve has left so far [].
+    integer :: steps_of_free = 0  !! Iterations that the displacements by the loads took; 0 before.
     !> Displacements of all bodies by their loads, without contact, along the axes of the own nodes (n) [length].
     real(dp), allocatable, private :: free(:)
   contains
@@ -52,8 +43,7 @@ module dotyk_split_split_bodies
 
   !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
   real(dp), parameter :: accuracy = 1.0e-10_dp
-  !> Iterations of a solve at most.
-  integer, parameter :: most_steps = 300
+  integer, parameter :: most_steps = 300  !! Iterations of a solve at most.
 
 contains
 
@@ -62,8 +52,7 @@ contains
     class(split_bodies_t), target, intent(inout) :: self
     !> The part of each body that this rank holds, with supports and loads (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Their rigid body modes (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
+    type(body_modes_t), intent(in) :: modes(:)  !! Their rigid body modes (n_bodies).
     !> Allocated where elements do not conform, or are inverted, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     type(part_t), allocatable :: part(:)
@@ -84,14 +73,10 @@ contains
 
   !> Where the equations of the part of a body are.
   subroutine make_map(dim, first, part, map)
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Block row of the first own node, from 0.
-    integer, intent(in) :: first
-    !> The part, numbered.
-    type(part_t), intent(in) :: part
-    !> The map.
-    type(equation_map_t), intent(out) :: map
+    integer, intent(in) :: dim  !! Number of displacement components.
+    integer, intent(in) :: first  !! Block row of the first own node, from 0.
+    type(part_t), intent(in) :: part  !! The part, numbered.
+    type(equation_map_t), intent(out) :: map  !! The map.
     integer :: i, k, n
     associate (constraint => part%constraint)
       allocate (map%entry(constraint%n_equations), map%equation(constraint%n_equations))
@@ -113,10 +98,8 @@ contains
   !> Make ready for solves.
   subroutine bodies_factorize(self, operator, error)
     class(split_bodies_t), target, intent(inout) :: self
-    !> Contact rows, the same on all ranks.
-    type(contact_operator_t), intent(in) :: operator
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(contact_operator_t), intent(in) :: operator  !! Contact rows, the same on all ranks.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     call self%system%init(self%stiffness, operator, error)
   end subroutine bodies_factorize
 
@@ -126,8 +109,7 @@ contains
   !> and most right-hand sides are these loads.
   subroutine bodies_solve(self, b, x)
     class(split_bodies_t), target, intent(inout) :: self
-    !> The body.
-    integer, intent(in) :: b
+    integer, intent(in) :: b  !! The body.
     !> Right-hand side [force] in, solution [length] out, over the equations of the part (n_equations).
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: r(:), e(:)
@@ -140,8 +122,7 @@ contains
   !> The same for all bodies at once.
   subroutine bodies_solve_all(self, x)
     class(split_bodies_t), target, intent(inout) :: self
-    !> Right-hand sides [force] in, solutions [length] out (n_bodies).
-    type(equation_vector_t), intent(inout) :: x(:)
+    type(equation_vector_t), intent(inout) :: x(:)  !! Right-hand sides [force] in, solutions [length] out (n_bodies).
     real(dp), allocatable :: r(:), e(:)
     integer :: b, i
     allocate (r(self%system%n), source=0.0_dp)
@@ -156,14 +137,11 @@ contains
 
   !> e := K^+ r, r zero but at some places.
   subroutine solve_at(self, place, r, e)
-    !> The bodies.
     class(split_bodies_t), target, intent(inout) :: self
-    !> The places among the own unknowns of all bodies.
-    integer, intent(in) :: place(:)
+    integer, intent(in) :: place(:)  !! The places among the own unknowns of all bodies.
     !> Forces; without resultants on rigid body modes on return (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
-    !> (n) [length]
-    real(dp), allocatable, intent(out) :: e(:)
+    real(dp), allocatable, intent(out) :: e(:)  !! (n) [length]
     real(dp), allocatable :: left(:), known(:)
     real(dp) :: first, of_left
     allocate (e(size(r)), source=0.0_dp)
@@ -191,7 +169,6 @@ contains
 
   !> Find the displacements of all bodies by their loads, unless they are known.
   subroutine find_free(self)
-    !> The bodies.
     class(split_bodies_t), target, intent(inout) :: self
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
@@ -208,14 +185,10 @@ contains
 
   !> e := K^+ r, and note what is left.
   subroutine solve_for(self, r, norm, e)
-    !> The bodies.
     class(split_bodies_t), target, intent(inout) :: self
-    !> Forces, without resultants on rigid body modes (n) [force].
-    real(dp), intent(inout), contiguous :: r(:)
-    !> Norm of the forces that the accuracy is a fraction of [sqrt(energy)].
-    real(dp), intent(in) :: norm
-    !> (n) [length]
-    real(dp), intent(inout), contiguous :: e(:)
+    real(dp), intent(inout), contiguous :: r(:)  !! Forces, without resultants on rigid body modes (n) [force].
+    real(dp), intent(in) :: norm  !! Norm of the forces that the accuracy is a fraction of [sqrt(energy)].
+    real(dp), intent(inout), contiguous :: e(:)  !! (n) [length]
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
     associate (system => self%system)
@@ -231,12 +204,9 @@ contains
   !> f := f - K x over the equations of one body, without resultants on its rigid body modes.
   subroutine bodies_subtract_forces(self, b, x, f)
     class(split_bodies_t), target, intent(inout) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Displacements (n_equations) [length].
-    real(dp), intent(in) :: x(:)
-    !> Forces (n_equations) [force].
-    real(dp), intent(inout) :: f(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: x(:)  !! Displacements (n_equations) [length].
+    real(dp), intent(inout) :: f(:)  !! Forces (n_equations) [force].
     real(dp), allocatable :: own_x(:), own_f(:), product(:)
     allocate (own_x(self%system%n), own_f(self%system%n), source=0.0_dp)
     call from_equations(self, b, x, own_x)
@@ -251,10 +221,8 @@ contains
   !> Diagonal of the stiffness of one body.
   subroutine bodies_diagonal(self, b, diagonal)
     class(split_bodies_t), target, intent(inout) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Over the equations of the part (n_equations) [force/length].
-    real(dp), allocatable, intent(out) :: diagonal(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), allocatable, intent(out) :: diagonal(:)  !! Over the equations of the part (n_equations) [force/length].
     real(dp), allocatable :: own(:)
     call self%stiffness%diagonal(own)
     allocate (diagonal(size(self%map(b)%entry)))
@@ -263,24 +231,18 @@ contains
 
   !> Equations of one body to own unknowns.
   subroutine from_equations(self, b, x, own)
-    !> The bodies.
-    type(split_bodies_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Over its equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
-    !> Of this rank; gets those of the body (n) [as x].
-    real(dp), intent(inout) :: own(:)
+    type(split_bodies_t), intent(in) :: self  !! The bodies.
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: x(:)  !! Over its equations (n_equations) [any].
+    real(dp), intent(inout) :: own(:)  !! Of this rank; gets those of the body (n) [as x].
     own(self%map(b)%place) = x(self%map(b)%equation)
   end subroutine from_equations
 
   !> Equations of the part of one body from the own unknowns of all ranks.
   subroutine bodies_to_equations(self, b, own, x)
     class(split_bodies_t), intent(in) :: self
-    !> The body.
-    integer, intent(in) :: b
-    !> Of this rank (n) [any].
-    real(dp), intent(in) :: own(:)
+    integer, intent(in) :: b  !! The body.
+    real(dp), intent(in) :: own(:)  !! Of this rank (n) [any].
     !> Over the equations of the part; the same on all ranks that have one (n_equations) [as own].
     real(dp), intent(out) :: x(:)
     type(error_t), allocatable :: error

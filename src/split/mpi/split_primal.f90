@@ -23,10 +23,8 @@ module dotyk_split_split_primal
   implicit none
   private
 
-  !> The scheme.
-  type, extends(scheme_t), public :: split_primal_t
-    !> The bodies.
-    type(split_bodies_t), pointer :: bodies => null()
+  type, extends(scheme_t), public :: split_primal_t  !! The scheme.
+    type(split_bodies_t), pointer :: bodies => null()  !! The bodies.
   contains
     procedure :: solve => primal_solve
     procedure :: needs_held_bodies => primal_needs_held_bodies
@@ -64,12 +62,9 @@ contains
   !> Where there are rows.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
     class(split_primal_t), intent(in) :: self
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(in) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = qp%n_rows > 0
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
     end associate
@@ -138,12 +133,9 @@ contains
 
   !> Add the error of solves: of the solution without contact, and of bodies that touch no other.
   subroutine add_solve_error(solve_error, tolerance, state)
-    !> Relative, in the energy norm; huge where a solve has failed [].
-    real(dp), intent(in) :: solve_error
-    !> Bound that was asked for [].
-    real(dp), intent(in) :: tolerance
-    !> Where the scheme ended.
-    type(solver_state_t), intent(inout) :: state
+    real(dp), intent(in) :: solve_error  !! Relative, in the energy norm; huge where a solve has failed [].
+    real(dp), intent(in) :: tolerance  !! Bound that was asked for [].
+    type(solver_state_t), intent(inout) :: state  !! Where the scheme ended.
     state%bound_is_guaranteed = .false.
     if (.not. allocated(state%m) .or. .not. state%error_bound < huge(tolerance)) return
     state%error_bound = min(huge(tolerance)/2, state%error_bound) + min(huge(tolerance)/2, solve_error)

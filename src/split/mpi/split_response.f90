@@ -9,12 +9,9 @@ module dotyk_split_split_response
   implicit none
   private
 
-  !> The operator.
-  type, extends(response_t), public :: split_response_t
-    !> All bodies.
-    type(split_bodies_t), pointer :: bodies => null()
-    !> This one.
-    integer :: b = 0
+  type, extends(response_t), public :: split_response_t  !! The operator.
+    type(split_bodies_t), pointer :: bodies => null()  !! All bodies.
+    integer :: b = 0  !! This one.
   contains
     procedure :: solve => response_solve
     procedure :: solve_from => response_solve_from

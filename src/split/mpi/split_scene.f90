@@ -22,8 +22,7 @@ module dotyk_split_split_scene
   private
   public :: can_split
 
-  !> The bodies of a scene.
-  type, public :: split_scene_t
+  type, public :: split_scene_t  !! The bodies of a scene.
     !> They; one place for all copies, because others refer to it.
     type(split_bodies_t), pointer, private :: bodies => null()
   contains
@@ -46,8 +45,7 @@ contains
     class(split_scene_t), intent(inout) :: self
     !> Parts of bodies with supports and loads; get the mean modulus of the bodies (n_bodies).
     type(body_t), intent(inout) :: body(:)
-    !> Their rigid body modes (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
+    type(body_modes_t), intent(in) :: modes(:)  !! Their rigid body modes (n_bodies).
     !> Allocated where elements do not conform, or are inverted, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     call start_petsc(error)
@@ -96,14 +94,11 @@ contains
   !> Make ready for solves.
   subroutine scene_factorize(self, body, operator, report, error)
     class(split_scene_t), intent(in) :: self
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact rows, the same on all ranks.
-    type(contact_operator_t), intent(in) :: operator
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_operator_t), intent(in) :: operator  !! Contact rows, the same on all ranks.
     !> Gets the diagonals of the stiffnesses (n_bodies).
     type(factorization_report_t), allocatable, intent(out) :: report(:)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     integer :: b
     allocate (report(size(body)))
     call self%bodies%factorize(operator, error)
@@ -117,12 +112,9 @@ contains
   !> Compliance operators.
   subroutine scene_take_responses(self, body, modes, response)
     class(split_scene_t), intent(in) :: self
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their rigid body modes (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Get the operators (n_bodies).
-    type(response_slot_t), intent(inout) :: response(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Their rigid body modes (n_bodies).
+    type(response_slot_t), intent(inout) :: response(:)  !! Get the operators (n_bodies).
     type(split_response_t), allocatable :: form
     integer :: b, k
     do b = 1, size(body)
@@ -140,10 +132,8 @@ contains
   !> The scheme.
   subroutine scene_take_scheme(self, most_iterations, scheme)
     class(split_scene_t), intent(in) :: self
-    !> Iterations of conjugate gradients after which it ends without a solution.
-    integer, intent(in) :: most_iterations
-    !> Replaced.
-    class(scheme_t), allocatable, intent(inout) :: scheme
+    integer, intent(in) :: most_iterations  !! Iterations of conjugate gradients after which it ends without a solution.
+    class(scheme_t), allocatable, intent(inout) :: scheme  !! Replaced.
     if (allocated(scheme)) deallocate (scheme)
     allocate (split_primal_t :: scheme)
     select type (scheme)

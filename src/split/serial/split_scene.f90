@@ -12,8 +12,7 @@ module dotyk_split_split_scene
   private
   public :: can_split
 
-  !> The bodies of a scene.
-  type, public :: split_scene_t
+  type, public :: split_scene_t  !! The bodies of a scene.
   contains
     procedure, nopass :: assemble
     procedure, nopass :: factorize
@@ -31,26 +30,19 @@ contains
 
   !> Nothing.
   subroutine assemble(body, modes, error)
-    !> Bodies (n_bodies).
-    type(body_t), intent(inout) :: body(:)
-    !> Their rigid body modes (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Not allocated.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(inout) :: body(:)  !! Bodies (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Their rigid body modes (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Not allocated.
     associate (not_needed => size(body), nor_this => size(modes))
     end associate
   end subroutine assemble
 
   !> Nothing.
   subroutine factorize(body, operator, report, error)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Empty (n_bodies).
-    type(factorization_report_t), allocatable, intent(out) :: report(:)
-    !> Not allocated.
-    type(error_t), allocatable, intent(out) :: error
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_operator_t), intent(in) :: operator  !! Contact rows.
+    type(factorization_report_t), allocatable, intent(out) :: report(:)  !! Empty (n_bodies).
+    type(error_t), allocatable, intent(out) :: error  !! Not allocated.
     allocate (report(size(body)))
     associate (not_needed => operator%n_rows)
     end associate
@@ -58,22 +50,17 @@ contains
 
   !> Nothing.
   subroutine take_responses(body, modes, response)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their rigid body modes (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Unchanged (n_bodies).
-    type(response_slot_t), intent(inout) :: response(:)
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)  !! Their rigid body modes (n_bodies).
+    type(response_slot_t), intent(inout) :: response(:)  !! Unchanged (n_bodies).
     associate (not_needed => [size(body), size(modes), size(response)])
     end associate
   end subroutine take_responses
 
   !> Nothing.
   subroutine take_scheme(most_iterations, scheme)
-    !> Not used.
-    integer, intent(in) :: most_iterations
-    !> Unchanged.
-    class(scheme_t), allocatable, intent(inout) :: scheme
+    integer, intent(in) :: most_iterations  !! Not used.
+    class(scheme_t), allocatable, intent(inout) :: scheme  !! Unchanged.
     associate (not_needed => allocated(scheme), nor_this => most_iterations)
     end associate
   end subroutine take_scheme
