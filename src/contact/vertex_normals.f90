@@ -277,8 +277,8 @@ contains
   end subroutine normals_at_vertex
 
   !> Fit the normal at a vertex to the vertices of the facets of one sheet around it, with as few rings of facets as
-  !> determine as many coefficients as any. A fit is rejected if it differs from the mean by more than twice the greatest angle between the mean
-  !> and the facets around.
+  !> determine as many coefficients as any. A fit is rejected if it differs from the mean by more than twice the
+  !> greatest angle between the mean and the facets around.
   subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal)
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.

@@ -23,8 +23,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute values that these resultants are made up of (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Amplitudes of the unit translations of a body in one piece, and translations of its centre by its modes (n, 6) [];
-    !> without columns for other bodies, not allocated for near-null-space modes.
+    !> Amplitudes of the unit translations of a body in one piece, and translations of its centre by its modes (n, 6)
+    !> []; without columns for other bodies, not allocated for near-null-space modes.
     real(dp), allocatable :: translation(:, :)
     !> Mean square displacement of all nodes of the body: the same for all its orthonormal modes [].
     real(dp) :: mean_square = 1

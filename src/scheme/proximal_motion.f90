@@ -39,10 +39,10 @@ module dotyk_scheme_proximal_motion
     real(dp), allocatable :: rest(:), excess(:)
     integer :: n_steps = 0  !! Number of steps so far.
     logical :: has_changed = .true.  !! Whether T is another one than in the last step.
-    !> Directions of motion that are held, by bodies: rows resist them by no more than they are uncertain, or not at all.
+    !> Motions that are held, by bodies: rows resist them by no more than they are uncertain.
     !> Orthonormal in the mean square displacement (modes of the body, number of directions) [].
     type(mode_block_t), allocatable, private :: held(:)
-    !> The same, rotations about the centre of the body: what loads act along (modes of the body, number of directions) [].
+    !> The same, rotations about the centre of the body: what loads act along (modes, number of directions) [].
     type(mode_block_t), allocatable, private :: loaded(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
@@ -313,8 +313,8 @@ contains
     end subroutine find_forces
 
     !> Forces of the springs of body b; in directions that are held their feet stay, and the step is without these. A
-    !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals makes
-    !> of the contact forces.
+    !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals
+    !> makes of the contact forces.
     subroutine judge_held()
       real(dp), allocatable :: held(:, :), carried(:), excess(:)
       integer, allocatable :: kept(:)

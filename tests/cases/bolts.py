@@ -58,6 +58,20 @@ class Bolts(Case):
                 self.assertLess(summary["error_discretization"], 1e-9)
                 self.assertIn("bar (1)", log)
 
+    def test_half_that_is_free(self):
+        """The tension balances the pull on the upper half, which is free along the normal: any shortening fits."""
+        lines = [*self.bar("hex8")[:3], "&support body='bar', surface='bottom', fix='xyz' /",
+                 "&load body='bar', surface='top', pressure=-2 /",
+                 "&bolt name='b', body='bar', point=%s, normal=%s, force=2 /" % (
+                     numbers(in_place([0.4, 0.5, 1.3]) + [1, 2, 3]), numbers(in_place([0, 0, 1])))]
+        log, file = self.solve("free", lines)
+        self.assertIn("nothing determines its shortening", log)
+        self.assertUnknown(file["dotyk/ties/shortening"][:])
+        self.assertAlmostEqual(file["dotyk/ties/tension"][0] / 2, 1, delta=1e-9)
+        # A pull that the tension does not balance: no equilibrium.
+        lines[4] = "&load body='bar', surface='top', pressure=-3 /"
+        self.solve("pulled", lines, code=3)
+
     def test_without_shortening(self):
         """A cut that is not shortened leaves the displacements of the whole body, of quadratic elements, too."""
         lines = [*self.bar("tet10")[:4], "&load body='bar', surface='sides x', pressure_formula='x+2*z' /",
