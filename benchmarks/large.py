@@ -60,12 +60,6 @@ def measured(command, threads, log):
                 peak=usage.ru_maxrss*1024)
 
 
-def seconds(text):
-    """A duration of the log, such as 4.7 s, 9.7 ms or 2 min 3 s."""
-    units = {'ms': 1e-3, 's': 1, 'min': 60, 'h': 3600}
-    return sum(float(value)*units[unit] for value, unit in re.findall(r'([\d.]+) (ms|s|min|h)\b', text))
-
-
 def bytes_of(text):
     """Memory of the log, such as 1518 MiB or 16.3 GiB."""
     value, unit = text.split()
@@ -80,9 +74,6 @@ def predicted(log):
     memory = re.search(r'total about ([\d.]+ [MG]iB)', text)
     if memory:
         found['predicted memory'] = bytes_of(memory[1])
-    duration = re.search(r'(?m)^  estimated time:? +about (.*?)(?:,|;| \(|$)', text)
-    if duration:
-        found['predicted time'] = seconds(duration[1])
     return found
 
 
@@ -165,8 +156,7 @@ class Benchmark:
         known = [row for row in self.rows if 'predicted memory' in row]
         if known:
             parts.append('Predictions of --check\n\n' + table(
-                ['scene', 'unknowns', 'threads', 'predicted GiB', 'GiB', 'ratio of memory', 'predicted s', 'wall',
-                 'ratio of time'],
+                ['scene', 'unknowns', 'threads', 'predicted GiB', 'GiB', 'ratio of memory', 'wall'],
                 [prediction(row, self.options.check) for row in known]))
         if not self.options.check:
             parts += slopes(self.rows) + speed_up(self.rows)
@@ -203,12 +193,10 @@ def phases(row):
 def prediction(row, only):
     """A row of the table of predictions."""
     made = {'scene': row['label'], 'unknowns': row.get('unknowns', ''), 'threads': row['threads'],
-            'predicted GiB': row['predicted memory']/2**30, 'predicted s': row.get('predicted time', '')}
+            'predicted GiB': row['predicted memory']/2**30}
     if only:
         return made
     made.update({'GiB': row['peak']/2**30, 'ratio of memory': row['predicted memory']/row['peak'], 'wall': row['wall']})
-    if 'predicted time' in row:
-        made['ratio of time'] = row['predicted time']/row['wall']
     return made
 
 

@@ -32,8 +32,6 @@ module dotyk_control_factorization
     logical :: forms_matrix = .false.  !! Whether the entries of the compliance are formed before the iteration.
     integer(int64) :: product_entries = 0  !! Entries that a product goes through.
     integer(int64) :: class_entries = 0  !! Entries of the factor of the class, or of the levels in its place.
-    !> Entries that the compliance of a contact row goes through in a corner space without a factor.
-    integer(int64) :: row_entries = 0
     real(dp) :: path_entries = 0  !! Entries of the factor on the elimination-tree path of a contact row, on average.
     integer :: form = form_direct  !! How the body is solved: one of `form_*` of dotyk_control_response_choice.
     !> Whether p-multigrid takes too many iterations for this body, or a factor costs less: it is replaced, or the
@@ -178,7 +176,6 @@ contains
       if (slot%multigrid%grid%is_aggregated) then
         size_of%bytes = size_of%stiffness_bytes
         size_of%class_entries = aggregated_products*size_of%stiffness_bytes/16
-        size_of%row_entries = size_of%class_entries
       end if
     else
       size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)

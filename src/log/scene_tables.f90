@@ -11,7 +11,6 @@ module dotyk_log_scene_tables
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, keeps_factor
-  use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_log_found_pairs, only: show_found
@@ -24,7 +23,7 @@ module dotyk_log_scene_tables
   use dotyk_log_tie_tables, only: show_ties
   implicit none
   private
-  public :: show_title, show_scene, show_factorization, show_prediction
+  public :: show_title, show_scene, show_factorization, show_memory
 
   integer, parameter :: most_shown = 20  !! Greatest number of congruence classes with a line each; more are summed up.
   integer, parameter :: width_of_material = 14  !! Letters of the names of materials in the table of bodies.
@@ -219,17 +218,13 @@ contains
     end if
   end subroutine show_slow
 
-  !> Memory and time that a run would take.
-  subroutine show_prediction(log, size_of, prediction)
+  !> Show what memory a run will take.
+  subroutine show_memory(log, size_of, memory)
     type(log_t), intent(inout) :: log  !! The log.
     type(factor_size_t), intent(in) :: size_of(:)  !! Sizes of the factors (n_bodies).
-    type(run_prediction_t), intent(in) :: prediction  !! The prediction.
+    real(dp), intent(in) :: memory  !! At most [bytes].
     call log%line('')
     call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
-                  memory_text(real(sum(size_of%stiffness_bytes), dp))//', total about '//memory_text(prediction%memory))
-    call log%line('  estimated time:   about '//duration(prediction%seconds)//' ('// &
-                  counted(prediction%n_threads, 'thread')//' of '//to_text(prediction%speed/1.0e9_dp, 2)// &
-                  ' Gflop/s, '//to_text(prediction%bandwidth/1.0e9_dp, 2)//' GB/s, measured now; a prediction, '// &
-                  'the iterations are assumed)')
-  end subroutine show_prediction
+                  memory_text(real(sum(size_of%stiffness_bytes), dp))//', total about '//memory_text(memory))
+  end subroutine show_memory
 end module dotyk_log_scene_tables

@@ -68,8 +68,8 @@ module dotyk_scheme_proximal_motion
   !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
   !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
   real(dp), parameter :: uncertain = 0.5_dp
-  !> Directions that are held from the first step on, such as spins: nothing but facets resists them. Those that are
-  !> rotations by more than this fraction are made rotations.
+  !> Directions that are held from the first step on are spins: nothing but facets resists them. They are rotations by
+  !> more than this fraction.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
@@ -134,8 +134,8 @@ contains
     end associate
   end function springs_of
 
-  !> Motions of a body that all its rows together resist by no more than they are uncertain: the spin of a ball, rolling
-  !> along a groove. Springs against rotations carry moments alone.
+  !> Rotations of a body of a heap that all its rows together resist by no more than they are uncertain: the spins of a
+  !> ball. Springs against them carry moments alone. Where bodies are few they settle among the facets.
   subroutine find_uncertain(qp, b, foundation, springs, direction, loaded)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
     integer, intent(in) :: b  !! The body.
@@ -147,10 +147,10 @@ contains
     real(dp), allocatable, intent(out) :: loaded(:, :)
     type(error_t), allocatable :: error
     real(dp), allocatable :: root(:), g(:, :), d(:, :), values(:), vectors(:, :), q(:, :), columns(:, :)
-    integer :: k, n, n_spins, n_translations, rank
+    integer :: k, n, n_translations, rank
     n = size(springs, 1)
     allocate (direction(n, 0), loaded(n, 0))
-    if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. allocated(qp%coarse%translation))) return
+    if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. qp%is_heap())) return
     associate (first => qp%coarse%first(b), row => qp%block(b)%row)
       if (size(row) == 0 .or. size(qp%coarse%translation(b)%value, 1) /= n) return
       if (size(qp%coarse%translation(b)%value, 2) == 0) return
@@ -164,21 +164,14 @@ contains
       columns = qp%coarse%translation(b)%value(:, :3)*spread(root, 2, 3)
       call orthonormal_range(columns, half, q, n_translations)
       associate (found => vectors(:, :count(values < 0)), translation => q(:, :n_translations))
-        columns = reshape([found - matmul(translation, matmul(transpose(translation), found)), found], &
-                          [n, 2*size(found, 2)])
-        ! What little translations turn is rounding; and bodies of a heap travel before they rest.
-        columns(:, pack([(k, k=1, size(found, 2))], norm2(columns(:, :size(found, 2)), 1) < half)) = 0
-        if (qp%is_heap()) columns(:, size(found, 2) + 1:) = 0
+        columns = found - matmul(translation, matmul(transpose(translation), found))
+        columns(:, pack([(k, k=1, size(found, 2))], norm2(columns, 1) < half)) = 0
       end associate
-      n_spins = count([(maxval(abs(columns(:, k))) > 0, k=1, count(values < 0))])
-      call orthonormal_range(columns, half, q(:, :count(values < 0)), rank)
+      call orthonormal_range(columns, half, q, rank)
       direction = q(:, :rank)/spread(root, 2, rank)
-      loaded = direction
       ! Nodes are not centred: the weight of a body has a moment about their mean.
       associate (unit => qp%coarse%translation(b)%value(:, :3), of_centre => qp%coarse%translation(b)%value(:, 4:6))
-        do k = 1, min(rank, n_spins)
-          loaded(:, k) = direction(:, k) - matmul(unit, matmul(direction(:, k), of_centre))
-        end do
+        loaded = direction - matmul(unit, matmul(transpose(of_centre), direction))
       end associate
     end associate
   end subroutine find_uncertain
