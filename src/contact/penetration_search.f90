@@ -121,8 +121,8 @@ contains
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
       call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
                                   a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
-      ! Penalty moves nothing to the other side.
-      if (passage%through > allowed - left) passed(i) = -passage%depth
+      ! Penalty moves nothing to the other side, a given gap may.
+      if (passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) passed(i) = -passage%depth
     end do
     !$omp end parallel do
     call division%fill(passed, first, last)

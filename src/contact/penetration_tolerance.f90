@@ -24,6 +24,7 @@ module dotyk_contact_penetration_tolerance
     real(dp), allocatable :: depth(:)  !! Penetration by penalty and given gaps (n_nodes) [length].
     !> Width of the slave facets over whose rows the gap is 0 in the mean; 0 without rows (n_nodes) [length].
     real(dp), allocatable :: width(:)
+    real(dp) :: given = 0  !! What given gaps leave at most, which the meshes do not show [length].
   end type left_by_pairs_t
 
   type, public :: penetration_tolerance_t  !! What is known of two parts, a and b.

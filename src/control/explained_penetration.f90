@@ -59,6 +59,7 @@ contains
       end associate
     end do
     where (.not. is_known) left%depth = beside
+    left%given = beside
   end subroutine find_left
 
   !> Penetration at the points of a pair: the largest of the rows that they belong to, and the part of a given gap that
