@@ -122,7 +122,8 @@ contains
       call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
                                   a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
       ! Penalty moves nothing to the other side, a given gap may.
-      if (passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) passed(i) = -passage%depth
+      if (passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) &
+        passed(i) = -passage%depth
     end do
     !$omp end parallel do
     call division%fill(passed, first, last)

@@ -72,7 +72,7 @@ module dotyk_linalg_cholesky
   !> Operations of a factorization from which on BLAS threads help it: 17 % at 2e9 on two threads, nothing at 4e8.
   real(dp), parameter, public :: worth_threads = 1.0e9_dp
 
-  integer, save :: n_factor_threads = 1  !! BLAS threads of a large factorization outside parallel regions.
+  integer :: n_factor_threads = 1  !! BLAS threads of a large factorization outside parallel regions.
 
 contains
 

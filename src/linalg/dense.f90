@@ -7,12 +7,9 @@ module dotyk_linalg_dense
   use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
-  public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
+  public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, &
     largest_tridiagonal_eigenpair, cholesky_factor, solve_triangular
 
-  !> An axis replaces the best one so far where its part outside the span is longer by this factor: equal lengths differ
-  !> by rounding only, and the choice must not depend on that.
-  real(dp), parameter :: clearly_longer = 1.001_dp
   !> Work space that LAPACK asks for, per row of a matrix: its largest block of columns, 32 for the tridiagonal form and
   !> 64 for the QR factorization, and two or more vectors.
   integer, parameter :: work_of_dsyev = 34, work_of_dgelsy = 64
@@ -205,30 +202,6 @@ contains
       q(:, rank) = v/norm2(v)
     end do
   end subroutine orthonormal_range
-
-  !> Complete an orthonormal basis to one of the whole space, each time with the axis that is farthest from the span so
-  !> far.
-  pure subroutine complete_basis(q, rank)
-    !> Basis as columns; the first `rank` are given, the others are filled in (n, n) [].
-    real(dp), intent(inout) :: q(:, :)
-    integer, intent(in) :: rank  !! Number of given columns.
-    real(dp) :: v(size(q, 1)), best(size(q, 1))
-    integer :: i, j, k, pass
-    do j = rank + 1, size(q, 1)
-      best = 0
-      do i = 1, size(q, 1)
-        v = 0
-        v(i) = 1
-        do pass = 1, 2
-          do k = 1, j - 1
-            v = v - dot_product(q(:, k), v)*q(:, k)
-          end do
-        end do
-        if (norm2(v) > clearly_longer*norm2(best)) best = v
-      end do
-      q(:, j) = best/norm2(best)
-    end do
-  end subroutine complete_basis
 
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)

@@ -19,7 +19,6 @@ module dotyk_linalg_dense_cholesky
     procedure :: factorize => dense_factorize
     procedure :: solve => dense_solve
     procedure :: solve_lower => dense_solve_lower
-    procedure :: least_pivot => dense_least_pivot
   end type dense_cholesky_t
 
   integer, parameter :: worth_threads = 400  !! Order from which on threads share a factorization.
@@ -157,14 +156,4 @@ contains
     if (size(x) == 0) return
     call dtrsm('L', 'L', 'N', 'N', self%n, size(x, 2), 1.0_dp, self%value, self%n, x, self%n)
   end subroutine dense_solve_lower
-
-  !> The least pivot of the factor, the square of its diagonal entry; huge for order 0 [A].
-  pure real(dp) function dense_least_pivot(self) result(least)
-    class(dense_cholesky_t), intent(in) :: self
-    integer :: i
-    least = huge(least)
-    do i = 1, self%n
-      least = min(least, self%value(int(i - 1, int64)*(self%n + 1) + 1)**2)
-    end do
-  end function dense_least_pivot
 end module dotyk_linalg_dense_cholesky
