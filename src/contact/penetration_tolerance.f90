@@ -13,6 +13,7 @@
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_contact_solid_boundary, only: solid_t
@@ -39,6 +40,8 @@ module dotyk_contact_penetration_tolerance
 
   !> Depths that are allowed are notable from this fraction of the displacements on [].
   real(dp), parameter :: notable_fraction = 0.25_dp
+
+  real(dp), parameter :: same = 1.0e-6_dp  !! Distances that differ by less are equal [].
 
 contains
 
@@ -68,13 +71,37 @@ contains
       if (depth > allowed) then
         ! Near the side of b, that is not what the point came through.
         call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
-        if (facing == 0 .or. below < 0) return
-        call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, arcs)
-        if (below > allowed) return
+        if (facing == 0) below = -1
+        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, arcs)
+        if (below < 0 .or. below > allowed) then
+          if (.not. is_allowed_beside()) return
+        end if
       end if
       if (depth - self%slack - left - arcs > notable_fraction*self%moved) unresolved = depth
     end if
     depth = 0
+
+  contains
+
+    !> Whether the depth below a facet that shares a corner with the nearest one is allowed: that of a bore below its rim.
+    pure logical function is_allowed_beside()
+      real(dp) :: at(2), square, of_facet, of_pairs, of_arcs
+      integer :: i, k, g
+      is_allowed_beside = .false.
+      do i = 1, b%set%corners(facet)
+        associate (v => b%adjacency%vertex(i, facet))
+          do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
+            g = b%adjacency%facet(k)
+            if (g == facet) cycle
+            call closest_point_on_facet(b%set, g, x, at, square)
+            ! A nearer one is flush with the first part, such as that on a plane of symmetry.
+            if (sqrt(square) < (1 - same)*depth) cycle
+            call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs, of_arcs)
+            is_allowed_beside = is_allowed_beside .or. sqrt(square) <= of_facet
+          end do
+        end associate
+      end do
+    end function is_allowed_beside
   end subroutine tolerance_judge
 
   !> Depth of a point of a below b that is allowed [length].
