@@ -83,7 +83,8 @@ contains
 
   contains
 
-    !> Whether the depth below a facet that shares a corner with the nearest one is allowed: that of a bore below its rim.
+    !> Whether the depth below a facet that shares a corner with the nearest one is allowed, as that of a bore below its
+    !> rim.
     pure logical function is_allowed_beside()
       real(dp) :: at(2), square, of_facet, of_pairs, of_arcs
       integer :: i, k, g
