@@ -23,7 +23,7 @@ module dotyk_contact_normal_fit
 contains
 
   !> Fit the normal.
-  pure subroutine fit_normal(dimension, point, normal, n_left_out)
+  pure subroutine fit_normal(dimension, point, normal, n_undetermined)
     integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
     !> Vertices of the patch relative to the vertex itself, which is not among them (3, n) [length].
     real(dp), intent(in) :: point(:, :)
@@ -31,12 +31,12 @@ contains
     !> return (3) [].
     real(dp), intent(inout) :: normal(3)
     !> Number of coefficients that the vertices do not determine: they are zero, those of second order first.
-    integer, intent(out) :: n_left_out
+    integer, intent(out) :: n_undetermined
     real(dp) :: axis(3, 2), slope(2)
     integer :: k
     do k = 1, n_fits
       call tangents(dimension, normal, axis)
-      call fit_slope(dimension, point, normal, axis, slope, n_left_out)
+      call fit_slope(dimension, point, normal, axis, slope, n_undetermined)
       normal = normal - slope(1)*axis(:, 1) - slope(2)*axis(:, 2)
       normal = normal/norm2(normal)
     end do
@@ -63,13 +63,13 @@ contains
   end subroutine tangents
 
   !> Slopes of the surface at the vertex along the two tangential axes.
-  pure subroutine fit_slope(dimension, point, normal, axis, slope, n_left_out)
+  pure subroutine fit_slope(dimension, point, normal, axis, slope, n_undetermined)
     integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
     real(dp), intent(in) :: point(:, :)  !! Vertices relative to the vertex (3, n) [length].
     real(dp), intent(in) :: normal(3)  !! Normal of the frame (3) [].
     real(dp), intent(in) :: axis(3, 2)  !! Tangential axes of the frame (3, 2) [].
     real(dp), intent(out) :: slope(2)  !! Slopes along the axes (2) [].
-    integer, intent(out) :: n_left_out  !! As in `fit_normal`.
+    integer, intent(out) :: n_undetermined  !! As in `fit_normal`.
     real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2)
     real(dp) :: square, curvature_factor
     integer :: i, n
@@ -100,7 +100,7 @@ contains
     end do
     gram = gram*spread(scale, 2, 5)*spread(scale, 1, 5)
     right = right*scale
-    call solve_determined(gram(1:n, 1:n), right(1:n), n_left_out)
+    call solve_determined(gram(1:n, 1:n), right(1:n), n_undetermined)
     right = right*scale
     if (dimension == 2) right(2) = 0
     slope = matmul(principal, right(1:2))
@@ -134,13 +134,13 @@ contains
   end subroutine principal_axes
 
   !> Solve by Cholesky factorization, without the unknowns that those before them determine already: they are zero.
-  pure subroutine solve_determined(a, b, n_left_out)
+  pure subroutine solve_determined(a, b, n_undetermined)
     real(dp), intent(in) :: a(:, :)  !! Symmetric matrix with diagonal 1, or 0 of unknowns that are zero (n, n) [].
     real(dp), intent(inout) :: b(:)  !! Right-hand side; solution on return (n) [any].
-    integer, intent(out) :: n_left_out  !! Number of unknowns that are left out.
+    integer, intent(out) :: n_undetermined  !! Number of unknowns that are not determined.
     real(dp) :: l(size(b), size(b)), y(size(b)), pivot
     integer :: i, j
-    n_left_out = 0
+    n_undetermined = 0
     l = 0
     do j = 1, size(b)
       pivot = a(j, j) - sum(l(j, :j - 1)**2)
@@ -149,7 +149,7 @@ contains
         l(j + 1:, j) = [((a(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j), i=j + 1, size(b))]
         y(j) = (b(j) - sum(l(j, :j - 1)*y(:j - 1)))/l(j, j)
       else
-        n_left_out = n_left_out + 1
+        n_undetermined = n_undetermined + 1
         l(j, j) = 1
         y(j) = 0
       end if

@@ -291,7 +291,7 @@ contains
     real(dp), intent(inout) :: normal(3)
     integer :: facet(max_facets), vertex(4*max_facets), n, n_vertices, ring, i, e, k, last, other
     real(dp) :: mean(3), facet_normal(3), least_cosine, fitted(3)
-    integer :: n_left_out, fewest
+    integer :: n_undetermined, fewest
     logical :: planar
     mean = normal
     n = min(size(start), max_facets)
@@ -315,9 +315,9 @@ contains
         end do
       end do
       fitted = mean
-      call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), fitted, n_left_out)
-      if (n_left_out < fewest) then
-        fewest = n_left_out
+      call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), fitted, n_undetermined)
+      if (n_undetermined < fewest) then
+        fewest = n_undetermined
         normal = fitted
       end if
       if (fewest == 0) exit

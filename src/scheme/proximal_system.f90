@@ -68,7 +68,7 @@ module dotyk_scheme_proximal_system
   end type proximal_system_t
 
   abstract interface
-    !> Choose active rows and springs, and prepare the solver, unless it is the one of before.
+    !> Choose active rows and springs, and prepare the solver unless they are unchanged.
     subroutine set_active(self, stiffness, spring, error)
       import :: proximal_system_t, mode_block_t, error_t, dp
       class(proximal_system_t), target, intent(inout) :: self
