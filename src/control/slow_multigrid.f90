@@ -109,6 +109,7 @@ contains
     if (.not. allocated(error)) call whole%analyze_whole(body, modes, stiffness, error)
     if (.not. allocated(error)) then
       call stiffness%forget_graph()
+      whole%grid%keeps_corner_matrix = slot%multigrid%grid%keeps_corner_matrix
       new_size(1) = size_of
       new_size(1)%form = form_whole
       call new_size(1)%take(whole%grid%coarse%factor)

@@ -37,7 +37,7 @@ contains
     logical :: may_be_split
     are_dealt = .false.
     in_parts = .false.
-    may_be_split = may_split .and. can_split() .and. may_use_multigrid(case)
+    may_be_split = may_split .and. can_split() .and. may_use_multigrid(case) .and. size(case%tie) == 0
     if (n_ranks() > 1) call survey%read(case)
     if (may_be_split) call shares%read(case, survey, crossover, in_parts, error)
     if (allocated(error)) return

@@ -90,6 +90,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `factorize_scene`.
     character(:), allocatable :: warning
     logical :: all_again, is_refused
+    call keep_corner_matrices(scene)
     ! Factors that cost less than p-multigrid anyhow need no trial.
     call use_factors(case, scheme, scene, monitor, all_again, error)
     is_refused = any(scene%size_of%is_slow) .and. .not. all_again
@@ -115,6 +116,21 @@ contains
       exit
     end do
   end subroutine factorize_all
+
+  !> Let p-multigrids of tied bodies keep the stiffness of their corner spaces.
+  subroutine keep_corner_matrices(scene)
+    type(scene_t), intent(inout) :: scene  !! The scene, analysed.
+    integer :: i, k
+    do k = 1, scene%problem%n_ties()
+      associate (rows => scene%problem%tie(k)%component(1))
+        do i = 1, 2
+          associate (slot => scene%slot(scene%problem%classes%first(merge(rows%body_a, rows%body_b, i == 1))))
+            if (allocated(slot%multigrid)) slot%multigrid%grid%keeps_corner_matrix = .true.
+          end associate
+        end do
+      end associate
+    end do
+  end subroutine keep_corner_matrices
 
   !> Return to factors where no body remains for which p-multigrid is better.
   subroutine use_factors(case, scheme, scene, monitor, has_returned, error)

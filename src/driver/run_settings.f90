@@ -31,8 +31,7 @@ contains
   !> Whether bodies may be solved by p-multigrid: the dual scheme has another one in its place that does so.
   pure logical function may_use_multigrid(case)
     type(case_t), intent(in) :: case  !! The case, its automatic choice of the scheme replaced.
-    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto .and. &
-                        size(case%tie) == 0
+    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.

@@ -33,10 +33,11 @@ contains
     logical, intent(out) :: splits  !! Whether the bodies are split over all ranks.
     form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case))
     splits = can_split() .and. any(form == form_multigrid)
-    if (splits .and. .not. may_split) form(:) = form_direct
+    ! Bodies that are split know no ties.
+    if (splits .and. .not. (may_split .and. size(case%tie) == 0)) form(:) = form_direct
     ! A scene that is built anew has told already why.
     if (splits .and. case%n_cases() > 1) call note_factors('there are load cases', monitor)
-    splits = splits .and. may_split
+    splits = splits .and. may_split .and. size(case%tie) == 0
     if (splits) call choose_split(body, monitor, form, splits)
   end subroutine choose_solution
 

@@ -1,7 +1,7 @@
 !> Reads `&tie` and `&bolt` from checked groups.
 module dotyk_input_ties
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, option_name, response_multigrid, response_names, scheme_auto, &
+  use dotyk_base_options, only: analysis_axisymmetric, option_name, scheme_auto, &
     scheme_dual, scheme_names
   use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_input_case, only: body_input_t, scene_input_t, solver_input_t, tie_input_t
@@ -43,9 +43,6 @@ contains
     end do
     if (all(solver%scheme /= [scheme_auto, scheme_dual])) &
       call problems%add(solver%line, '&solver: scheme='//quoted(option_name(scheme_names, solver%scheme))// &
-                        ' knows no ties: leave it out')
-    if (solver%response == response_multigrid) &
-      call problems%add(solver%line, '&solver: response='//quoted(option_name(response_names, solver%response))// &
                         ' knows no ties: leave it out')
   end subroutine read_ties
 

@@ -9,7 +9,7 @@ module dotyk_response_body_grid
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
-  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_coarse_interpolation, only: coarse_interpolation_t
   use dotyk_response_free_unknowns, only: to_equations, to_unknowns
   implicit none
@@ -41,6 +41,7 @@ module dotyk_response_body_grid
     !> Make ready for compliances of contact rows; one thread at a time.
     procedure(change_grid), deferred :: prepare_rows
     procedure(form_compliance), deferred :: form_row_compliance  !! Compliance of contact rows in the corner space.
+    procedure(get_corner_matrix), deferred :: get_corner_matrix  !! Stiffness of the corner space, where it is kept.
     procedure(change_grid), deferred :: destroy  !! Give back all memory.
   end type body_grid_t
 
@@ -58,6 +59,16 @@ module dotyk_response_body_grid
       import :: body_grid_t, dp
       class(body_grid_t), intent(in) :: self
     end function count_entries
+
+    !> K_c and its null vectors.
+    subroutine get_corner_matrix(self, matrix, mode)
+      import :: body_grid_t, sparse_symmetric_t, dp
+      class(body_grid_t), target, intent(in) :: self
+      !> Stiffness of the corner space; not associated where it is not kept (interpolation%n, interpolation%n)
+      !> [force/length].
+      type(sparse_symmetric_t), pointer, intent(out) :: matrix
+      real(dp), pointer, intent(out) :: mode(:, :)  !! Its null vectors, orthonormal (interpolation%n, n_modes) [].
+    end subroutine get_corner_matrix
 
     !> Change what the levels have.
     subroutine change_grid(self)

@@ -21,7 +21,7 @@ module dotyk_response_multigrid
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
-  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_aggregate_factor, only: analyze_aggregates, factorize_aggregates
   use dotyk_response_aggregated_corners, only: aggregated_corners_t
   use dotyk_response_body_grid, only: body_grid_t
@@ -40,6 +40,9 @@ module dotyk_response_multigrid
     integer :: largest_factor = 300000, largest_aggregates = 100000
     logical :: is_aggregated = .false.  !! Whether `aggregated` takes the place of `coarse`.
     type(aggregated_corners_t) :: aggregated  !! Smoothed aggregation on a large corner space.
+    !> Whether the stiffness of the corner space is kept beside its factor, as ties need it; and that matrix.
+    logical :: keeps_corner_matrix = .false.
+    type(sparse_symmetric_t), private :: corner_matrix
     type(two_levels_t), allocatable :: levels  !! Between `assemble` and `factorize`: both levels.
   contains
     procedure :: init => multigrid_init
@@ -53,6 +56,8 @@ module dotyk_response_multigrid
     procedure :: corner_entries => multigrid_corner_entries
     procedure :: prepare_rows => multigrid_prepare_rows
     procedure :: form_row_compliance => multigrid_form_row_compliance
+    procedure :: keep_matrix => multigrid_keep_matrix
+    procedure :: get_corner_matrix => multigrid_get_corner_matrix
     procedure :: precondition => multigrid_precondition
     procedure :: solve_coarse => multigrid_solve_coarse
     procedure :: solve => multigrid_solve
@@ -151,8 +156,10 @@ contains
     else if (self%is_aggregated) then
       call self%aggregated%init(self%levels, error)
     else if (self%interpolation%aggregates%n > 0) then
+      call self%keep_matrix(self%interpolation%aggregates%matrix)
       call factorize_aggregates(self%interpolation%aggregates, self%coarse, report, error)
     else
+      call self%keep_matrix(self%levels%corner_stiffness%matrix)
       call self%coarse%factorize(self%levels%corner_body, self%levels%corner_stiffness, .false., report, error)
       if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
     end if
@@ -257,6 +264,25 @@ contains
     value = (value + transpose(value))/2
   end subroutine multigrid_form_row_compliance
 
+  !> Keep the stiffness of the corner space, if that is asked for.
+  subroutine multigrid_keep_matrix(self, matrix)
+    class(multigrid_t), intent(inout) :: self
+    type(sparse_symmetric_t), intent(in) :: matrix  !! The stiffness, without springs [force/length].
+    if (self%keeps_corner_matrix) self%corner_matrix = matrix
+  end subroutine multigrid_keep_matrix
+
+  !> K_c and its null vectors.
+  subroutine multigrid_get_corner_matrix(self, matrix, mode)
+    class(multigrid_t), target, intent(in) :: self
+    !> Not associated where it is not kept (interpolation%n, interpolation%n) [force/length].
+    type(sparse_symmetric_t), pointer, intent(out) :: matrix
+    real(dp), pointer, intent(out) :: mode(:, :)  !! (interpolation%n, n_modes) []
+    nullify (matrix, mode)
+    if (.not. allocated(self%corner_matrix%value)) return
+    matrix => self%corner_matrix
+    mode => self%coarse%mode
+  end subroutine multigrid_get_corner_matrix
+
   !> One cycle.
   subroutine multigrid_precondition(self, r, z)
     class(multigrid_t), intent(in) :: self
@@ -330,6 +356,7 @@ contains
   pure integer(int64) function multigrid_bytes(self) result(bytes)
     class(multigrid_t), intent(in) :: self
     bytes = self%fine%bytes() + self%coarse%factor%factor_bytes + self%aggregated%bytes() + &
+            self%corner_matrix%bytes() + &
             self%interpolation%aggregates%bytes()
     if (allocated(self%mode)) bytes = bytes + 8*size(self%mode, kind=int64)
   end function multigrid_bytes
@@ -341,6 +368,7 @@ contains
     call self%coarse%destroy()
     call self%coarse_solve%destroy()
     call self%aggregated%destroy()
+    call self%corner_matrix%destroy()
     call self%interpolation%aggregates%destroy()
     self%is_aggregated = .false.
     if (allocated(self%mode)) deallocate (self%mode)

@@ -119,6 +119,7 @@ contains
     type(stiffness_t), intent(inout) :: stiffness  !! Its stiffness; empty on return.
     type(factorization_report_t), intent(out) :: report  !! Condition of its stiffness.
     type(error_t), allocatable, intent(out) :: error  !! As in `factorize` of `direct_response_t`.
+    call self%grid%keep_matrix(stiffness%matrix)
     call self%grid%coarse%factorize(body, stiffness, .false., report, error)
     if (.not. allocated(error)) call self%grid%take_whole(body, modes, error)
   end subroutine response_factorize_whole

@@ -3,7 +3,7 @@
 !> With B the rows over the unknowns of the system, P the interpolation from the corners, K_c the stiffness of the
 !> corner space and R the rigid body modes: the products that preconditioners of `K + B^T W B` need. Those of the
 !> smoother, `B D^{-1} B^T` with D the diagonal blocks times the greatest eigenvalue of D^{-1} K (`chebyshev_t`), so
-!> that K <= D; those of the corner space, `B P K_c^+ P^T B^T`; and `B R`.
+!> that K <= D; the rows on the corner space, `B P`; and `B R`.
 module dotyk_response_multigrid_rows
   use dotyk_base_kinds, only: dp, sp
   use dotyk_linalg_row_comparison, only: same_rows
@@ -19,12 +19,9 @@ module dotyk_response_multigrid_rows
     type(sparse_rows_t) :: fine  !! The rows over the components of these nodes, in nodal axes (n x dim*n_nodes) [].
     type(sparse_rows_t) :: corner  !! The rows over the equations of the corner space, B P (n x n_corner_equations) [].
     type(sparse_rows_t) :: smoother  !! Compliance of the smoother, B D^{-1} B^T (n x n) [length/force].
-    !> Compliance of the corner space, B P K_c^+ P^T B^T; not allocated before `form_compliance` (n, n) [length/force].
-    real(dp), allocatable :: compliance(:, :)
     real(dp), allocatable :: mode(:, :)  !! Rigid body modes at the rows, B R (n, n_modes) [].
   contains
     procedure :: init => rows_init
-    procedure :: form_compliance => rows_form_compliance
     procedure :: is_like => rows_is_like
     procedure :: add_displacement => rows_add_displacement
     procedure :: add_displacement_low => rows_add_displacement_low
@@ -90,15 +87,6 @@ contains
       end associate
     end do
   end subroutine multiply_exactly
-
-  !> B P K_c^+ P^T B^T.
-  subroutine rows_form_compliance(self, grid)
-    class(multigrid_rows_t), intent(inout) :: self
-    !> The p-multigrid of the body, its coarse level ready for forward substitutions (`prepare_substitution`) if there
-    !> are rows.
-    class(body_grid_t), intent(in) :: grid
-    call grid%form_row_compliance(self%corner, self%compliance)
-  end subroutine rows_form_compliance
 
   !> Whether these are the rows of another body with the same p-multigrid: their compliances are one matrix.
   pure logical function rows_is_like(self, other) result(is_like)

@@ -15,15 +15,18 @@ module dotyk_scheme_active_rows
   private
 
   type, public :: active_rows_t  !! The factors. They own memory of CHOLMOD: never copy them, destroy them in the end.
-    integer, allocatable :: row(:)  !! Active rows, ascending (n).
+    integer, allocatable :: row(:)  !! Active rows, ascending.
+    !> Active contact rows, ascending: the corner space has ties by itself (n).
+    integer, allocatable, private :: contact(:)
     !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
     type(sparse_symmetric_t) :: sum
     type(cholesky_t), private :: smoother  !! Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
-    type(dense_cholesky_t), private :: corner  !! Of W^{-1} + B P K_c^+ P^T B^T on the active rows.
-    real(dp), allocatable, private :: mode(:, :)  !! Modes at the active rows, G (n, n_modes) [].
-    !> Stiffness of the modes by contact, G^T (W^{-1} + C)^{-1} G (n_modes, n_modes) [force/length].
+    type(dense_cholesky_t), private :: corner  !! Of W^{-1} + B P K_c^+ P^T B^T on the active contact rows.
+    !> Motions of the groups at the active contact rows, G (n, n_motions) [].
+    real(dp), allocatable, private :: mode(:, :)
+    !> Stiffness of these by contact, G^T (W^{-1} + C)^{-1} G (n_motions, n_motions) [force/length].
     real(dp), allocatable, private :: mode_stiffness(:, :)
-    !> The same by the active rows alone, G^T W G (n_modes, n_modes) [force/length].
+    !> That of the rigid body modes by all active rows alone, G^T W G (n_modes, n_modes) [force/length].
     real(dp), allocatable, private :: row_stiffness(:, :)
     type(mode_factor_t), private :: mode_factor, row_factor  !! Of both with springs.
   contains
@@ -48,6 +51,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     integer :: i
     self%row = pack([(i, i=1, size(stiffness))], stiffness > 0)
+    self%contact = pack([(i, i=1, size(stiffness))], stiffness > 0 .and. .not. grids%is_tied)
     if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
     if (.not. allocated(error)) call factorize_smoother(self, stiffness, error)
     if (.not. allocated(error)) call factorize_corner(self, grids, stiffness, error)
@@ -158,24 +162,24 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
     integer, allocatable :: number(:), last(:)
     real(dp) :: shift
-    integer :: b, i, m, failed
-    m = size(self%row)
+    integer :: k, i, m, failed
+    m = size(self%contact)
     allocate (number(grids%n_rows), source=0)
-    number(self%row) = [(i, i=1, m)]
+    number(self%contact) = [(i, i=1, m)]
     ! Rows of different pairs have bodies between them: pairs of a stack couple to their neighbours alone.
     last = [(i, i=1, m)]
-    do b = 1, size(grids%body)
-      associate (own => pack(number(grids%body(b)%row), number(grids%body(b)%row) > 0))
+    do k = 1, size(grids%group)
+      associate (own => pack(number(grids%group(k)%row), number(grids%group(k)%row) > 0))
         if (size(own) > 0) last(own) = max(last(own), maxval(own))
       end associate
     end do
     shift = 0
     do
       call self%corner%resize(m)
-      do b = 1, size(grids%body)
-        call add_body(grids%body(b)%row, number, grids%body(grids%body(b)%owner)%rows%compliance, m, self%corner%value)
+      do k = 1, size(grids%group)
+        call add_group(grids%group(k)%row, number, grids%group(grids%group(k)%owner)%compliance, m, self%corner%value)
       end do
-      call add_diagonal(1/stiffness(self%row), shift, m, self%corner%value)
+      call add_diagonal(1/stiffness(self%contact), shift, m, self%corner%value)
       call self%corner%factorize(failed, last)
       if (failed == 0) return
       shift = max(10*shift, first_shift)
@@ -184,13 +188,13 @@ contains
     call set_error(error, 'the corner space is not positive definite', exit_not_solvable)
   end subroutine factorize_corner
 
-  !> Add the compliance of one body to the lower triangle.
-  pure subroutine add_body(row, number, compliance, m, sum)
-    integer, intent(in) :: row(:)  !! Rows of the body (n).
+  !> Add the compliance of one group to the lower triangle.
+  pure subroutine add_group(row, number, compliance, m, sum)
+    integer, intent(in) :: row(:)  !! Contact rows of the group (n).
     integer, intent(in) :: number(:)  !! Number of each row among the active ones, 0 where not active (n_rows).
-    real(dp), intent(in) :: compliance(:, :)  !! Of the rows of the body (n, n) [length/force].
+    real(dp), intent(in) :: compliance(:, :)  !! Of these rows (n, n) [length/force].
     integer, intent(in) :: m  !! Number of active rows.
-    real(dp), intent(inout) :: sum(m, *)  !! The sum over bodies (m, m) [length/force].
+    real(dp), intent(inout) :: sum(m, *)  !! The sum over groups (m, m) [length/force].
     integer, allocatable :: own(:)
     integer :: i, j, k, l
     own = pack([(i, i=1, size(row))], number(row) > 0)
@@ -201,7 +205,7 @@ contains
         if (k >= l) sum(k, l) = sum(k, l) + compliance(own(i), own(j))
       end do
     end do
-  end subroutine add_body
+  end subroutine add_group
 
   !> Add to the diagonal.
   pure subroutine add_diagonal(added, shift, m, sum)
@@ -223,33 +227,52 @@ contains
     real(dp), allocatable :: solved(:, :)
     integer, allocatable :: number(:)
     integer :: b, i, k, n
-    n = grids%first_mode(size(grids%first_mode))
     if (allocated(self%mode)) deallocate (self%mode)
-    allocate (self%mode(size(self%row), n), source=0.0_dp)
+    allocate (self%mode(size(self%contact), sum(grids%group%n_modes)), source=0.0_dp)
     allocate (number(grids%n_rows), source=0)
-    number(self%row) = [(i, i=1, size(self%row))]
-    do b = 1, size(grids%body)
-      associate (own => grids%body(b), first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1))
-        do i = 1, own%rows%n
+    number(self%contact) = [(i, i=1, size(self%contact))]
+    n = 0
+    do b = 1, size(grids%group)
+      associate (own => grids%group(b))
+        do i = 1, size(own%row)
           k = number(own%row(i))
-          if (k > 0) self%mode(k, first:last) = self%mode(k, first:last) + own%rows%mode(i, :)
+          if (k > 0) self%mode(k, n + 1:n + own%n_modes) = self%mode(k, n + 1:n + own%n_modes) + own%row_mode(i, :)
         end do
+        n = n + own%n_modes
       end associate
     end do
     allocate (solved, source=self%mode)
     if (n > 0) call self%corner%solve_lower(solved)
     self%mode_stiffness = matmul(transpose(solved), solved)
-    solved = self%mode*spread(sqrt(stiffness(self%row)), 2, n)
+    deallocate (solved)
+    n = grids%first_mode(size(grids%first_mode))
+    allocate (solved(size(self%row), n), source=0.0_dp)
+    number(self%row) = [(i, i=1, size(self%row))]
+    do b = 1, size(grids%body)
+      associate (own => grids%body(b), first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1))
+        do i = 1, own%rows%n
+          k = number(own%row(i))
+          if (k > 0) solved(k, first:last) = solved(k, first:last) + own%rows%mode(i, :)
+        end do
+      end associate
+    end do
+    solved = solved*spread(sqrt(stiffness(self%row)), 2, n)
     self%row_stiffness = matmul(transpose(solved), solved)
   end subroutine find_mode_stiffness
 
   !> Factorize the stiffness of the modes with springs.
-  subroutine rows_set_springs(self, spring, error)
+  subroutine rows_set_springs(self, grids, spring, error)
     class(active_rows_t), intent(inout) :: self
+    class(body_grids_t), intent(in) :: grids  !! The bodies, as in `set`.
     !> T by bodies; of size 0 for bodies without modes (n_bodies) [force/length].
     type(mode_block_t), intent(in) :: spring(:)
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite.
-    call self%mode_factor%init(self%mode_stiffness, spring, error)
+    type(mode_block_t) :: of_group(size(grids%group))
+    integer :: k
+    do k = 1, size(of_group)
+      call grids%group(k)%gather_springs(spring, of_group(k)%value)
+    end do
+    call self%mode_factor%init(self%mode_stiffness, of_group, error)
     if (.not. allocated(error)) call self%row_factor%init(self%row_stiffness, spring, error)
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
   end subroutine rows_set_springs
@@ -272,25 +295,40 @@ contains
     if (size(own) > 0) call self%smoother%solve(lambda)
   end subroutine rows_solve_smoother
 
-  !> Forces and amplitudes of (W^{-1} + C) lambda - G alpha = y, G^T lambda + T alpha = e.
-  subroutine rows_solve_corner(self, lambda, e, alpha)
+  !> Forces and amplitudes of (W^{-1} + C) lambda - G alpha = y, G^T lambda + T alpha = e, of the contact rows and the
+  !> motions that ties leave.
+  subroutine rows_solve_corner(self, grids, lambda, e, alpha)
     class(active_rows_t), intent(in) :: self
-    !> Displacements y in [length], forces out, zero where not active [force] (n_rows).
+    class(body_grids_t), intent(in) :: grids  !! The bodies, as in `set`.
+    !> Displacements y in [length], forces out, zero where not active and on ties [force] (n_rows).
     real(dp), intent(inout) :: lambda(:)
     real(dp), intent(in) :: e(:)  !! Resultants (n_modes) [force].
     real(dp), intent(out) :: alpha(:)  !! Amplitudes (n_modes) [length].
-    real(dp), allocatable :: force(:), pushed(:)
-    force = lambda(self%row)
+    real(dp), allocatable :: force(:), pushed(:), motion(:)
+    integer :: k, n
+    force = lambda(self%contact)
     lambda = 0
     call self%corner%solve(force)
     if (size(e) > 0) then
-      alpha = e - matmul(force, self%mode)
-      call self%mode_factor%solve(alpha)
-      pushed = matmul(self%mode, alpha)
+      allocate (motion(size(self%mode, 2)))
+      n = 0
+      do k = 1, size(grids%group)
+        motion(n + 1:n + grids%group(k)%n_modes) = grids%group(k)%to_modes(e)
+        n = n + grids%group(k)%n_modes
+      end do
+      motion(:) = motion - matmul(force, self%mode)
+      call self%mode_factor%solve(motion)
+      pushed = matmul(self%mode, motion)
       call self%corner%solve(pushed)
       force = force + pushed
+      alpha = 0
+      n = 0
+      do k = 1, size(grids%group)
+        call grids%group(k)%from_modes(motion(n + 1:n + grids%group(k)%n_modes), alpha)
+        n = n + grids%group(k)%n_modes
+      end do
     end if
-    lambda(self%row) = force
+    lambda(self%contact) = force
   end subroutine rows_solve_corner
 
   !> Give back all memory.

@@ -7,10 +7,12 @@
 !> side, one thread each (`dotyk_scheme_body_groups`): a loop over the former, then one in parallel over the latter.
 module dotyk_scheme_body_grids
   use omp_lib, only: omp_get_max_threads
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_scheme_body_groups, only: body_groups_t
+  use dotyk_scheme_corner_group, only: corner_group_t
   use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
   use dotyk_scheme_proximal_system, only: proximal_system_t
   implicit none
@@ -24,9 +26,15 @@ module dotyk_scheme_body_grids
     type(grid_body_t), allocatable :: body(:)  !! (n_bodies).
     integer, allocatable :: first_mode(:)  !! Modes of body b are first_mode(b)+1 .. first_mode(b+1) (n_bodies + 1).
     type(body_groups_t) :: groups  !! Bodies that are worked on side by side, by their unknowns.
-    type(body_groups_t) :: solves  !! The same by the entries of their factors: solves in the corner space.
+    type(corner_group_t), allocatable :: group(:)  !! Bodies, or groups of tied ones, in the corner space (n_groups).
+    type(body_groups_t) :: solves  !! Groups side by side, by the entries of their factors: solves in the corner space.
+    logical, allocatable :: is_tied(:)  !! Rows of ties, which are always active (n_rows).
+    !> Why ties cannot be closed in the corner space; not allocated where they can.
+    type(error_t), allocatable :: obstacle
   contains
     procedure :: init => grids_init
+    procedure :: solve_group => grids_solve_group
+    procedure :: tie_stiffness => grids_tie_stiffness
     procedure :: row_displacement => grids_row_displacement
     procedure :: row_displacement_low => grids_row_displacement_low
     procedure :: subtract_row_force => grids_subtract_row_force
@@ -47,23 +55,28 @@ module dotyk_scheme_body_grids
   !> The proximal term as a fraction of the compliance of the rows in the corner space. Smaller ones converge in fewer
   !> proximal steps, and lose more digits of B u in the pressures.
   real(dp), parameter :: proximal_fraction = 1.0e-4_dp
+  !> Compliance of a row in the corner space, in terms of that against the diagonal blocks, about [].
+  real(dp), parameter :: tie_factor = 10
   integer, parameter :: worth_threads = 1000  !! Rows from which on threads are worth their start in a product with B.
 
 contains
 
   !> Take the p-multigrids of the bodies, and carry the contact rows to both levels.
-  subroutine grids_init(self, block, n_rows, grid, body)
+  subroutine grids_init(self, block, n_rows, grid, body, is_tied)
     class(body_grids_t), intent(out) :: self
     type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies (n_bodies).
     integer, intent(in) :: n_rows  !! Number of contact rows.
     type(grid_pointer_t), intent(in) :: grid(:)  !! Of the representatives (n_bodies).
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
-    real(dp), allocatable :: entries(:)
+    logical, intent(in), optional :: is_tied(:)  !! Rows of ties; none if absent (n_rows).
     integer :: b, k
     self%grid = grid
     call move_alloc(body, self%body)
     self%n_rows = n_rows
+    self%proximal_fraction = proximal_fraction
+    allocate (self%is_tied(n_rows), source=.false.)
+    if (present(is_tied)) self%is_tied(:) = is_tied
     allocate (self%first(size(self%body) + 1), self%first_mode(size(self%body) + 1))
     self%first(1) = 0
     self%first_mode(1) = 0
@@ -77,8 +90,6 @@ contains
     end do
     self%n = self%first(size(self%body) + 1)
     call self%groups%init(real(self%first(2:) - self%first(:size(self%body)), dp), omp_get_max_threads())
-    entries = [(self%grid(self%body(b)%representative)%p%corner_entries(), b=1, size(self%body))]
-    call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
     do k = 1, self%groups%n_alone
       call carry_rows(self%groups%body(k))
     end do
@@ -87,8 +98,9 @@ contains
       call carry_rows(self%groups%body(k))
     end do
     !$omp end parallel do
+    call form_groups(self)
     call form_compliances(self)
-    self%proximal_fraction = proximal_fraction
+    call share_solves(self)
 
   contains
 
@@ -99,26 +111,98 @@ contains
     end subroutine carry_rows
   end subroutine grids_init
 
+  !> Groups of bodies that ties join, in the order of their first bodies; others are by themselves.
+  subroutine form_groups(self)
+    class(body_grids_t), intent(inout) :: self
+    integer :: first(size(self%body)), of_row(self%n_rows), b, i, k
+    logical :: has_tie(size(self%body)), changes
+    first = [(b, b=1, size(first))]
+    has_tie = [(any(self%is_tied(self%body(b)%row)), b=1, size(first))]
+    changes = any(has_tie)
+    do while (changes)
+      changes = .false.
+      of_row = size(first)
+      do b = 1, size(first)
+        of_row(self%body(b)%row) = min(of_row(self%body(b)%row), first(b))
+      end do
+      do b = 1, size(first)
+        associate (least => minval([first(b), pack(of_row(self%body(b)%row), self%is_tied(self%body(b)%row))]))
+          changes = changes .or. least < first(b)
+          first(b) = least
+        end associate
+      end do
+    end do
+    allocate (self%group(count(first == [(b, b=1, size(first))])))
+    k = 0
+    do b = 1, size(first)
+      if (first(b) /= b) cycle
+      k = k + 1
+      if (has_tie(b)) then
+        if (.not. allocated(self%obstacle)) &
+          call self%group(k)%init_tied(pack([(i, i=1, size(first))], first == b), self%body, self%grid, &
+                                       self%first_mode, self%tie_stiffness(), self%obstacle)
+      else
+        call self%group(k)%init(b, self%body(b), self%first_mode(b))
+      end if
+    end do
+  end subroutine form_groups
+
+  !> W of tied rows, as they have it in each active set; 0 of contact rows.
+  pure function grids_tie_stiffness(self) result(stiffness)
+    class(body_grids_t), intent(in) :: self
+    real(dp) :: stiffness(self%n_rows)  !! (n_rows) [force/length]
+    stiffness = tie_compliance(self)
+    where (self%is_tied .and. stiffness > 0)
+      stiffness = 1/(self%proximal_fraction*stiffness)
+    else where
+      stiffness = 0
+    end where
+  end function grids_tie_stiffness
+
+  !> Compliance of tied rows against the diagonal blocks: that in the corner space would take as many solves.
+  pure function tie_compliance(self) result(compliance)
+    class(body_grids_t), intent(in) :: self
+    real(dp) :: compliance(self%n_rows)  !! 0 of contact rows (n_rows) [length/force].
+    integer :: b, i, k
+    compliance = 0
+    do b = 1, size(self%body)
+      associate (row => self%body(b)%row, matrix => self%body(b)%rows%smoother)
+        do i = 1, size(row)
+          if (.not. self%is_tied(row(i))) cycle
+          do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
+            if (matrix%column(k) == i) compliance(row(i)) = compliance(row(i)) + tie_factor*matrix%value(k)
+          end do
+        end do
+      end associate
+    end do
+  end function tie_compliance
+
   !> Compliances of the rows in the corner space; congruent bodies with the same rows share them.
   subroutine form_compliances(self)
     class(body_grids_t), intent(inout) :: self
-    integer :: b, c, k
-    do b = 1, size(self%body)
-      self%body(b)%owner = b
-      do c = 1, b - 1
-        if (self%body(c)%owner /= c .or. self%body(c)%representative /= self%body(b)%representative) cycle
-        if (.not. self%body(b)%rows%is_like(self%body(c)%rows)) cycle
-        self%body(b)%owner = c
-        exit
-      end do
-      if (self%body(b)%rows%n > 0) call self%grid(self%body(b)%representative)%p%prepare_rows()
+    integer :: k, l, i
+    do k = 1, size(self%group)
+      self%group(k)%owner = k
+      if (self%group(k)%is_tied) cycle
+      associate (own => self%body(self%group(k)%body(1)))
+        do l = 1, k - 1
+          if (self%group(l)%is_tied .or. self%group(l)%owner /= l) cycle
+          associate (other => self%body(self%group(l)%body(1)))
+            if (other%representative /= own%representative) cycle
+            if (.not. own%rows%is_like(other%rows)) cycle
+          end associate
+          self%group(k)%owner = l
+          exit
+        end do
+        if (own%rows%n > 0) call self%grid(own%representative)%p%prepare_rows()
+      end associate
     end do
-    do k = 1, self%groups%n_alone
-      call form_compliance(self%groups%body(k))
+    do i = 1, self%groups%n_alone
+      call form_compliance(self%groups%body(i))
     end do
     !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%groups%n_alone < self%groups%n)
-    do k = self%groups%n_alone + 1, self%groups%n
-      call form_compliance(self%groups%body(k))
+    do i = self%groups%n_alone + 1, self%groups%n
+      call form_compliance(self%groups%body(i))
     end do
     !$omp end parallel do
 
@@ -127,10 +211,45 @@ contains
     !> The compliance of one body.
     subroutine form_compliance(b)
       integer, intent(in) :: b  !! The body.
-      if (self%body(b)%owner == b) &
-        call self%body(b)%rows%form_compliance(self%grid(self%body(b)%representative)%p)
+      integer :: g
+      do g = 1, size(self%group)
+        if (self%group(g)%is_tied .or. self%group(g)%owner /= g) cycle
+        if (self%group(g)%body(1) /= b) cycle
+        call self%grid(self%body(b)%representative)%p%form_row_compliance(self%body(b)%rows%corner, &
+                                                                          self%group(g)%compliance)
+      end do
     end subroutine form_compliance
   end subroutine form_compliances
+
+  !> Choose the groups whose solves in the corner space are side by side.
+  subroutine share_solves(self)
+    class(body_grids_t), intent(inout) :: self
+    real(dp) :: entries(size(self%group))
+    integer :: k
+    do k = 1, size(entries)
+      if (self%group(k)%is_tied) then
+        entries(k) = self%group(k)%entries()
+      else
+        entries(k) = self%grid(self%body(self%group(k)%body(1))%representative)%p%corner_entries()
+      end if
+    end do
+    call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
+  end subroutine share_solves
+
+  !> x := K_c^+ x in the corner spaces of the bodies of a group; with its ties, where it has some.
+  subroutine grids_solve_group(self, k, x)
+    class(body_grids_t), intent(in) :: self
+    integer, intent(in) :: k  !! The group.
+    !> Forces in [force], displacements out [length], of all bodies (n_bodies).
+    type(body_vector_t), intent(inout) :: x(:)
+    associate (group => self%group(k))
+      if (group%is_tied) then
+        call group%solve(x)
+      else
+        call self%grid(self%body(group%body(1))%representative)%p%solve_coarse(x(group%body(1))%value)
+      end if
+    end associate
+  end subroutine grids_solve_group
 
   !> The sum of vectors over the rows of each body.
   pure subroutine grids_add_rows(self, own, y)
@@ -311,14 +430,15 @@ contains
     product = scalar_product(self%n, a, b)
   end function grids_product
 
-  !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
+  !> Compliance of each row: of contact rows in the corner space, the diagonal of B P K_c^+ P^T B^T; of tied ones
+  !> against the diagonal blocks.
   pure function grids_row_compliance(self) result(compliance)
     class(body_grids_t), intent(in) :: self
     real(dp) :: compliance(self%n_rows)  !! (n_rows) [length/force].
-    integer :: b, i
-    compliance = 0
-    do b = 1, size(self%body)
-      associate (own => self%body(b), value => self%body(self%body(b)%owner)%rows%compliance)
+    integer :: k, i
+    compliance = tie_compliance(self)
+    do k = 1, size(self%group)
+      associate (own => self%group(k), value => self%group(self%group(k)%owner)%compliance)
         call scatter_rows(own%row, [(value(i, i), i=1, size(own%row))], compliance)
       end associate
     end do

@@ -4,7 +4,8 @@
 !> The preconditioner is one cycle of p-multigrid (`dotyk_response_multigrid`) that knows the active rows on each level,
 !> so that its quality does not depend on W, however stiff: `D + B^T W B` in place of the diagonal blocks D in the
 !> smoother (`dotyk_scheme_contact_smoother`), `K_c + P^T B^T W B P` in place of K_c in the corner space. Both are
-!> inverted by the identity of Woodbury: with C = B D^{-1} B^T or B P K_c^+ P^T B^T,
+!> inverted by the identity of Woodbury, but for ties in the corner space, which are in its factor: with C = B D^{-1}
+!> B^T or B P K_c^+ P^T B^T,
 !>
 !>     (K + B^T W B)^{-1} = K^{-1} - K^{-1} B^T (W^{-1} + C)^{-1} B K^{-1}
 !>
@@ -69,6 +70,10 @@ contains
     type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without modes (n_bodies) [force/length].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a number is not finite, or memory runs out.
     logical :: has_rows
+    if (allocated(self%obstacle)) then
+      error = self%obstacle
+      return
+    end if
     has_rows = .false.
     if (allocated(self%stiffness)) has_rows = .not. any(abs(stiffness - self%stiffness) > 0)
     self%spring = spring
@@ -78,7 +83,7 @@ contains
       if (allocated(error)) return
       self%stiffness = stiffness
     end if
-    call self%active%set_springs(spring, error)
+    call self%active%set_springs(self, spring, error)
   end subroutine system_set_active
 
   !> Solve (K + B^T W B + R T R^T) e = r. What is left has no resultants on the rigid body modes: K does not resist
@@ -171,62 +176,87 @@ contains
     integer :: k
     allocate (coarse(size(self%body)), own(size(self%body)), lambda(self%n_rows))
     do k = 1, self%solves%n_alone
-      call solve_body(self%solves%body(k))
+      call solve_group(self%solves%body(k))
     end do
     !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%solves%n_alone < self%solves%n)
     do k = self%solves%n_alone + 1, self%solves%n
-      call solve_body(self%solves%body(k))
+      call solve_group(self%solves%body(k))
     end do
     !$omp end parallel do
     call self%add_rows(own, lambda)
     ! (W^{-1} + C) lambda - G alpha = B x,  G^T lambda + T alpha = e.
     allocate (alpha(size(e)))
-    call self%active%solve_corner(lambda, e, alpha)
+    call self%active%solve_corner(self, lambda, e, alpha)
     do k = 1, self%solves%n_alone
-      call push_body(self%solves%body(k))
+      call push_group(self%solves%body(k))
     end do
     !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%solves%n_alone < self%solves%n)
     do k = self%solves%n_alone + 1, self%solves%n
-      call push_body(self%solves%body(k))
+      call push_group(self%solves%body(k))
     end do
     !$omp end parallel do
     call self%add_modes(alpha, x)
 
   contains
 
-    !> The correction of one body without contact, and its rows.
-    subroutine solve_body(b)
-      integer, intent(in) :: b  !! The body.
-      associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                 grid => self%grid(self%body(b)%representative)%p)
-        allocate (coarse(b)%value(grid%interpolation%n), own(b)%value(size(self%body(b)%row)))
-        call grid%interpolation%restrict(grid%constraint, 1.0_dp, r(first:last), coarse(b)%value)
-        call grid%solve_coarse(coarse(b)%value)
-        call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
-      end associate
-    end subroutine solve_body
+    !> The correction of the bodies of one group without contact, and their rows.
+    subroutine solve_group(g)
+      integer, intent(in) :: g  !! The group.
+      integer :: i
+      do i = 1, size(self%group(g)%body)
+        associate (b => self%group(g)%body(i))
+          associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                     grid => self%grid(self%body(b)%representative)%p)
+            allocate (coarse(b)%value(grid%interpolation%n), own(b)%value(size(self%body(b)%row)))
+            call grid%interpolation%restrict(grid%constraint, 1.0_dp, r(first:last), coarse(b)%value)
+          end associate
+        end associate
+      end do
+      call self%solve_group(g, coarse)
+      do i = 1, size(self%group(g)%body)
+        associate (b => self%group(g)%body(i))
+          call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
+        end associate
+      end do
+    end subroutine solve_group
 
-    !> The correction of one body with its contact forces.
-    subroutine push_body(b)
-      integer, intent(in) :: b  !! The body.
-      associate (grid => self%grid(self%body(b)%representative)%p)
-        if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
-        call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
-                                x(self%first(b) + 1:self%first(b + 1)))
-      end associate
-    end subroutine push_body
+    !> The correction of the bodies of one group with their contact forces.
+    subroutine push_group(g)
+      integer, intent(in) :: g  !! The group.
+      integer :: i
+      if (any(abs(lambda(self%group(g)%row)) > 0)) call subtract_pushed(self, g, lambda, coarse)
+      do i = 1, size(self%group(g)%body)
+        associate (b => self%group(g)%body(i))
+          associate (grid => self%grid(self%body(b)%representative)%p)
+            call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
+                                            x(self%first(b) + 1:self%first(b + 1)))
+          end associate
+        end associate
+      end do
+    end subroutine push_group
   end subroutine correct
 
-  !> Subtract K_c^+ P^T B^T lambda of one body.
-  subroutine subtract_pushed(self, b, lambda, x)
+  !> Subtract K_c^+ P^T B^T lambda of the bodies of one group.
+  subroutine subtract_pushed(self, g, lambda, x)
     type(contact_multigrid_t), intent(in) :: self  !! The system.
-    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: g  !! The group.
     real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
-    real(dp), intent(inout) :: x(:)  !! Displacements of the corner space (n_corner_equations) [length].
-    real(dp) :: pushed(size(x))
-    call self%body(b)%rows%corner%multiply_transposed(lambda(self%body(b)%row), pushed)
-    call self%grid(self%body(b)%representative)%p%solve_coarse(pushed)
-    x(:) = x - pushed
+    !> Displacements of the corner spaces, of all bodies (n_bodies) [length].
+    type(body_vector_t), intent(inout) :: x(:)
+    type(body_vector_t) :: pushed(size(x))
+    integer :: i
+    do i = 1, size(self%group(g)%body)
+      associate (b => self%group(g)%body(i))
+        allocate (pushed(b)%value(size(x(b)%value)))
+        call self%body(b)%rows%corner%multiply_transposed(lambda(self%body(b)%row), pushed(b)%value)
+      end associate
+    end do
+    call self%solve_group(g, pushed)
+    do i = 1, size(self%group(g)%body)
+      associate (b => self%group(g)%body(i))
+        x(b)%value = x(b)%value - pushed(b)%value
+      end associate
+    end do
   end subroutine subtract_pushed
 
   !> One cycle.
@@ -321,7 +351,14 @@ contains
   !> Give back the factors.
   subroutine system_destroy(self)
     class(contact_multigrid_t), intent(inout) :: self
+    integer :: k
     call self%active%destroy()
+    if (allocated(self%group)) then
+      do k = 1, size(self%group)
+        call self%group(k)%destroy()
+      end do
+      deallocate (self%group)
+    end if
     if (allocated(self%stiffness)) deallocate (self%stiffness)
   end subroutine system_destroy
 end module dotyk_scheme_contact_multigrid

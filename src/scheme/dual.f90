@@ -29,7 +29,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: aggregate_values, join_qp, restrict_qp
+  use dotyk_scheme_restriction, only: aggregate_values, form_aggregate, join_qp, restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
@@ -221,7 +221,8 @@ contains
     type(contact_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
     real(dp), allocatable :: fraction(:), z(:), motion(:)
-    call join_qp(qp, compliance, joined, of_joined, fraction)
+    call join_qp(qp, joined, fraction)
+    call form_aggregate(joined, compliance, of_joined)
     associate (row => qp%joined_row)
       if (allocated(state%m)) state%m = aggregate_values(row, joined%n_rows, fraction, state%m)
       if (allocated(state%y)) state%y = aggregate_values(row, joined%n_rows, fraction, state%y)

@@ -12,7 +12,7 @@ module dotyk_scheme_gap_closing
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
-  public :: close_gaps, factorize_rows, left_open, restrict_matrix
+  public :: close_gaps, factorize_rows, find_neighbours, left_open, restrict_matrix
 
   !> Improvements at most, and the fraction of what one leaves that the next one must not exceed: rows that depend on
   !> each other leave something for ever.
@@ -168,11 +168,12 @@ contains
   !> the duality gap but for the energy of the residual. `huge` where rows without forces penetrate.
   !>
   !> Rows with forces, theta = 0 and a remaining penetration are no admissible ones: as in 6.3 of docs/theory.md, twice
-  !> its work stands for the displacement that closes it, and for those of stiff layers likewise.
-  pure real(dp) function left_open(weight, theta, lambda, y, closed, is_stiff) result(left)
+  !> its work stands for the displacement that closes it, and for those of ties and stiff layers likewise.
+  pure real(dp) function left_open(weight, theta, is_tied, lambda, y, closed, is_stiff) result(left)
     real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: lambda(:)  !! Contact forces, not negative (n_rows) [force].
+    logical, intent(in) :: is_tied(:)  !! Rows of ties, whose forces have any sign (n_rows).
+    real(dp), intent(in) :: lambda(:)  !! Forces, not negative on contact rows (n_rows) [force].
     real(dp), intent(in) :: y(:), closed(:)  !! Penetrations, and what is closed of them (n_rows) [length].
     !> Whether theta = 0, or the layer is stiffer than the nodes of the row (n_rows).
     logical, intent(in) :: is_stiff(:)
@@ -183,7 +184,9 @@ contains
     do i = 1, size(y)
       rest = y(i) - closed(i)
       over = rest - theta(i)*lambda(i)/weight(i)
-      if (lambda(i) > 0) then
+      if (is_tied(i)) then
+        left = left + 2*abs(lambda(i)*rest)
+      else if (lambda(i) > 0) then
         if (rest > 0) then
           of_row = huge(of_row)
           if (theta(i) > 0) of_row = weight(i)*over**2/(2*theta(i))

@@ -13,7 +13,6 @@ module dotyk_scheme_grid_body
     type(contact_map_t) :: map  !! Contact nodes and their equations.
     integer, allocatable :: row(:)  !! Rows of the problem that involve the body, in the order of `rows`.
     type(multigrid_rows_t) :: rows  !! Its rows on both levels.
-    integer :: owner = 0  !! The body whose `rows` have the compliance: this one, or a congruent one with the same rows.
   end type grid_body_t
 
   type, public :: body_vector_t  !! A vector of one body.

@@ -9,15 +9,19 @@ module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_response_body_grid, only: body_grid_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_primal_solution, only: presses_rigid_rows, solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
-  use dotyk_scheme_scheme, only: reason_near_null_modes, reason_no_rows, reason_none, reason_rigid_rows, scheme_t
+  use dotyk_scheme_restriction, only: aggregate_values, join_qp
+  use dotyk_scheme_scheme, only: reason_aggregates, reason_bolts, reason_near_null_modes, reason_no_rows, &
+    reason_none, reason_rigid_rows, scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
@@ -84,14 +88,34 @@ contains
     if (qp%n_rows == 0) return
     reason = reason_near_null_modes
     if (allocated(qp%coarse%stiffness)) return
+    reason = reason_bolts
+    if (any(qp%coarse%is_slide)) return
+    reason = reason_aggregates
     select type (compliance)
     class is (body_compliance_t)
       if (.not. compliance%has_grids()) return
+      if (.not. has_corner_matrices(qp, compliance)) return
       call find_rigid_rows(qp, compliance, is_rigid)
-      reason = merge(reason_rigid_rows, reason_none, &
-                     any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0))
+      reason = merge(reason_rigid_rows, reason_none, any(presses_rigid_rows(qp, theta, is_rigid)))
     end select
   end function primal_why_not
+
+  !> Whether the stiffnesses of the corner spaces of tied bodies are there.
+  logical function has_corner_matrices(qp, compliance) result(has)
+    type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
+    class(body_compliance_t), intent(in) :: compliance  !! By p-multigrids.
+    class(body_grid_t), pointer :: grid
+    type(sparse_symmetric_t), pointer :: matrix
+    real(dp), pointer :: mode(:, :)
+    integer :: b
+    has = .true.
+    do b = 1, size(qp%block)
+      if (.not. any(qp%is_tied(qp%block(b)%row))) cycle
+      grid => compliance%body_grid(b)
+      call grid%get_corner_matrix(matrix, mode)
+      has = has .and. associated(matrix)
+    end do
+  end function has_corner_matrices
 
   !> Unless it leaves the QP to another scheme.
   logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
@@ -166,12 +190,31 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `primal_solve`.
     type(primal_system_t), target :: system
     type(proximal_outcome_t) :: total
-    real(dp), allocatable :: v(:)
-    logical :: is_rigid(qp%n_rows)
-    call find_rigid_rows(qp, compliance, is_rigid)
+    type(contact_qp_t) :: joined
+    real(dp), allocatable :: v(:), fraction(:)
+    logical, allocatable :: is_rigid(:)
     system%compliance => compliance
-    call solve_by_displacements(system, qp, theta, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
-                                error)
+    if (allocated(qp%joined_row)) then
+      call join_qp(qp, joined, fraction)
+      associate (row => qp%joined_row, n => joined%n_rows)
+        allocate (is_rigid(n))
+        call find_rigid_rows(joined, compliance, is_rigid)
+        if (allocated(state%m)) state%m = aggregate_values(row, n, fraction, state%m)
+        if (allocated(state%y)) state%y = aggregate_values(row, n, fraction, state%y)
+        call solve_by_displacements(system, joined, aggregate_values(row, n, fraction, theta), settings%tolerance, &
+                                    settings, is_rigid, monitor, v, total, state, error)
+        if (allocated(error) .or. .not. allocated(state%m)) return
+        state%m = state%m(row)
+        deallocate (state%y)
+        allocate (state%y(qp%n_rows))
+        call system%find_penetrations(qp, v, state%y)
+      end associate
+    else
+      allocate (is_rigid(qp%n_rows))
+      call find_rigid_rows(qp, compliance, is_rigid)
+      call solve_by_displacements(system, qp, theta, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
+                                  error)
+    end if
     if (.not. allocated(error) .and. allocated(state%m)) then
       call system%keep_displacements(v, compliance)
       compliance%n_sweeps = compliance%n_sweeps + total%cg_steps

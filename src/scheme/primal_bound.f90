@@ -30,13 +30,14 @@ contains
   !> complementarity, s. The energy is strongly convex, so that `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`.
   !> |r| comes from the preconditioner and its least eigenvalue. `huge` where other rows penetrate. The least of several
   !> g: none, and such that close gaps of dependent rows with more or less force.
-  real(dp) function error_bound(system, weight, theta, load, u, lambda, y) result(bound)
+  real(dp) function error_bound(system, weight, theta, is_tied, load, u, lambda, y) result(bound)
     class(proximal_system_t), intent(inout) :: system  !! The bodies and rows.
     real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: is_tied(:)  !! Rows of ties (n_rows).
     real(dp), intent(in), contiguous :: load(:)  !! Loads (n) [force].
     real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
-    !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
+    !> Forces, not negative on contact rows, in equilibrium with the loads of floating bodies (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
     type(error_t), allocatable :: error
@@ -49,42 +50,50 @@ contains
     r(:) = load - r
     call system%subtract_row_force(lambda, r)
     of_r = system%force_norm(r)
-    bound = duality_gap(weight, theta, lambda/weight, y)
+    bound = huge(bound)
+    ! Ties that are not closed to the bit leave none.
+    if (.not. any(is_tied)) bound = duality_gap(weight, theta, lambda/weight, y)
     if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
     softness = theta/weight
-    chosen = lambda > 0 .or. y > -slack(weight, theta, lambda, y)
+    chosen = lambda > 0 .or. y > -slack(weight, theta, is_tied, lambda, y) .or. is_tied
     do k = 1, size(shift)
       call system%close_gaps(chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), closed, of_g, &
                              error)
       if (allocated(error)) return
-      left = left_open(weight, theta, lambda, y, closed, .not. softness > system%smoother_compliance())
+      left = left_open(weight, theta, is_tied, lambda, y, closed, .not. softness > system%smoother_compliance())
       if (max(of_g, left) < largest) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
     end do
   end function error_bound
 
   !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
-  pure real(dp) function slack(weight, theta, lambda, y)
+  pure real(dp) function slack(weight, theta, is_tied, lambda, y)
     real(dp), intent(in) :: weight(:)  !! Weights (n) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n) [length/pressure].
+    logical, intent(in) :: is_tied(:)  !! Rows of ties (n).
     real(dp), intent(in) :: lambda(:)  !! Contact forces (n) [force].
     real(dp), intent(in) :: y(:)  !! Penetrations (n) [length].
-    slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0))])
+    slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0 .or. is_tied))])
   end function slack
 
-  !> Change the pressures of the active rows as little as the equilibrium of the floating bodies asks for.
+  !> Change the pressures of active rows and ties as little as the equilibrium of the floating bodies asks for.
   subroutine balance(qp, m)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
-    real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:)
+    real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:), share(:)
     integer, allocatable :: row(:)
     type(error_t), allocatable :: error
     integer :: i, pass
     if (qp%coarse%n == 0) return
-    row = pack([(i, i=1, size(m))], m > 0)
+    row = pack([(i, i=1, size(m))], m > 0 .or. qp%is_tied)
     allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n), missing(qp%coarse%n))
     call qp%coarse%rows(row, g)
-    ! Pressures change in proportion to themselves: none becomes tensile before the others do.
-    weighted = g*spread(qp%weight(row)*m(row), 2, size(g, 2))
+    ! Pressures change in proportion to themselves: none becomes tensile before the others do. Those of ties have any
+    ! sign, and change in proportion to their mean.
+    share = m(row)
+    associate (tied => qp%is_tied(row))
+      if (any(tied)) where (tied) share = sum(qp%weight(row)*abs(m(row)), mask=tied)/sum(qp%weight(row), mask=tied)
+    end associate
+    weighted = g*spread(qp%weight(row)*share, 2, size(g, 2))
     call symmetric_eigen(matmul(transpose(g), weighted), values, vectors, error)
     if (allocated(error)) return
     do pass = 1, 2
@@ -97,7 +106,7 @@ contains
       end where
       change = matmul(g, matmul(vectors, missing))
       if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
-      m(row) = max(0.0_dp, m(row)*(1 + change))
+      m(row) = merge(m(row) + share*change, max(0.0_dp, m(row)*(1 + change)), qp%is_tied(row))
     end do
   end subroutine balance
 end module dotyk_scheme_primal_bound

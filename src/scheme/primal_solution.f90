@@ -25,7 +25,7 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
   private
-  public :: solve_by_displacements
+  public :: presses_rigid_rows, solve_by_displacements
 
   integer, parameter :: most_rounds = 6  !! How often violated rows enter the working set; then all rows do.
   !> How often a bound above the tolerance is followed by a more accurate solution.
@@ -74,7 +74,7 @@ contains
     integer :: round, attempt, limit
     logical :: warm, has_equilibrium
     start = wall_time()
-    if (any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)) then
+    if (any(presses_rigid_rows(qp, theta, is_rigid))) then
       call clear(state)
       state%ended = ended_rigid_constraint
       return
@@ -87,8 +87,9 @@ contains
     allocate (m(qp%n_rows), source=0.0_dp)
     if (warm) then
       m(:) = state%m
-      working = m > 0
-      if (allocated(state%y)) working = working .or. state%y > -near_violation*maxval([0.0_dp, state%y])
+      working = m > 0 .or. qp%is_tied
+      if (allocated(state%y)) working = working .or. &
+        state%y > -near_violation*maxval([0.0_dp, pack(state%y, .not. qp%is_tied)])
     else
       call screen_rows(qp, theta, working)
     end if
@@ -134,7 +135,7 @@ contains
         now%y = qp%initial_penetration
         call system%find_penetrations(qp, u, now%y)
         violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
-          slack(qp%weight, theta, now%lambda, now%y)
+          slack(qp%weight, theta, qp%is_tied, now%lambda, now%y)
         has_equilibrium = is_balanced(held, theta, now%lambda, now%alpha) .and. &
                           .not. any(motion%excess > qp%coarse%max_unbalanced)
         call judge(has_equilibrium .and. .not. any(violated))
@@ -151,7 +152,8 @@ contains
       if (.not. any(violated)) exit rounds
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
-    call motion%find_undetermined(qp, foundation_stiffness(qp, theta), now%lambda > 0, state%indeterminate)
+    call motion%find_undetermined(qp, foundation_stiffness(qp, theta), now%lambda > 0 .or. qp%is_tied, &
+                                  state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest
@@ -183,8 +185,8 @@ contains
       state%error_bound = huge(norm)
       if (has_bound) then
         bound = hypot(system%error_of_isolated, &
-                      error_bound(system, pack(qp%weight, working), pack(theta, working), system%load, u, &
-                                  pack(now%lambda, working), pack(now%y, working)))
+                      error_bound(system, pack(qp%weight, working), pack(theta, working), pack(qp%is_tied, working), &
+                                  system%load, u, pack(now%lambda, working), pack(now%y, working)))
         if (bound <= largest_bound*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
@@ -194,9 +196,21 @@ contains
       else
         state%energy = qp%energy(theta, m, now%y, now%alpha)
       end if
-      state%max_penetration = max(0.0_dp, maxval(now%y))
+      state%max_penetration = max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied))
       call state%history%add(wall_time() - start, outcome%change, outcome%change/norm, state%error_bound, &
-                             state%energy, state%max_penetration, count(m > 0))
+                             state%energy, state%max_penetration, count(m > 0 .and. .not. qp%is_tied))
     end subroutine judge
   end subroutine solve_by_displacements
+
+  !> Rows that no displacement moves, and that supports press together, or pull where they are tied.
+  pure function presses_rigid_rows(qp, theta, is_rigid) result(presses)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    logical, intent(in) :: is_rigid(:)  !! Rows that no displacement moves (n_rows).
+    logical :: presses(qp%n_rows)  !! (n_rows)
+    associate (y => qp%initial_penetration)
+      presses = is_rigid .and. .not. theta > 0 .and. &
+                merge(abs(y) > rounding*maxval([0.0_dp, abs(y)]), y > 0, qp%is_tied)
+    end associate
+  end function presses_rigid_rows
 end module dotyk_scheme_primal_solution

@@ -39,7 +39,7 @@ contains
       body(b)%representative = compliance%body(b)%representative
       body(b)%map = compliance%body(b)%map
     end do
-    call self%init(qp%block, qp%n_rows, grid, body)
+    call self%init(qp%block, qp%n_rows, grid, body, qp%is_tied)
     self%compliance => compliance
     self%is_for_rows = .true.
     self%norm_0 = sqrt(max(0.0_dp, qp%norm_square_0))

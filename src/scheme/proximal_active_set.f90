@@ -11,6 +11,8 @@
 !> springs on motions of floating bodies (`dotyk_scheme_proximal_motion`), which are one more proximal term. Neither the
 !> active set nor pressures m_0 and feet wait for exact solutions of the linear systems.
 !>
+!> Tied rows are active in each set, with forces of any sign: they are rows of the same proximal point method.
+!>
 !> Active sets that come again are no progress: from then on the linear systems are solved more accurately, and the step
 !> is the minimum of the energy along its direction, until the set stays. The energy is convex and piecewise quadratic:
 !> such steps end (M. Hintermueller, K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002, without them).
@@ -99,7 +101,8 @@ contains
     logical :: at_rest, diverged
     integer :: n_before
     compliance = qp%weight*system%row_compliance()
-    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. gap < -rounding*maxval(abs(gap)))) then
+    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. merge(-abs(gap), gap, qp%is_tied) < &
+            -rounding*maxval(abs(gap)))) then
       outcome%ended = ended_rigid_constraint
       return
     end if
@@ -110,7 +113,7 @@ contains
     allocate (r(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
     allocate (e(system%n), source=0.0_dp)
     now%prox = max(0.0_dp, system%proximal_fraction*compliance - theta)
-    now%active = m > 0
+    now%active = m > 0 .or. qp%is_tied
     now%aim = first_aim
     last = huge(last)
     foundation = foundation_stiffness(qp, theta)
@@ -139,11 +142,11 @@ contains
       end if
       call system%row_displacement(e, along)
       t = 1
-      if (now%guarded) t = best_step(system%stiffness, qp%weight/now%softness, now%y - now%shifted, along, &
-                                     system%product(r, e))
+      if (now%guarded) t = best_step(system%stiffness, qp%weight/now%softness, qp%is_tied, now%y - now%shifted, &
+                                     along, system%product(r, e))
       u(:) = u + t*e
       now%y = now%y + t*along
-      new = now%y - now%shifted > 0
+      new = now%y - now%shifted > 0 .or. qp%is_tied
       next(:) = merge((now%y - now%shifted)/now%softness, 0.0_dp, new)
       outcome%change = sqrt(sum(qp%weight*now%prox*(next - m)**2))
       ! Not after the first iteration, unless nothing moves.
@@ -166,7 +169,7 @@ contains
         now%guarded = .false.
         now%seen = [real(dp) ::]
       else
-        call look_for_cycles(compliance, gap, m, tolerance, new, now, outcome%n_cycles)
+        call look_for_cycles(compliance, gap, m, tolerance, qp%is_tied, new, now, outcome%n_cycles)
       end if
       now%active = new
       if (system%is_interrupted()) then
@@ -184,8 +187,11 @@ contains
     integer :: b, n
     do b = 1, size(spring)
       associate (scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1))
-        n = size(motion%stiffness(b)%value, 1)
-        spring(b)%value = motion%stiffness(b)%value/(spread(scale(:n), 1, n)*spread(scale(:n), 2, n))
+        n = size(scale)
+        ! Bodies that ties hold have no springs.
+        allocate (spring(b)%value(n, n), source=0.0_dp)
+        if (size(motion%stiffness(b)%value) > 0) &
+          spring(b)%value = motion%stiffness(b)%value/(spread(scale, 1, n)*spread(scale, 2, n))
       end associate
     end do
   end function springs_of
@@ -203,9 +209,10 @@ contains
   end function has_failed
 
   !> Whether an active set has come again, and what to do about it.
-  subroutine look_for_cycles(compliance, gap, m, tolerance, new, now, n_cycles)
+  subroutine look_for_cycles(compliance, gap, m, tolerance, is_tied, new, now, n_cycles)
     real(dp), intent(in) :: compliance(:)  !! Of the rows, positive (n_rows) [length/pressure].
     real(dp), intent(in) :: gap(:), m(:), tolerance  !! As in `solve_proximal`.
+    logical, intent(in) :: is_tied(:)  !! Rows that are always active (n_rows).
     logical, intent(inout) :: new(:)  !! The next active set; changed where prox is (n_rows).
     type(iterate_t), intent(inout) :: now  !! The iterate.
     integer, intent(inout) :: n_cycles  !! How often sets came again.
@@ -221,9 +228,9 @@ contains
     now%aim = max(tolerance/2, closer_aim*now%aim)
     now%seen = [real(dp) ::]
     if (now%guarded) then
-      now%prox = max(now%prox, min(growth*now%prox, compliance))
+      where (.not. is_tied) now%prox = max(now%prox, min(growth*now%prox, compliance))
       now%shifted = gap - now%prox*m
-      new = now%y - now%shifted > 0
+      new = now%y - now%shifted > 0 .or. is_tied
     end if
     now%guarded = .true.
   end subroutine look_for_cycles
@@ -236,9 +243,10 @@ contains
   end function mark_of_set
 
   !> The minimum of the energy along a step e.
-  pure real(dp) function best_step(active_stiffness, stiffness, over, along, work) result(t)
+  pure real(dp) function best_step(active_stiffness, stiffness, is_tied, over, along, work) result(t)
     real(dp), intent(in) :: active_stiffness(:)  !! W of the active rows (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)  !! w/(theta + prox) of all rows (n_rows) [force/length].
+    logical, intent(in) :: is_tied(:)  !! Rows of ties, which pull, too (n_rows).
     real(dp), intent(in) :: over(:)  !! B u - d + prox m_0 (n_rows) [length].
     real(dp), intent(in) :: along(:)  !! B e (n_rows) [length].
     !> r . e with the residual r of the linear system, which is e . (K + B^T W B) e, too [energy].
@@ -270,7 +278,10 @@ contains
     !> Derivative of the energy.
     pure real(dp) function derivative(step)
       real(dp), intent(in) :: step  !! Length of the step [].
-      derivative = slope + step*curvature + sum(stiffness*max(0.0_dp, over + step*along)*along)
+      real(dp) :: penetration(size(over))
+      penetration = over + step*along
+      derivative = slope + step*curvature + &
+        sum(stiffness*merge(penetration, max(0.0_dp, penetration), is_tied)*along)
     end function derivative
   end function best_step
 

@@ -5,13 +5,17 @@
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_scheme_coarse_space, only: coarse_space_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   implicit none
   private
-  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp
+  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp, merge_bodies
+
+  type, public :: index_list_t  !! Some rows.
+    integer, allocatable :: value(:)  !! Their numbers.
+  end type index_list_t
 
   real(dp), parameter :: rounding_of_means = 1.0e-13_dp  !! Means of rows below this fraction of these are rounding [].
 
@@ -97,17 +101,14 @@ contains
     end do
   end subroutine form_aggregate
 
-  !> The QP in which rows that are one are joined (`joined_row`), and its compliance.
-  subroutine join_qp(qp, compliance, joined, of_joined, fraction)
+  !> The QP in which rows that are one are joined (`joined_row`).
+  subroutine join_qp(qp, joined, fraction)
     type(contact_qp_t), intent(in) :: qp  !! With rows to join.
-    class(compliance_t), intent(inout) :: compliance  !! Compliance operator of the bodies.
     type(contact_qp_t), intent(out) :: joined  !! The QP.
-    type(dense_compliance_t), intent(out) :: of_joined  !! Its compliance.
     !> Fraction of each row in the weight of its joined row (n_rows) [].
     real(dp), allocatable, intent(out) :: fraction(:)
     integer :: b, k
     call aggregate_qp(qp, qp%joined_row, maxval(qp%joined_row), joined, fraction)
-    call form_aggregate(joined, compliance, of_joined)
     ! Motions that move the rows of both sides in opposite directions, as a rotation moves the two rows of one vertex of
     ! a polygon, leave rounding in their mean.
     do b = 1, size(joined%block)
@@ -118,6 +119,49 @@ contains
       end associate
     end do
   end subroutine join_qp
+
+  !> The QP in which groups of bodies are one body each, with the rigid body motions of the group. Its rows of B are
+  !> empty: the compliance of the groups is known otherwise.
+  subroutine merge_bodies(qp, row, mode, resultant, merged)
+    type(contact_qp_t), intent(in) :: qp  !! The QP.
+    type(index_list_t), intent(in) :: row(:)  !! Rows of each group, ascending (n_groups).
+    type(mode_block_t), intent(in) :: mode(:)  !! These rows by the motions of the groups (n_groups) [].
+    type(mode_block_t), intent(in) :: resultant(:)  !! Of the loads on the motions, (n_motions, 1) each (n_groups) [force].
+    type(contact_qp_t), intent(out) :: merged  !! The QP of the groups.
+    real(dp) :: most
+    integer :: g, j, n
+    merged = qp
+    deallocate (merged%block)
+    allocate (merged%block(size(row)))
+    call merged%coarse%destroy()
+    associate (coarse => merged%coarse)
+      allocate (coarse%first(size(row) + 1), coarse%block(size(row)), coarse%translation(size(row)))
+      coarse%first(1) = 1
+      do g = 1, size(row)
+        coarse%first(g + 1) = coarse%first(g) + size(mode(g)%value, 2)
+      end do
+      coarse%n = coarse%first(size(row) + 1) - 1
+      allocate (coarse%is_slide(coarse%n), source=.false.)
+      allocate (coarse%resultant(coarse%n), coarse%scale(coarse%n), coarse%mean_square(coarse%n), source=1.0_dp)
+      do g = 1, size(row)
+        n = size(row(g)%value)
+        merged%block(g)%row = row(g)%value
+        allocate (merged%block(g)%contact_node(0))
+        call merged%block(g)%matrix%init_from_triplets(n, 0, [integer ::], [integer ::], [real(dp) ::])
+        allocate (coarse%translation(g)%value(size(mode(g)%value, 2), 0))
+        coarse%block(g)%value = mode(g)%value
+        do j = 1, size(mode(g)%value, 2)
+          associate (k => coarse%first(g) + j - 1, own => coarse%block(g)%value)
+            most = maxval([0.0_dp, abs(own(:, j))])
+            if (most > 0) coarse%scale(k) = 1/most
+            own(:, j) = coarse%scale(k)*own(:, j)
+            coarse%resultant(k) = coarse%scale(k)*resultant(g)%value(j, 1)
+          end associate
+        end do
+      end do
+      call coarse%take_rows(merged%block, merged%n_rows)
+    end associate
+  end subroutine merge_bodies
 
   !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
   subroutine join_rows(qp, group, n_groups, joined, fraction)

@@ -9,7 +9,7 @@ module dotyk_scheme_tied_groups
   public :: find_groups, find_held_groups
 
   !> Eigenvalues of the stiffness of ties against the modes, each mode scaled by its own, are zero below this [].
-  real(dp), parameter :: least_eigenvalue = 1.0e-11_dp
+  real(dp), parameter, public :: least_eigenvalue = 1.0e-11_dp
   !> Of directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is
   !> none; and rounding of a product with it, as a fraction of its largest entry [].
   real(dp), parameter :: least_stiffness = 1.0e-9_dp, rounding = 1.0e-13_dp

@@ -11,6 +11,7 @@ from dotyk_case import Case, main  # noqa: E402
 
 YOUNG, POISSON = 1e5, 0.3
 GRADIENT = np.array([[1e-3, 2e-3, 2e-3], [3e-3, -1e-3, 1e-3], [2e-3, -1e-3, 4e-3]])
+MULTIGRID = "&solver response='multigrid', tolerance=1e-10 /"
 MATERIAL = "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)
 
 
@@ -38,9 +39,12 @@ class Ties(Case):
         return log, dict(file["dotyk/summary"].attrs), file
 
     def test_patch(self):
-        """Displacements that are linear in the position are exact, whatever meshes meet."""
-        for low, up, n_low, n_up in (("tri3", "quad8", 3, 4), ("hex8", "tet4", 2, 3), ("tet10", "hex20", 2, 3)):
-            with self.subTest(low=low, up=up):
+        """Displacements that are linear in the position are exact, whatever meshes meet, and whatever solves the bodies."""
+        for low, up, n_low, n_up, solver, tolerance in (
+                ("tri3", "quad8", 3, 4, "", 1e-12), ("hex8", "tet4", 2, 3, "", 1e-12), ("tet10", "hex20", 2, 3, "", 1e-12),
+                ("quad8", "tri6", 3, 4, MULTIGRID, 1e-9), ("tet10", "hex20", 2, 3, MULTIGRID, 1e-9),
+                ("tet4", "hex20", 6, 3, MULTIGRID, 1e-9)):
+            with self.subTest(low=low, up=up, solver=solver):
                 d = blocks.dimension(low)
                 a = GRADIENT[:d, :d]
                 lines = self.two_blocks(low, up, n_low, n_up)
@@ -50,10 +54,33 @@ class Ties(Case):
                 for body, surface in ("low", "bottom"), ("low", free), ("up", "top"), ("up", free):
                     lines.append("&support body='%s', surface='%s', fix='%s', value_formula=%s /"
                                  % (body, surface, "xyz"[:d], formula))
-                lines.append("&tie name='joint', surface_a='up:bottom', surface_b='low:top' /")
-                file = self.solve("patch", lines)[2]
+                lines += ["&tie name='joint', surface_a='up:bottom', surface_b='low:top' /", solver]
+                log, _, file = self.solve("patch", lines)
+                self.assertEqual("with p-multigrid" in log, bool(solver))
                 x, u = file["VTKHDF/Points"][:, :d], file["VTKHDF/PointData/displacement"][:, :d]
-                self.assertLess(np.abs(u - x @ a.T).max(), 1e-12 * np.abs(u).max())
+                self.assertLess(np.abs(u - x @ a.T).max(), tolerance * np.abs(u).max())
+
+    def test_multigrid(self):
+        """p-multigrid closes ties as the factors do, on bodies that are held, and that float together on a third one; its
+        bound holds."""
+        for name, more in (
+                ("held", ["&support body='low', surface='bottom', fix='xyz' /", "&load body='up', surface='top', traction=3,2,-5 /"]),
+                ("floating", ["&load body='up', surface='top', pressure=50 /",
+                              "&body name='plate', volume='block', material='steel', mesh='plate.geo' /",
+                              "&support body='plate', surface='bottom', fix='xyz' /",
+                              "&contact name='rest', surface_a='low:bottom', surface_b='plate:top', "
+                              "gap_formula='0.002*((x-0.4)^2+(y-0.5)^2)' /"])):
+            with self.subTest(scene=name):
+                self.write("plate.geo", blocks.block_geo("hex20", 2, (0, 0, -1)))
+                lines = self.two_blocks("tet10", "hex20", 3, 4)
+                lines = [lines[0], MATERIAL, *(line % "" for line in lines[1:]), *more,
+                         "&tie name='joint', surface_a='up:bottom', surface_b='low:top' /"]
+                exact = self.solve(name + "_dual", [*lines, "&solver response='full', tolerance=1e-9 /"])[1]
+                log, summary, _ = self.solve(name, [*lines, "&solver response='multigrid', tolerance=1e-7 /"])
+                self.assertIn("with p-multigrid", log)
+                # | |u| - |u*| | <= |u - u*| in the energy norm.
+                self.assertLess(abs(summary["strain_energy"] / exact["strain_energy"] - 1), 2 * summary["error_bound"] + 1e-12)
+                self.assertLess(summary["error_bound"], 1e-7)
 
     def test_area_tied(self):
         """Parts of slave facets beside the master surface are not tied, in the plane, around an axis and in space."""
@@ -411,7 +438,6 @@ class Ties(Case):
                 ([tie.replace("low:top", "low:bottom") % ""], 2, ("case.nml:6: &tie 'joint': none of the",)),
                 ([tie.replace("up:bottom", "low:bottom") % ""], 2, ("a tie without an angle needs two different bodies, got 'low' twice",)),
                 ([tie % ", axis=0,0,1"], 2, ("axis is given without an angle",)),
-                ([tie % "", "&solver response='multigrid' /"], 2, ("response='multigrid' knows no ties",)),
                 ([tie % "", "&solver scheme='neumann', theta_mesh=0.1 /"], 2, ("scheme='neumann' knows no ties",)),
                 ([tie % "", "&contact name='k', surface_a='up:bottom', surface_b='low:top' /"], 2,
                  ("case.nml:7: &contact 'k'", "is in part between the faces that 'joint' (line 6) ties",)),
