@@ -126,7 +126,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The QP.
     type(index_list_t), intent(in) :: row(:)  !! Rows of each group, ascending (n_groups).
     type(mode_block_t), intent(in) :: mode(:)  !! These rows by the motions of the groups (n_groups) [].
-    type(mode_block_t), intent(in) :: resultant(:)  !! Of the loads on the motions, (n_motions, 1) each (n_groups) [force].
+    type(mode_block_t), intent(in) :: resultant(:)  !! Of the loads on the motions, (n, 1) each (n_groups) [force].
     type(contact_qp_t), intent(out) :: merged  !! The QP of the groups.
     real(dp) :: most
     integer :: g, j, n
