@@ -51,16 +51,19 @@ contains
     logical :: large(size(body))
     integer :: b
     allocate (form(size(body)), source=form_direct)
-    if (.not. allowed .or. any([(body(b)%constraint%rigid%is_set, b=1, size(body))])) return
+    if (.not. allowed) return
     large = .false.
     do b = 1, size(body)
       if (.not. classes%is_representative(b)) cycle
+      if (body(b)%constraint%rigid%is_set) cycle
       if (multigrid_obstacle(body(b)) /= obstacle_none) cycle
       large(b) = response == response_multigrid
       if (response == response_auto) large(b) = is_worth_multigrid(body(b))
     end do
     if (.not. any(large)) return
     form(:) = merge(form_multigrid, form_whole, large(classes%first))
+    ! Rigid bodies have no stiffness.
+    where ([(body(b)%constraint%rigid%is_set, b=1, size(body))]) form = form_direct
   end function choose_forms
 
   !> Whether p-multigrid pays for a body, by its size and material.

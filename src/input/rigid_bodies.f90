@@ -2,7 +2,7 @@
 module dotyk_input_rigid_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
-    load_names, option_name, response_multigrid
+    load_names, option_name
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: applies_in, case_t, rigid_input_t
@@ -89,9 +89,6 @@ contains
                           'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// &
                           ': give force and moment on its surface')
     end do
-    if (case%solver%response == response_multigrid) &
-      call problems%add(case%rigid(1)%line, '&rigid_body does not go together with '// &
-                        'response=''multigrid'': remove that')
     ! Where wildcards name it among others, as in a temperature of all bodies, it has no share.
     spared = is_spared(case%temperature%line, case%temperature%body, case%temperature%any_body)
     call add_spared(case, '&temperature', case%temperature%line, case%temperature%body, spared)

@@ -1,7 +1,7 @@
 !> Lines of the log on the engine that solves a contact, and why it is not another one.
 module dotyk_log_engine_lines
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_scheme_scheme, only: reason_accuracy, reason_aggregates, reason_bolts, reason_near_null_modes, &
+  use dotyk_scheme_scheme, only: reason_accuracy, reason_aggregates, reason_near_null_modes, &
     reason_rigid_rows, reason_slow
   implicit none
   private
@@ -41,8 +41,6 @@ contains
       text = 'the contact needs factors, as supports hardly resist some motions'
     case (reason_rigid_rows)
       text = 'the contact needs factors, as supports press rows together'
-    case (reason_bolts)
-      text = 'the contact needs factors, as bolts have a given tension'
     case (reason_aggregates)
       text = 'the ties need factors, as bodies of theirs are too large for p-multigrid with ties'
     case (reason_slow)

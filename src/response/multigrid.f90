@@ -19,6 +19,7 @@ module dotyk_response_multigrid
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
   use dotyk_elasticity_two_levels, only: is_linear, two_levels_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
+  use dotyk_linalg_dense, only: orthonormal_range
   use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
@@ -65,6 +66,8 @@ module dotyk_response_multigrid
     procedure :: destroy => multigrid_destroy
   end type multigrid_t
 
+  !> Modes at the corners that depend on each other but for rounding [].
+  real(dp), parameter :: rounding_of_modes = 1.0e-8_dp
   !> Entries of a factor that threads share in a solve: some ms; CHOLMOD solves with smaller ones.
   integer(int64), parameter :: least_shared = 1000000
 
@@ -139,11 +142,37 @@ contains
     end if
     associate (levels => self%levels)
       call corner_modes%find(levels%corner_body)
+      ! The corners do not tell which motions springs hold.
+      if (body%constraint%foundation%n > 0) call restrict_modes(self, corner_modes)
       call self%coarse%analyze(levels%corner_body, corner_modes, levels%corner_stiffness, error)
       call levels%corner_stiffness%forget_graph()
     end associate
     if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
   end subroutine multigrid_analyze
+
+  !> Rigid body modes of the corner body: those of the body at its corners.
+  subroutine restrict_modes(self, modes)
+    class(multigrid_t), intent(in) :: self
+    type(body_modes_t), intent(inout) :: modes  !! Of the corner body; gets them.
+    real(dp), allocatable :: at_corners(:, :), basis(:, :)
+    integer :: c, k, dim
+    associate (space => self%interpolation%space, constraint => self%constraint)
+      dim = size(constraint%equation, 1)
+      allocate (at_corners(dim*space%n, size(self%mode, 2)), basis(dim*space%n, size(self%mode, 2)))
+      do c = 1, space%n
+        associate (node => space%node(c))
+          at_corners(dim*(c - 1) + 1:dim*c, :) = self%mode(dim*(node - 1) + 1:dim*node, :)
+          if (constraint%frame_of(node) == 0) cycle
+          do k = 1, size(self%mode, 2)
+            at_corners(dim*(c - 1) + 1:dim*c, k) = matmul(constraint%frame(:, :, constraint%frame_of(node)), &
+                                                         self%mode(dim*(node - 1) + 1:dim*node, k))
+          end do
+        end associate
+      end do
+      call orthonormal_range(at_corners, rounding_of_modes, basis, modes%n)
+      modes%shape = reshape(basis(:, :modes%n), [dim, space%n, modes%n])
+    end associate
+  end subroutine restrict_modes
 
   !> Factorize the corner space, or make the levels of smoothed aggregation: the report is empty then.
   subroutine multigrid_factorize(self, report, error)

@@ -22,6 +22,7 @@ module dotyk_response_multigrid_rows
     real(dp), allocatable :: mode(:, :)  !! Rigid body modes at the rows, B R (n, n_modes) [].
   contains
     procedure :: init => rows_init
+    procedure :: init_motions => rows_init_motions
     procedure :: is_like => rows_is_like
     procedure :: add_displacement => rows_add_displacement
     procedure :: add_displacement_low => rows_add_displacement_low
@@ -73,6 +74,24 @@ contains
     end do
     call smoother_compliance(grid, self)
   end subroutine rows_init
+
+  !> Rows of unknowns without stiffness, which are their own corner space.
+  subroutine rows_init_motions(self, dim, motion)
+    class(multigrid_rows_t), intent(out) :: self
+    integer, intent(in) :: dim  !! Components of a node: unknowns come by nodes.
+    real(dp), intent(in) :: motion(:, :)  !! Displacements of the rows by the unknowns (n, n_motions) [].
+    integer :: i, j
+    self%n = size(motion, 1)
+    associate (m => size(motion, 2))
+      self%node = [(i, i=1, (m + dim - 1)/dim)]
+      call self%corner%init_from_triplets(self%n, m, [((i, i=1, self%n), j=1, m)], [((j, i=1, self%n), j=1, m)], &
+                                          reshape(motion, [size(motion)]))
+    end associate
+    self%fine = self%corner
+    self%fine%n_columns = dim*size(self%node)
+    call self%smoother%init_from_triplets(self%n, self%n, [integer ::], [integer ::], [real(dp) ::])
+    self%mode = motion
+  end subroutine rows_init_motions
 
   !> y = B x, zero where nothing but rounding is left.
   pure subroutine multiply_exactly(matrix, x, y)

@@ -69,13 +69,14 @@ contains
     call make_batches(self%body, [(size(qp%block(b)%row), b=1, size(self%body))], self%batch)
   end subroutine compliance_init
 
-  !> Whether all bodies have p-multigrids.
+  !> Whether all bodies have p-multigrids, but for rigid ones.
   logical function compliance_has_grids(self) result(has_grids)
     class(body_compliance_t), intent(in) :: self
     integer :: b
-    has_grids = size(self%body) > 0
+    has_grids = any([(associated(self%body_grid(b)), b=1, size(self%body))])
     do b = 1, size(self%body)
-      if (.not. associated(self%body_grid(b))) has_grids = .false.
+      ! A rigid body has no equations.
+      if (.not. associated(self%body_grid(b)) .and. any(self%body(b)%map%equation > 0)) has_grids = .false.
     end do
   end function compliance_has_grids
 

@@ -64,10 +64,10 @@ contains
   !> Take the p-multigrids of the bodies, and carry the contact rows to both levels.
   subroutine grids_init(self, block, n_rows, grid, body, is_tied)
     class(body_grids_t), intent(out) :: self
-    type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)  !! Rows of B by bodies of the QP (any number).
     integer, intent(in) :: n_rows  !! Number of contact rows.
     type(grid_pointer_t), intent(in) :: grid(:)  !! Of the representatives (n_bodies).
-    !> With representatives and maps; not allocated on return (n_bodies).
+    !> With representatives and maps, and the rows of motions; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
     logical, intent(in), optional :: is_tied(:)  !! Rows of ties; none if absent (n_rows).
     integer :: b, k
@@ -85,7 +85,8 @@ contains
         self%dim = grid_of%fine%rows%dim
         self%first(b + 1) = self%first(b) + grid_of%n
         self%first_mode(b + 1) = self%first_mode(b) + size(grid_of%mode, 2)
-        self%body(b)%row = block(b)%row
+        if (self%body(b)%block == 0) self%body(b)%block = b
+        if (.not. allocated(self%body(b)%row)) self%body(b)%row = block(self%body(b)%block)%row
       end associate
     end do
     self%n = self%first(size(self%body) + 1)
@@ -107,7 +108,9 @@ contains
     !> The rows of one body.
     subroutine carry_rows(b)
       integer, intent(in) :: b  !! The body.
-      call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, block(b)%matrix)
+      if (self%body(b)%first_motion > 0) return
+      call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, &
+                                  block(self%body(b)%block)%matrix)
     end subroutine carry_rows
   end subroutine grids_init
 
@@ -140,7 +143,7 @@ contains
       if (has_tie(b)) then
         if (.not. allocated(self%obstacle)) &
           call self%group(k)%init_tied(pack([(i, i=1, size(first))], first == b), self%body, self%grid, &
-                                       self%first_mode, self%tie_stiffness(), self%obstacle)
+                                       self%first_mode, self%is_tied, self%tie_stiffness(), self%obstacle)
       else
         call self%group(k)%init(b, self%body(b), self%first_mode(b))
       end if

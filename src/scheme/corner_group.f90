@@ -32,7 +32,7 @@ module dotyk_scheme_corner_group
     !> The group that has the compliance: this one, or one of a congruent body with the same rows.
     integer :: owner = 0
     integer, allocatable :: mode(:)  !! Rigid body modes of its bodies.
-    integer, allocatable, private :: n_body_modes(:)  !! Their number for each body.
+    integer, allocatable, private :: block(:)  !! Bodies of the QP that have these modes.
     !> Rigid body motions that ties leave, in amplitudes of these; not allocated where they are these (n,
     !> n_modes) [].
     real(dp), allocatable :: combination(:, :)
@@ -68,6 +68,7 @@ contains
     integer, intent(in) :: first_mode  !! Number of modes of the bodies before it.
     integer :: k
     self%body = [b]
+    self%block = [body%block]
     self%row = body%row
     self%n_modes = size(body%rows%mode, 2)
     self%mode = [(first_mode + k, k=1, self%n_modes)]
@@ -75,12 +76,13 @@ contains
   end subroutine group_init
 
   !> Bodies that ties join.
-  subroutine group_init_tied(self, member, body, grid, first_mode, stiffness, error)
+  subroutine group_init_tied(self, member, body, grid, first_mode, is_tied, stiffness, error)
     class(corner_group_t), intent(inout) :: self
     integer, intent(in) :: member(:)  !! The bodies, ascending.
     type(grid_body_t), intent(in) :: body(:)  !! All bodies (n_bodies).
     type(grid_pointer_t), intent(in) :: grid(:)  !! p-multigrids of the representatives (n_bodies).
     integer, intent(in) :: first_mode(:)  !! Modes of body b are first_mode(b)+1 .. first_mode(b+1).
+    logical, intent(in) :: is_tied(:)  !! Rows of ties (n_rows).
     real(dp), intent(in) :: stiffness(:)  !! W of tied rows, 0 of contact rows (n_rows) [force/length].
     !> Allocated where the ties leave a motion of a corner space that is none of a rigid body, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
@@ -91,14 +93,16 @@ contains
     self%body = member
     allocate (self%first(size(member) + 1), source=0)
     self%mode = [integer ::]
+    self%block = [integer ::]
     do k = 1, size(member)
+      ! Shortenings of bolts follow their body.
+      if (.not. any(self%block == body(member(k))%block)) self%block = [self%block, body(member(k))%block]
       associate (b => member(k))
         self%first(k + 1) = self%first(k) + grid(body(b)%representative)%p%interpolation%n
         self%mode = [self%mode, (j, j=first_mode(b) + 1, first_mode(b + 1))]
       end associate
     end do
-    self%n_body_modes = first_mode(member + 1) - first_mode(member)
-    call gather_rows(self, body, .not. stiffness > 0, spread(1.0_dp, 1, size(stiffness)), contact, self%row)
+    call gather_rows(self, body, .not. is_tied, spread(1.0_dp, 1, size(stiffness)), contact, self%row)
     call find_motions(self, body, first_mode, stiffness)
     block
       integer, allocatable :: tied(:)
@@ -212,7 +216,6 @@ contains
     real(dp), pointer :: own(:, :)
     real(dp), allocatable :: all_modes(:, :), moved(:, :), combination(:, :), left(:, :)
     integer :: k, j, n, rank
-    allocate (all_modes(self%first(size(self%first)), size(self%mode)), source=0.0_dp)
     n = 0
     do k = 1, size(self%body)
       call grid(body(self%body(k))%representative)%p%get_corner_matrix(matrix, own)
@@ -220,6 +223,12 @@ contains
         call set_error(error, 'its stiffness is not there', exit_not_solvable)
         return
       end if
+      n = n + size(own, 2)
+    end do
+    allocate (all_modes(self%first(size(self%first)), n), source=0.0_dp)
+    n = 0
+    do k = 1, size(self%body)
+      call grid(body(self%body(k))%representative)%p%get_corner_matrix(matrix, own)
       all_modes(self%first(k) + 1:self%first(k + 1), n + 1:n + size(own, 2)) = own
       n = n + size(own, 2)
     end do
@@ -228,7 +237,7 @@ contains
       call tie%multiply(all_modes(:, j), moved(:, j))
     end do
     call null_space(moved, combination)
-    left = matmul(all_modes(:, :n), combination)
+    left = matmul(all_modes, combination)
     allocate (mode(size(left, 1), size(left, 2)))
     call orthonormal_range(left, dependent, mode, rank)
     mode = mode(:, :rank)
@@ -369,20 +378,20 @@ contains
   !> Springs on the motions from those on the modes of the bodies.
   pure subroutine group_gather_springs(self, spring, of_group)
     class(corner_group_t), intent(in) :: self
-    type(mode_block_t), intent(in) :: spring(:)  !! T; of size 0 for bodies without springs (n_bodies) [force/length].
+    type(mode_block_t), intent(in) :: spring(:)  !! T, block by block over all modes [force/length].
     real(dp), allocatable, intent(out) :: of_group(:, :)  !! (n_modes, n_modes) [force/length]
     real(dp), allocatable :: t(:, :)
-    integer :: k, n, m
+    integer :: k, m, n
     if (.not. allocated(self%combination)) then
-      of_group = spring(self%body(1))%value
+      of_group = spring(self%block(1))%value
       return
     end if
     allocate (t(size(self%mode), size(self%mode)), source=0.0_dp)
     n = 0
-    do k = 1, size(self%body)
-      m = size(spring(self%body(k))%value, 1)
-      t(n + 1:n + m, n + 1:n + m) = spring(self%body(k))%value
-      n = n + self%n_body_modes(k)
+    do k = 1, size(self%block)
+      m = size(spring(self%block(k))%value, 1)
+      t(n + 1:n + m, n + 1:n + m) = spring(self%block(k))%value
+      n = n + m
     end do
     of_group = matmul(transpose(self%combination), matmul(t, self%combination))
   end subroutine group_gather_springs

@@ -9,6 +9,8 @@ module dotyk_scheme_grid_body
   public :: scatter_rows
 
   type, public :: grid_body_t  !! A body among others.
+    integer :: block = 0  !! Its rows of B are those of this body; 0: of the body with its own number.
+    integer :: first_motion = 0  !! First mode of the QP that it has as unknowns without stiffness; 0: none are that.
     integer :: representative = 0  !! Body whose p-multigrid is that of this one: congruent bodies share it.
     type(contact_map_t) :: map  !! Contact nodes and their equations.
     integer, allocatable :: row(:)  !! Rows of the problem that involve the body, in the order of `rows`.

@@ -20,7 +20,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_restriction, only: aggregate_values, join_qp
-  use dotyk_scheme_scheme, only: reason_aggregates, reason_bolts, reason_near_null_modes, reason_no_rows, &
+  use dotyk_scheme_scheme, only: reason_aggregates, reason_near_null_modes, reason_no_rows, &
     reason_none, reason_rigid_rows, scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
@@ -88,8 +88,6 @@ contains
     if (qp%n_rows == 0) return
     reason = reason_near_null_modes
     if (allocated(qp%coarse%stiffness)) return
-    reason = reason_bolts
-    if (any(qp%coarse%is_slide)) return
     reason = reason_aggregates
     select type (compliance)
     class is (body_compliance_t)
@@ -112,6 +110,7 @@ contains
     do b = 1, size(qp%block)
       if (.not. any(qp%is_tied(qp%block(b)%row))) cycle
       grid => compliance%body_grid(b)
+      if (.not. associated(grid)) cycle
       call grid%get_corner_matrix(matrix, mode)
       has = has .and. associated(matrix)
     end do
@@ -174,9 +173,16 @@ contains
     class(body_compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
     logical, intent(out) :: is_rigid(:)  !! (n_rows)
     real(dp) :: diagonal(qp%n_rows)
+    integer :: b, i
     call compliance%nodal_diagonal(qp, diagonal)
     ! Entries of B at free nodes may be rounding.
     is_rigid = .not. diagonal > rank**2*maxval([0.0_dp, diagonal])
+    ! Rigid bodies move without a stiffness.
+    do b = 1, size(qp%block)
+      do i = 1, size(qp%block(b)%row)
+        if (any(abs(qp%coarse%block(b)%value(i, :)) > 0)) is_rigid(qp%block(b)%row(i)) = .false.
+      end do
+    end do
   end subroutine find_rigid_rows
 
   !> Solve by displacements.

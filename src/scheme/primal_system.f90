@@ -1,5 +1,6 @@
 !> The linear systems of the primal scheme as it sees them: made for the rows of a QP from the p-multigrids of its
-!> compliance, with the quantities of the QP that follow from displacements.
+!> compliance, with the quantities of the QP that follow from displacements. The motions of rigid bodies and the
+!> shortenings of bolts are unknowns without stiffness among them (`dotyk_scheme_motion_grid`).
 module dotyk_scheme_primal_system
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_fixed_sum, only: add_multiple, remove_components
@@ -8,6 +9,7 @@ module dotyk_scheme_primal_system
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_corner_contact, only: solve_corner_contact
   use dotyk_scheme_grid_body, only: grid_body_t, grid_pointer_t, scatter_rows
+  use dotyk_scheme_motion_grid, only: motion_grid_t
   implicit none
   private
 
@@ -18,6 +20,7 @@ module dotyk_scheme_primal_system
     procedure :: start => system_start
     procedure :: find_penetrations => system_find_penetrations
     procedure :: keep_displacements => system_keep_displacements
+    procedure :: destroy => system_destroy
   end type primal_system_t
 
 contains
@@ -29,15 +32,32 @@ contains
     class(body_compliance_t), pointer :: compliance
     type(grid_pointer_t), allocatable :: grid(:)
     type(grid_body_t), allocatable :: body(:)
-    integer :: b
+    integer, allocatable :: number(:)
+    integer :: b, j, k
     compliance => self%compliance
     call self%destroy()
-    allocate (body(size(compliance%body)), grid(size(compliance%body)))
-    do b = 1, size(body)
-      grid(compliance%body(b)%representative)%p => compliance%body_grid(b)
-      call grid(compliance%body(b)%representative)%p%make_sure_of_least()
-      body(b)%representative = compliance%body(b)%representative
-      body(b)%map = compliance%body(b)%map
+    allocate (body(size(compliance%body) + count(qp%coarse%is_slide)), grid(size(body)), number(size(compliance%body)))
+    k = 0
+    do b = 1, size(compliance%body)
+      k = k + 1
+      number(b) = k
+      associate (first => qp%coarse%first(b), n => count(.not. qp%coarse%is_slide(qp%coarse%first(b): &
+                                                                                qp%coarse%first(b + 1) - 1)))
+        body(k)%block = b
+        if (associated(compliance%body_grid(b))) then
+          body(k)%representative = number(compliance%body(b)%representative)
+          grid(body(k)%representative)%p => compliance%body_grid(b)
+          call grid(body(k)%representative)%p%make_sure_of_least()
+          body(k)%map = compliance%body(b)%map
+        else
+          ! A rigid body.
+          call take_motions(qp, b, first, n, k, body(k), grid(k))
+        end if
+        do j = first + n, qp%coarse%first(b + 1) - 1
+          k = k + 1
+          call take_motions(qp, b, j, 1, k, body(k), grid(k))
+        end do
+      end associate
     end do
     call self%init(qp%block, qp%n_rows, grid, body, qp%is_tied)
     self%compliance => compliance
@@ -48,6 +68,50 @@ contains
     call load_by_contact(self, qp, compliance, self%load)
     self%error_of_isolated = find_error_of_isolated(self, compliance)
   end subroutine system_take_rows
+
+  !> Take modes of the QP as unknowns without stiffness.
+  subroutine take_motions(qp, b, first, n, k, body, grid)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    integer, intent(in) :: b  !! The body that has the modes.
+    integer, intent(in) :: first, n  !! First mode, and their number.
+    integer, intent(in) :: k  !! Number of these unknowns among the bodies of the system.
+    type(grid_body_t), intent(inout) :: body  !! The unknowns and their rows.
+    type(grid_pointer_t), intent(out) :: grid  !! Their levels; the system has to give them back.
+    type(motion_grid_t), pointer :: levels
+    real(dp), allocatable :: motion(:, :)
+    integer, allocatable :: moved(:)
+    integer :: i, before
+    allocate (levels)
+    call levels%init(qp%dimension, n)
+    grid%p => levels
+    body%block = b
+    body%first_motion = first
+    body%representative = k
+    before = first - qp%coarse%first(b)
+    associate (row => qp%block(b)%row, value => qp%coarse%block(b)%value)
+      moved = pack([(i, i=1, size(row))], [(any(abs(value(i, before + 1:before + n)) > 0), i=1, size(row))])
+      body%row = row(moved)
+      allocate (motion(size(moved), n))
+      do i = 1, n
+        motion(:, i) = value(moved, before + i)/qp%coarse%scale(first + i - 1)
+      end do
+    end associate
+    call body%rows%init_motions(qp%dimension, motion)
+  end subroutine take_motions
+
+  !> Give back all memory.
+  subroutine system_destroy(self)
+    class(primal_system_t), intent(inout) :: self
+    integer :: k
+    call self%contact_multigrid_t%destroy()
+    if (.not. allocated(self%body)) return
+    do k = 1, size(self%body)
+      if (self%body(k)%first_motion == 0) cycle
+      call self%grid(k)%p%destroy()
+      deallocate (self%grid(k)%p)
+    end do
+    deallocate (self%body)
+  end subroutine system_destroy
 
   !> The start: contact of the bodies in their corner spaces.
   subroutine system_start(self, qp, theta, warm, m, u)
@@ -69,15 +133,18 @@ contains
     real(dp), intent(out), contiguous :: load(:)  !! (n) [force]
     integer :: b, k, j
     load = 0
+    j = 0
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
-        if (allocated(compliance%body(b)%left) .and. allocated(compliance%body(b)%free)) &
-          call grid%to_system(compliance%body(b)%left, load(self%first(b) + 1:self%first(b + 1)))
-      end associate
-      associate (mode => self%grid(self%body(b)%representative)%p%mode)
-        do k = 1, size(mode, 2)
-          j = qp%coarse%first(b) + k - 1
-          call add_multiple(size(mode, 1), qp%coarse%resultant(j)/qp%coarse%scale(j), mode(:, k), &
+        if (self%body(b)%first_motion == 0) then
+          associate (own => compliance%body(self%body(b)%block))
+            if (allocated(own%left) .and. allocated(own%free)) &
+              call grid%to_system(own%left, load(self%first(b) + 1:self%first(b + 1)))
+          end associate
+        end if
+        do k = 1, size(grid%mode, 2)
+          j = j + 1
+          call add_multiple(grid%n, qp%coarse%resultant(j)/qp%coarse%scale(j), grid%mode(:, k), &
                             load(self%first(b) + 1:self%first(b + 1)))
         end do
       end associate
@@ -92,10 +159,11 @@ contains
     integer :: b
     norm = 0
     do b = 1, size(self%body)
-      if (allocated(compliance%body(b)%free) .or. .not. allocated(compliance%body(b)%left)) cycle
-      associate (grid => self%grid(self%body(b)%representative)%p)
+      if (self%body(b)%first_motion > 0) cycle
+      associate (grid => self%grid(self%body(b)%representative)%p, own => compliance%body(self%body(b)%block))
+        if (allocated(own%free) .or. .not. allocated(own%left)) cycle
         allocate (r(grid%n))
-        call grid%to_system(compliance%body(b)%left, r)
+        call grid%to_system(own%left, r)
         call remove_components(grid%n, grid%mode, r)
         norm = hypot(norm, grid%force_norm(r))
         deallocate (r)
@@ -109,13 +177,21 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! All rows.
     real(dp), intent(in), contiguous :: u(:)  !! Displacements by contact (n) [length].
     real(dp), intent(out) :: y(:)  !! y_0 + B u (n_rows) [length].
-    real(dp), allocatable :: x(:), nodal(:), moved(:)
+    real(dp), allocatable :: x(:), nodal(:), moved(:), alpha(:)
+    real(dp) :: moved_by(qp%n_rows)
     integer :: b
     y = qp%initial_penetration
     do b = 1, size(self%body)
-      associate (rows => qp%block(b), map => self%compliance%body(b)%map, &
-                 grid => self%grid(self%body(b)%representative)%p)
+      associate (rows => qp%block(self%body(b)%block), map => self%body(b)%map, &
+                 grid => self%grid(self%body(b)%representative)%p, mode => self%body(b)%first_motion)
         if (size(rows%row) == 0) cycle
+        if (mode > 0) then
+          alpha = 0*qp%coarse%resultant
+          alpha(mode:mode + size(grid%mode, 2) - 1) = matmul(u(self%first(b) + 1:self%first(b + 1)), grid%mode)
+          call qp%mode_displacement(alpha/qp%coarse%scale, moved_by)
+          y = y + moved_by
+          cycle
+        end if
         allocate (x(grid%constraint%n_equations), nodal(map%dimension*map%n_nodes), moved(size(rows%row)))
         call grid%to_equations(u(self%first(b) + 1:self%first(b + 1)), x)
         call map%gather(x, nodal)
@@ -134,13 +210,14 @@ contains
     real(dp), allocatable :: own(:)
     integer :: b
     do b = 1, size(self%body)
-      if (.not. allocated(compliance%body(b)%free)) cycle
-      associate (grid => self%grid(self%body(b)%representative)%p)
+      if (self%body(b)%first_motion > 0) cycle
+      associate (grid => self%grid(self%body(b)%representative)%p, of_body => compliance%body(self%body(b)%block))
+        if (.not. allocated(of_body%free)) cycle
         own = v(self%first(b) + 1:self%first(b + 1))
         call remove_components(grid%n, grid%mode, own)
-        compliance%body(b)%found = compliance%body(b)%free
-        call grid%to_equations(own, compliance%body(b)%found)
-        compliance%body(b)%found(:) = compliance%body(b)%found + compliance%body(b)%free
+        of_body%found = of_body%free
+        call grid%to_equations(own, of_body%found)
+        of_body%found(:) = of_body%found + of_body%free
       end associate
     end do
   end subroutine system_keep_displacements

@@ -20,8 +20,7 @@ module dotyk_scheme_scheme
   integer, parameter, public :: reason_rigid_rows = 3  !< supports press rows together, and theta is zero
   integer, parameter, public :: reason_slow = 4  !< it would take longer than another one
   integer, parameter, public :: reason_accuracy = 5  !< it does not reach the tolerance
-  integer, parameter, public :: reason_bolts = 7  !< bolts have a given tension
-  integer, parameter, public :: reason_aggregates = 8  !< tied bodies are too large for the factor of a corner space
+  integer, parameter, public :: reason_aggregates = 7  !< tied bodies are too large for the factor of a corner space
   integer, parameter, public :: reason_parts = 6  !< ranks have parts of bodies that are not to be split
 
   type, abstract, public :: scheme_t  !! A scheme.

@@ -25,6 +25,23 @@ def numbers(values):
     return ",".join("%.17g" % v for v in values)
 
 
+CLAMP = """SetFactory("OpenCASCADE");
+Mesh.MeshSizeMax = 1.4; Mesh.ElementOrder = 2;
+Box(1) = {-4, -4, -2, 8, 8, 2}; Box(2) = {-1.5, -1.5, -2, 3, 3, 2};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+Box(4) = {-4, -4, 0, 8, 8, 2}; Box(5) = {-1.5, -1.5, 0, 3, 3, 2};
+BooleanDifference(6) = { Volume{4}; Delete; }{ Volume{5}; Delete; };
+Box(7) = {-1, -1, -2, 2, 2, 4}; Box(8) = {-2.5, -2.5, 2, 5, 5, 1}; Box(9) = {-2.5, -2.5, -3, 5, 5, 1};
+BooleanUnion(10) = { Volume{7}; Delete; }{ Volume{8, 9}; Delete; };
+Physical Volume("base") = {3}; Physical Volume("plate") = {6}; Physical Volume("bolt") = {10};
+Physical Surface("side") = Surface In BoundingBox {-4.1, -4.1, -2.1, -3.9, 4.1, 0.1};
+Physical Surface("head") = Surface In BoundingBox {-2.6, -2.6, 2.9, 2.6, 2.6, 3.1};
+"""
+CLAMPED = ["&scene mesh='clamp.geo' /", "&material name='steel', young=210e3, poisson=0.3 /",
+           *("&body name='%s', volume='%s', material='steel' /" % (name, name) for name in ("base", "plate", "bolt")),
+           "&support body='base', surface='side', fix='xyz' /", "&contact auto=.true. /"]
+
+
 class Bolts(Case):
     def solve(self, name, lines, code=0):
         """Log and results of a scene."""
@@ -185,22 +202,8 @@ class Bolts(Case):
     def test_weak_springs(self):
         """A bolt clamps a plate on a base that is held. A spring on the head of the bolt, however weak, carries what its
         stiffness times the motion of the head is, and changes nothing else."""
-        self.write("clamp.geo", """SetFactory("OpenCASCADE");
-Mesh.MeshSizeMax = 1.4; Mesh.ElementOrder = 2;
-Box(1) = {-4, -4, -2, 8, 8, 2}; Box(2) = {-1.5, -1.5, -2, 3, 3, 2};
-BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
-Box(4) = {-4, -4, 0, 8, 8, 2}; Box(5) = {-1.5, -1.5, 0, 3, 3, 2};
-BooleanDifference(6) = { Volume{4}; Delete; }{ Volume{5}; Delete; };
-Box(7) = {-1, -1, -2, 2, 2, 4}; Box(8) = {-2.5, -2.5, 2, 5, 5, 1}; Box(9) = {-2.5, -2.5, -3, 5, 5, 1};
-BooleanUnion(10) = { Volume{7}; Delete; }{ Volume{8, 9}; Delete; };
-Physical Volume("base") = {3}; Physical Volume("plate") = {6}; Physical Volume("bolt") = {10};
-Physical Surface("side") = Surface In BoundingBox {-4.1, -4.1, -2.1, -3.9, 4.1, 0.1};
-Physical Surface("head") = Surface In BoundingBox {-2.6, -2.6, 2.9, 2.6, 2.6, 3.1};
-""")
-        lines = ["&scene mesh='clamp.geo' /", "&material name='steel', young=210e3, poisson=0.3 /"]
-        lines += ["&body name='%s', volume='%s', material='steel' /" % (name, name) for name in ("base", "plate", "bolt")]
-        lines += ["&support body='base', surface='side', fix='xyz' /", "&contact auto=.true. /",
-                  "&bolt name='b', body='bolt', point=0,0,0, normal=0,0,1, force=1e3 /"]
+        self.write("clamp.geo", CLAMP)
+        lines = [*CLAMPED, "&bolt name='b', body='bolt', point=0,0,0, normal=0,0,1, force=1e3 /"]
         spring = "&spring body='bolt', surface='head', fix='%s', stiffness=%r /"
         _, file = self.solve("clamp", lines)
         energy = file["dotyk/summary"].attrs["energy"]
@@ -221,6 +224,19 @@ Physical Surface("head") = Surface In BoundingBox {-2.6, -2.6, 2.9, 2.6, 2.6, 3.
                 motion.append(supports["force"][springs, 2] / stiffness)
         # At the head it is 3e4.
         np.testing.assert_allclose(motion, motion[2], rtol=1e-3)
+
+    def test_multigrid(self):
+        """p-multigrid tightens bolts as factors do: tension exact, shortening to the bound."""
+        self.write("clamp.geo", CLAMP)
+        lines = [*CLAMPED, "&bolt name='b', body='bolt', point=0,0,0, normal=0,0,1, force=1e3 /"]
+        _, exact = self.solve("clamp", [*lines, "&solver response='full', theta=0, tolerance=1e-8 /"])
+        log, file = self.solve("clamp", [*lines, "&solver response='multigrid', theta=0, tolerance=1e-7 /"])
+        self.assertIn("with p-multigrid", log)
+        self.assertAlmostEqual(file["dotyk/ties/tension"][0] / 1e3, 1, delta=1e-7)
+        self.assertAlmostEqual(file["dotyk/ties/shortening"][0] / exact["dotyk/ties/shortening"][0], 1, delta=1e-6)
+        bound, strain = (file["dotyk/summary"].attrs[name] for name in ("error_bound", "strain_energy"))
+        self.assertLess(bound, 1e-7)
+        self.assertLess(abs(strain / exact["dotyk/summary"].attrs["strain_energy"] - 1), 2 * bound + 1e-12)
 
     def test_along_a_surface(self):
         """A surface that the mesh has inside the body."""

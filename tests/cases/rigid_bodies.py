@@ -19,10 +19,12 @@ Disk(1) = {0, 0, 0, 1};  Physical Surface("disc") = {1};  Physical Curve("side")
 
 
 class RigidBodies(dotyk_case.Case):
+    solver = SOLVER
+
     def scene(self, lines, analysis="3d", poisson=0.0, code=0):
         self.write("case.nml", "\n".join([
             "&scene analysis='%s' /" % analysis, "&material name='steel', young=%r, poisson=%r /" % (YOUNG, poisson),
-            "&material name='stiff', young=%r, poisson=0, density=2 /" % (1e6 * YOUNG), *lines, SOLVER]) + "\n")
+            "&material name='stiff', young=%r, poisson=0, density=2 /" % (1e6 * YOUNG), *lines, self.solver]) + "\n")
         return self.dotyk("case.nml", code=code)
 
     def column(self, kind, plate, more=(), name="plate", **options):
@@ -98,6 +100,17 @@ class RigidBodies(dotyk_case.Case):
         weight = 2 * 1.4 * 1.9 * 0.5
         self.check_column("hex20", "&rigid_body body='plate', fix='x y rz' /", 0.01, 0,
                           ["&load body='plate', acceleration=0,0,%r /" % (-1.5 / weight)])
+
+    def test_multigrid(self):
+        """The same with p-multigrid: motions that are held, and loads on a plate that floats."""
+        self.solver = SOLVER.replace(" /", ", response='multigrid' /")
+        for plate, more in (("&rigid_body body='plate', fix='xyz rx ry rz', value=0,0,-0.01, rotation=0,0.004,0, point=1.5,2.75,6 /",
+                             ()),
+                            ("&rigid_body body='plate', fix='x y rx rz' /",
+                             ("&load body='plate', surface='top', force=0,0,-1.5, moment=0,0.05,0, point=1.5,2.75,9 /",))):
+            with self.subTest(plate=plate):
+                printed = self.check_column("hex20", plate, 0.01, 0.004, more)[1]
+                self.assertIn("with p-multigrid", printed)
 
     def test_far_from_the_point(self):
         """Motions are held about a point far away, too: the origin, if a scene is in the coordinates of a whole plant."""
