@@ -24,7 +24,7 @@ program contact_multigrid
   type(proximal_motion_t) :: motion
   type(error_t), allocatable :: error
   real(dp), parameter :: theta(4) = [1.0e-2_dp, 1.0e-4_dp, 1.0e-6_dp, 0.0_dp]
-  real(dp), allocatable :: thetas(:), m(:), u(:)
+  real(dp), allocatable :: m(:), u(:)
   logical, allocatable :: start(:)
   real(dp) :: time(3), wall(2), tolerance
   integer :: b, k, n, kind
@@ -49,17 +49,16 @@ program contact_multigrid
   write (*, '(a,i0,a,i0,a,f0.1,a)') 'unknowns ', scene%system%n, ', rows ', scene%qp%n_rows, ', preparation ', &
     time(2) - time(1), ' s'
   write (*, '(a)') '   theta  sets  cg  cycles  start off  active  ended  start s  solution s  wall s'
-  allocate (thetas(scene%qp%n_rows), m(scene%qp%n_rows), u(scene%system%n))
+  allocate (m(scene%qp%n_rows), u(scene%system%n))
   do k = 1, size(theta)
-    thetas = theta(k)
+    call scene%qp%replace_theta(spread(theta(k), 1, scene%qp%n_rows))
     call cpu_time(time(1))
-    call solve_corner_contact(scene%system, scene%qp, scene%gap, thetas, scene%load, m, u)
+    call solve_corner_contact(scene%system, scene%qp, scene%gap, scene%load, m, u)
     call cpu_time(time(2))
     wall(1) = wall_time()
     start = m > 0
     motion = proximal_motion_t()
-    call solve_proximal(scene%system, scene%qp, scene%gap, thetas, scene%load, tolerance, 60, motion, m, u, outcome, &
-                        error)
+    call solve_proximal(scene%system, scene%qp, scene%gap, scene%load, tolerance, 60, motion, m, u, outcome, error)
     wall(2) = wall_time()
     call cpu_time(time(3))
     if (allocated(error)) error stop 'solution'

@@ -35,6 +35,7 @@ module dotyk_contact_operator
     integer, allocatable :: pair_first_row(:)
     real(dp), allocatable :: weight(:)  !! Weights w (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable :: gap(:)  !! Weighted gaps d (n_rows) [length].
+    real(dp), allocatable :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Blocks of the bodies; empty for bodies without contact (n_bodies).
     type(contact_block_t), allocatable :: block(:)
   end type contact_operator_t
@@ -75,11 +76,12 @@ contains
       operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_rows
     end do
     operator%n_rows = operator%pair_first_row(size(pairs) + 1) - 1
-    allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows))
+    allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows), operator%theta(operator%n_rows))
     do k = 1, size(pairs)
       associate (first => operator%pair_first_row(k), last => operator%pair_first_row(k + 1) - 1)
         operator%weight(first:last) = pairs(k)%row_weight
         operator%gap(first:last) = pairs(k)%row_gap
+        operator%theta(first:last) = pairs(k)%row_theta
       end associate
     end do
     ! Rows of the sides of the bodies before each one.

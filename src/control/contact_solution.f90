@@ -55,12 +55,11 @@ module dotyk_control_contact_solution
 
   type, public :: contact_solution_t  !! The solution.
     !> The quadratic programme that was solved: the given one, its initial penetration corrected where bodies are
-    !> ill-conditioned.
+    !> ill-conditioned, its theta smaller where the budget asks for it.
     type(contact_qp_t) :: qp
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    real(dp), allocatable :: theta(:)  !! Penalty parameters that it belongs to (n_rows) [length/pressure].
-    real(dp), allocatable :: theta_factor(:)  !! Their factor over those that it began with (n_pairs) [].
+    real(dp), allocatable :: theta_factor(:)  !! Factor of its theta over those that it began with (n_pairs) [].
     real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
     integer :: round = 0  !! How often the QP has been solved, the present time included.
     type(displacements_t) :: displacements  !! Displacements and stresses.
@@ -68,7 +67,6 @@ module dotyk_control_contact_solution
     type(error_budget_t) :: budget  !! Errors of the last round.
     type(penetration_check_t) :: penetration  !! Whether the deformed bodies penetrate each other.
   contains
-    procedure :: begin => solution_begin
     procedure :: energies => solution_energies
   end type contact_solution_t
 
@@ -93,13 +91,6 @@ module dotyk_control_contact_solution
 
 contains
 
-  !> Begin a solution without a state.
-  subroutine solution_begin(self, theta)
-    class(contact_solution_t), intent(out) :: self
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
-    self%theta = theta
-  end subroutine solution_begin
-
   !> Tolerance of the first round [].
   pure real(dp) function first_tolerance(goal, tolerance)
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
@@ -114,7 +105,7 @@ contains
     associate (state => self%state, qp => self%qp)
       allocate (alpha, source=state%alpha/qp%coarse%scale)
       energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
-      energies%penalty = sum(qp%penalty_of_rows(self%theta, state%m, state%y))
+      energies%penalty = sum(qp%penalty_of_rows(state%m, state%y))
       energies%load_work = qp%load_work(state%m, alpha)
       if (allocated(state%terms)) then
         energies%strain = state%terms(1)
@@ -159,7 +150,7 @@ contains
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
     type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep between rounds and load cases.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
-    !> theta is given, and a state if there is one to begin with, or it is to be continued.
+    !> Has a state if there is one to begin with, or is to be continued.
     type(contact_solution_t), intent(inout) :: solution
     !> As in `find_displacements` and `estimate_errors`, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
@@ -182,27 +173,26 @@ contains
     do
       if (.not. is_solved) then
         call monitor%begin_phase(phase_iterate)
-        call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
+        call now%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
         if (allocated(error)) return
         if (.not. allocated(solution%state%m)) return
         call solution%displacements%forget()
       end if
-      call find_displacements(problem, solution%qp, compliance, solution%theta, now, monitor, &
-                              goal%needs_displacements(), goal%stress, solution%conditioning, &
-                              solution%displacements, solution%state, error)
+      call find_displacements(problem, solution%qp, compliance, now, monitor, goal%needs_displacements(), goal%stress, &
+                              solution%conditioning, solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
-      call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
-                           now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
-                           solution%displacements, kept, solution%state, solution%budget, error)
+      call estimate_errors(problem, solution%qp, compliance, now%settings%linear_solver, now%scheme, &
+                           goal%needs_mesh_error(), goal%needs_penalty_error(), solution%displacements, kept, &
+                           solution%state, solution%budget, error)
       if (allocated(error)) return
       ! A load case of a block is not lost because others were interrupted.
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. is_solved) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, solution%round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), &
-                              monitor, solution, now%settings%tolerance)) exit
+      if (.not. asks_for_more(goal, solution%round == most_rounds, problem, now%scheme%allows_zero_theta(), monitor, &
+                              solution, now%settings%tolerance)) exit
       solution%round = solution%round + 1
       is_solved = .false.
       if (.not. on_any_rank(wall_time() - began >= now%settings%time_limit)) cycle
@@ -215,15 +205,15 @@ contains
 
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
   !> outcome of the error budget where not.
-  logical function asks_for_more(goal, last, problem, qp, is_exact, monitor, solution, tolerance) result(more)
+  logical function asks_for_more(goal, last, problem, is_exact, monitor, solution, tolerance) result(more)
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
     logical, intent(in) :: last  !! There is no more: the solution stays as it is.
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     logical, intent(in) :: is_exact  !! Whether the scheme takes any theta at the same cost.
     class(monitor_t), intent(inout) :: monitor  !! Gets a note where theta becomes smaller.
     type(contact_solution_t), intent(inout) :: solution  !! Its theta may change; it knows no L then.
     real(dp), intent(inout) :: tolerance  !! The one that was to be reached, and the next one [].
+    real(dp), allocatable :: theta(:)
     real(dp) :: factor, target, mesh_error, yielding
     integer :: k
     more = .false.
@@ -238,12 +228,13 @@ contains
           factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
         ! Rigid motions under given forces have no energy: only the work of the penalty shows that they are too large.
         yielding = 0
-        if (is_exact) yielding = yielding_of(goal, qp, solution)
+        if (is_exact) yielding = yielding_of(goal, solution)
         if (yielding > most_yielding) factor = min(factor, max(least_factor, 0.5_dp*most_yielding/yielding))
         ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
         if (any(goal%theta_given .and. .not. problem%pair%is_layer) .and. any(solution%theta_factor < 1)) factor = 1
       end if
       if (factor < 1) then
+        theta = solution%qp%theta
         do k = 1, size(problem%pair)
           if (goal%theta_given(k)) cycle
           ! Single pressures at quadrature points would become noise.
@@ -251,11 +242,12 @@ contains
               solution%theta_factor(k)*factor < least_factor) cycle
           more = .true.
           solution%theta_factor(k) = factor*solution%theta_factor(k)
-          associate (first => qp%pair_first_row(k), behind => qp%pair_first_row(k + 1) - 1)
-            solution%theta(first:behind) = factor*solution%theta(first:behind)
+          associate (first => solution%qp%pair_first_row(k), behind => solution%qp%pair_first_row(k + 1) - 1)
+            theta(first:behind) = factor*theta(first:behind)
           end associate
         end do
         if (more) then
+          call solution%qp%replace_theta(theta)
           state%lambda_max = 0
           if (allocated(state%constants)) deallocate (state%constants)
           if (yielding > most_yielding) then
@@ -285,20 +277,21 @@ contains
 
   !> The penalty term of the pairs whose theta is the program's choice, relative to the strain energy: under forces
   !> alone the work of the loads, and so the displacement of what they act on, is too large by as much [].
-  pure real(dp) function yielding_of(goal, qp, solution) result(yielding)
+  pure real(dp) function yielding_of(goal, solution) result(yielding)
     type(solution_goal_t), intent(in) :: goal  !! Which theta were given.
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(contact_solution_t), intent(in) :: solution  !! The solution.
     type(energies_t) :: energies
-    real(dp) :: penalty(size(solution%theta))
+    real(dp) :: penalty(solution%qp%n_rows)
     integer :: k
     yielding = 0
     energies = solution%energies()
     if (.not. energies%strain > 0) return
-    penalty = qp%penalty_of_rows(solution%theta, solution%state%m, solution%state%y)
-    do k = 1, size(goal%theta_given)
-      if (.not. goal%theta_given(k)) &
-        yielding = yielding + sum(penalty(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))/energies%strain
-    end do
+    penalty = solution%qp%penalty_of_rows(solution%state%m, solution%state%y)
+    associate (first_row => solution%qp%pair_first_row)
+      do k = 1, size(goal%theta_given)
+        if (.not. goal%theta_given(k)) &
+          yielding = yielding + sum(penalty(first_row(k):first_row(k + 1) - 1))/energies%strain
+      end do
+    end associate
   end function yielding_of
 end module dotyk_control_contact_solution

@@ -26,13 +26,12 @@ contains
   !> The difference of the penetrations by refined displacements and by the scheme is added to the initial penetration,
   !> and the scheme begins again from its state, until that changes nothing any more. The time limit of the settings
   !> does not hold: a correction takes few steps, and a pause would lose it.
-  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, n_recoveries, &
-                             state, rounding, error)
+  subroutine correct_contact(problem, qp, compliance, run, monitor, conditioning, solution, n_recoveries, state, &
+                             rounding, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(inout) :: qp  !! Its initial penetration is corrected.
     !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     type(conditioning_t), intent(inout) :: conditioning(:)  !! Counts steps of refinement (n_bodies).
@@ -68,7 +67,7 @@ contains
       call penetrations(qp, solution, y)
       call qp%shift_penetration(y + qp%opened_by_slides(state%alpha) - state%y)
       last = state
-      call now%solve(qp, compliance, theta, problem%n_blas, monitor, state, error)
+      call now%solve(qp, compliance, problem%n_blas, monitor, state, error)
       if (allocated(error)) return
       if (.not. allocated(state%m)) return
       if (interrupted()) then

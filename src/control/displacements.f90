@@ -30,13 +30,12 @@ module dotyk_control_displacements
 contains
 
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
-  subroutine find_displacements(problem, qp, compliance, theta, run, monitor, are_needed, want_stress, conditioning, &
+  subroutine find_displacements(problem, qp, compliance, run, monitor, are_needed, want_stress, conditioning, &
                                 displacements, state, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(inout) :: qp  !! Its initial penetration is corrected where bodies are ill-conditioned.
     !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     logical, intent(in) :: are_needed  !! Whether displacements of all nodes are needed.
@@ -68,7 +67,7 @@ contains
       ! Motions without strain have no digits to lose.
       if (any(conditioning%needs_refinement()) .and. norm > 0) then
         call monitor%begin_phase(phase_iterate)
-        call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, &
+        call correct_contact(problem, qp, compliance, run, monitor, conditioning, displacements%body, &
                              displacements%n_recoveries, state, rounding, error)
         if (allocated(error)) return
         if (.not. allocated(state%m)) return
@@ -101,7 +100,7 @@ contains
       if (refined) then
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
         if (allocated(error)) return
-        state%energy = energy_of(problem, qp, theta, displacements%body, state%m, state%y)
+        state%energy = energy_of(problem, qp, displacements%body, state%m, state%y)
         ! The work of the tensions of bolts is none of loads on displacements.
         state%energy = state%energy - sum(qp%coarse%resultant*state%alpha, mask=qp%coarse%is_slide)
       end if
@@ -113,8 +112,8 @@ contains
           merge(worth_measuring_found, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
         call measure_rounding(problem, qp, compliance, state%m, displacements%body, distance, error)
         ! The bound of a scheme that finds displacements has what they leave of the gaps.
-        if (.not. any(is_found)) gaps = gap_rounding(qp, theta, compliance, displacements%body, state%m, &
-                                                     state%y - qp%opened_by_slides(state%alpha))
+        if (.not. any(is_found)) gaps = &
+          gap_rounding(qp, compliance, displacements%body, state%m, state%y - qp%opened_by_slides(state%alpha))
       else
         where (is_found) distance = of_block_rows*distance
       end if

@@ -67,13 +67,12 @@ contains
   end function budget_others
 
   !> Estimate the errors of a solution.
-  subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
-                             displacements, kept, state, budget, error)
+  subroutine estimate_errors(problem, qp, compliance, linear_solver, scheme, want_mesh, want_penalty, displacements, &
+                             kept, state, budget, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     class(scheme_t), intent(in) :: scheme  !! Scheme of the state.
     logical, intent(in) :: want_mesh  !! Whether the error of the mesh is estimated.
@@ -91,7 +90,7 @@ contains
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%m, theta, kept, budget, error)
+      call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%m, qp%theta, kept, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -99,8 +98,8 @@ contains
     if (want_penalty .and. .not. budget%norm > 0) then
       budget%penalty = 0
     else if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
-      call reference%init(problem, qp%pair_first_row, theta)
-      call estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
+      call reference%init(problem, qp%pair_first_row, qp%theta)
+      call estimate_penalty_error(qp, compliance, reference, linear_solver, scheme, state, distance, error)
       if (allocated(error)) return
       budget%penalty_is_bound = reference%is_exact()
       budget%penalty = distance/budget%norm

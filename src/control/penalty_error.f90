@@ -106,11 +106,10 @@ contains
   end function reference_is_exact
 
   !> Estimate from the state where a scheme ended.
-  subroutine estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
+  subroutine estimate_penalty_error(qp, compliance, reference, linear_solver, scheme, state, distance, error)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters of the state (n_rows) [length/pressure].
     type(penalty_reference_t), intent(in) :: reference  !! The model without penalty.
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     !> Scheme of the state. Where it knows no theta = 0, the state is solved to the end first, by the dual scheme.
@@ -123,17 +122,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     class(scheme_t), allocatable :: solver
     type(solver_settings_t) :: settings
+    type(contact_qp_t) :: without
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
     distance = 0
-    if (.not. any(theta > reference%theta)) return
+    if (.not. any(qp%theta > reference%theta)) return
     settings%linear_solver = linear_solver
     penalized = state
     if (scheme%allows_zero_theta()) then
       allocate (solver, source=scheme)
     else
       allocate (dual_t :: solver)
-      call solver%solve(qp, compliance, theta, settings, silent, penalized, error)
+      call solver%solve(qp, compliance, settings, silent, penalized, error)
     end if
     if (allocated(error)) return
     ! The distance is known no better than that.
@@ -142,32 +142,36 @@ contains
       distance = ieee_value(distance, ieee_quiet_nan)
     else if (reference%is_exact()) then
       exact = penalized
-      call solver%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+      without = qp
+      call without%replace_theta(reference%theta)
+      call solver%solve(without, compliance, settings, silent, exact, error)
       if (allocated(error)) return
       distance = distance_of(qp, compliance, penalized, exact)
       ! A scheme without a solution leaves no state to measure.
       if (.not. ieee_is_nan(distance)) distance = distance + uncertainty(qp, penalized) + uncertainty(qp, exact)
     else
-      call extrapolate(qp, compliance, theta, reference, solver, settings, penalized, distance, error)
+      call extrapolate(qp, compliance, reference, solver, settings, penalized, distance, error)
     end if
   end subroutine estimate_penalty_error
 
   !> The distance to theta = 0 from those of two references.
-  subroutine extrapolate(qp, compliance, theta, reference, solver, settings, penalized, distance, error)
+  subroutine extrapolate(qp, compliance, reference, solver, settings, penalized, distance, error)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters of the solution (n_rows) [length/pressure].
     type(penalty_reference_t), intent(in) :: reference  !! The first reference.
     class(scheme_t), intent(in) :: solver  !! Scheme that found the solution.
     type(solver_settings_t), intent(in) :: settings  !! For it.
     type(solver_state_t), intent(in) :: penalized  !! The solution.
     real(dp), intent(out) :: distance  !! The estimate; NaN where a reference has no solution [sqrt(energy)].
     type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
+    type(contact_qp_t) :: smaller
     type(solver_state_t) :: first, second
     real(dp) :: d_1, d_2, rounding
     rounding = uncertainty(qp, penalized)
     first = penalized
-    call follow_theta(qp, compliance, reference%theta, accuracy, solver, settings, first, error)
+    smaller = qp
+    call smaller%replace_theta(reference%theta)
+    call follow_theta(smaller, compliance, accuracy, solver, settings, first, error)
     if (allocated(error)) return
     rounding = max(rounding, uncertainty(qp, first))
     d_1 = distance_of(qp, compliance, penalized, first)
@@ -177,9 +181,10 @@ contains
     end if
     second = first
     ! Its share of the distance falls with theta_1.
-    if (is_usable(first)) call follow_theta(qp, compliance, &
-      merge(reduced, 1.0_dp, reference%theta < theta)*reference%theta, accuracy*reduced/reference%reduction, solver, &
-      settings, second, error)
+    if (is_usable(first)) then
+      call smaller%replace_theta(merge(reduced, 1.0_dp, reference%theta < qp%theta)*reference%theta)
+      call follow_theta(smaller, compliance, accuracy*reduced/reference%reduction, solver, settings, second, error)
+    end if
     if (allocated(error)) return
     d_2 = distance_of(qp, compliance, first, second)
     distance = d_1 + rounding + d_2/(1 - ratio_of(d_1, d_2, rounding, reference%reduction))
@@ -235,10 +240,9 @@ contains
   !> The solution with a smaller theta, from that with a larger one: by the scheme where it finds displacements, else a
   !> few linear systems, each without the forces that are tensile in the one before. Contact zones shrink with theta, so
   !> that no other rows are looked at.
-  subroutine follow_theta(qp, compliance, theta, reduction, solver, settings, state, error)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+  subroutine follow_theta(qp, compliance, reduction, solver, settings, state, error)
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme, with the smaller penalty parameters.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: theta(:)  !! The smaller penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
     class(scheme_t), intent(in) :: solver  !! Scheme that found the solution with the larger theta.
     type(solver_settings_t), intent(in) :: settings  !! For it.
@@ -248,18 +252,17 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
     type(monitor_t) :: silent
     if (.not. any(state%m > 0)) return
-    if (solver%finds_displacements(qp, compliance, theta)) then
-      call solver%solve(qp, compliance, theta, settings, silent, state, error)
+    if (solver%finds_displacements(qp, compliance)) then
+      call solver%solve(qp, compliance, settings, silent, state, error)
     else
-      call drop_tensile_forces(qp, compliance, theta, reduction, state)
+      call drop_tensile_forces(qp, compliance, reduction, state)
     end if
   end subroutine follow_theta
 
   !> The same by a few linear systems.
-  subroutine drop_tensile_forces(qp, compliance, theta, reduction, state)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+  subroutine drop_tensile_forces(qp, compliance, reduction, state)
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme, with the smaller penalty parameters.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: theta(:)  !! The smaller penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
     type(solver_state_t), intent(inout) :: state  !! As in `follow_theta`.
     type(active_system_t) :: system
@@ -279,12 +282,12 @@ contains
       lambda = part%weight*pack(state%m, working)
       alpha = state%alpha/qp%coarse%scale
       ! Along motions that contact does not determine the bodies stay where they are.
-      call motion%init(part, foundation_stiffness(part, pack(theta, working)), lambda > 0, alpha)
+      call motion%init(part, foundation_stiffness(part), lambda > 0, alpha)
       with_springs = part
       call motion%apply(part, with_springs)
       do k = 1, most_systems
         active = lambda > 0
-        call system%init(with_springs, compliance, pack(theta, working), active, error)
+        call system%init(with_springs, compliance, active, error)
         if (allocated(error)) exit
         forces = lambda(system%row)
         call system%solve(with_springs, compliance, part%initial_penetration(system%row), &

@@ -156,10 +156,9 @@ contains
   end subroutine penetrations
 
   !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
-  real(dp) function energy_of(problem, rows, theta, solution, m, y) result(energy)
+  real(dp) function energy_of(problem, rows, solution, m, y) result(energy)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
     type(contact_qp_t), intent(in) :: rows  !! Weights of the rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
@@ -174,7 +173,7 @@ contains
     end do
     call problem%ranks%share_sum(strained)
     call problem%ranks%share_sum(work)
-    energy = sum(rows%penalty_of_rows(theta, m, y))
+    energy = sum(rows%penalty_of_rows(m, y))
     do b = 1, size(solution)
       energy = energy + strained(b) - work(b)
     end do

@@ -134,9 +134,8 @@ contains
 
   !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
   !> pressure: the nodes at each row move alone, against their nodal stiffness.
-  real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
+  real(dp) function gap_rounding(rows, compliance, solution, m, y) result(distance)
     type(contact_qp_t), intent(in) :: rows  !! Rows of B, weights and gaps.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(body_compliance_t), intent(in) :: compliance  !! For the stiffness of the nodes.
     type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
     real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
@@ -146,7 +145,7 @@ contains
     call penetrations(rows, solution, difference)
     difference = difference - y
     call compliance%nodal_diagonal(rows, yields)
-    yields = yields + theta/rows%weight
+    yields = yields + rows%theta/rows%weight
     distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=(m > 0 .or. rows%is_tied) .and. yields > 0))
   end function gap_rounding
 

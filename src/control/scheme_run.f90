@@ -25,12 +25,11 @@ contains
 
   !> Solve a QP, or continue a paused iteration; the new steps are added to the history of the state, and
   !> max_iterations holds for all of them.
-  subroutine run_solve(self, qp, compliance, theta, n_blas, monitor, state, error)
+  subroutine run_solve(self, qp, compliance, n_blas, monitor, state, error)
     class(scheme_run_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Its compliance operator; entries that the scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     integer, intent(in) :: n_blas  !! BLAS threads of each solve.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     type(solver_state_t), intent(inout) :: state  !! Where to begin if it has pressures; where the scheme ended.
@@ -46,13 +45,13 @@ contains
       earlier = state%history
       settings%max_iterations = max(1, settings%max_iterations - earlier%n)
       ! Pressures of other loads are no start where nothing acts.
-      if (is_unloaded(qp, theta) .and. earlier%n == 0 .and. allocated(state%m)) state = from_nothing
+      if (is_unloaded(qp) .and. earlier%n == 0 .and. allocated(state%m)) state = from_nothing
     end if
     call set_blas_threads(n_blas)
-    call self%scheme%solve(qp, compliance, theta, settings, monitor, state, error)
+    call self%scheme%solve(qp, compliance, settings, monitor, state, error)
     call set_blas_threads(1)
     if (allocated(error)) return
-    if (is_unloaded(qp, theta) .and. allocated(state%m)) call leave_at_rest(qp, theta, state)
+    if (is_unloaded(qp) .and. allocated(state%m)) call leave_at_rest(qp, state)
     if (allocated(state%y)) state%max_penetration = maxval([0.0_dp, pack(qp%of_vertices(state%y), .not. qp%is_tied)])
     if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
@@ -60,23 +59,21 @@ contains
 
   !> Whether nothing acts on the bodies but initial penetrations: no loads, and no displacements, temperatures or
   !> stresses that strain a body by more than rounding of a motion without strain.
-  logical function is_unloaded(qp, theta)
+  logical function is_unloaded(qp)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp) :: of_penetrations
     is_unloaded = .false.
     ! Ties may be tightened.
     if (any(qp%is_tied .and. abs(qp%gap) > 0)) return
-    of_penetrations = sum(foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)**2)
+    of_penetrations = sum(foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration)**2)
     is_unloaded = .not. (qp%norm_square_0 > rounding**2*of_penetrations .or. any(abs(qp%coarse%resultant) > 0))
     if (allocated(qp%coarse%lift)) is_unloaded = is_unloaded .and. .not. any(abs(qp%coarse%lift) > 0)
   end function is_unloaded
 
   !> Where nothing acts, and rigid motions alone open all gaps, there are no forces: those of the scheme are rounding,
   !> which no norm of the solution tells from a solution.
-  subroutine leave_at_rest(qp, theta, state)
+  subroutine leave_at_rest(qp, state)
     type(contact_qp_t), intent(in) :: qp  !! Without loads.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Where the scheme ended; without forces, and converged, on return where that is the solution.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: y(qp%n_rows), alpha(qp%coarse%n)
@@ -89,7 +86,7 @@ contains
     state%m = 0*state%m
     state%y = y
     state%max_penetration = maxval([0.0_dp, pack(y, .not. qp%is_tied)])
-    state%energy = qp%energy(theta, state%m, y, alpha)
+    state%energy = qp%energy(state%m, y, alpha)
     state%error_bound = 0
     state%ended = ended_converged
     associate (history => state%history)

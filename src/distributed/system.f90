@@ -103,10 +103,9 @@ contains
 
   !> The start: displacements without contact, and floating bodies at rest on a Winkler foundation; pressures of the
   !> rows that they close.
-  subroutine system_start(self, qp, theta, warm, m, u)
+  subroutine system_start(self, qp, warm, m, u)
     class(distributed_system_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, intent(in) :: warm  !! Whether there are pressures.
     real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
@@ -121,12 +120,12 @@ contains
     if (allocated(error)) u(:) = 0
     ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
     if (qp%coarse%n > 0) then
-      call rest_on_winkler_foundation(qp, theta, rest, active)
+      call rest_on_winkler_foundation(qp, rest, active)
       call self%add_modes(qp%coarse%scale*rest%alpha, u)
     end if
     if (warm) return
     call self%row_displacement(u, y)
-    m(:) = max(0.0_dp, y - self%gap)/(qp%foundation + theta)
+    m(:) = max(0.0_dp, y - self%gap)/(qp%foundation + qp%theta)
   end subroutine system_start
 
   !> Take a preconditioner that is positive for certain, and measure its least Ritz value.

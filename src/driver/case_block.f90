@@ -162,7 +162,7 @@ contains
     if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solved%state)
     call monitor%hold_notes()
     call monitor%begin_phase(phase_iterate)
-    call now%solve(scene%qp, scene%compliance, scene%theta, scene%problem%n_blas, monitor, solved%state, error)
+    call now%solve(scene%qp, scene%compliance, scene%problem%n_blas, monitor, solved%state, error)
     call monitor%end_phase()
     call monitor%take_notes(solved%note)
     solved%n_sweeps = scene%compliance%n_sweeps

@@ -2,7 +2,6 @@
 module dotyk_driver_contact_building
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
-  use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: build_rows
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
@@ -22,26 +21,22 @@ contains
   subroutine build_contact(case, surfaces, scene, error)
     type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
-    type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties, rows and penalty parameters.
+    type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties and rows.
     !> Allocated where a pair, a tie or a load case is wrong, or after an interrupt.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
     associate (problem => scene%problem)
-      call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, scene%theta, &
-                      problem%found, error)
+      call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, problem%found, &
+                      error)
       call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call check_contact_cases(case, problem, scene%pair_conditions, error)
       if (allocated(error)) return
-      scene%theta = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
       call find_ties(case, problem%body, surfaces, problem%pair, problem%surface_a, problem%surface_b, problem%tie, &
                      error)
       if (allocated(error)) return
       call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)
-      ! Ties have no penalty.
-      i = scene%operator%n_rows - size(scene%theta)
-      scene%theta = [scene%theta, spread(0.0_dp, 1, i)]
       do i = 1, size(problem%body)
         associate (block => scene%operator%block(i))
           if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)

@@ -78,7 +78,7 @@ contains
       if (allocated(error)) return
       if (problem%n_ties() > 0) call set_bolts(case%tie, k, problem%tie)
       ! Rows of ties come after those of the pairs, and have no penalty.
-      scene%theta(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
+      scene%operator%theta(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
       scene%operator%gap = [(problem%pair(i)%row_gap, i=1, size(problem%pair)), &
                             ((problem%tie(i)%component(c)%row_gap, c=1, size(problem%tie(i)%component)), &
                              i=1, problem%n_ties())]
@@ -175,8 +175,8 @@ contains
       call coarse%init(qp%block, qp%n_rows, modes, problem%slides())
       coarse%max_unbalanced = qp%coarse%max_unbalanced
       if (.not. scene%is_split()) call find_deviations(problem, qp%block, modes, coarse)
-      call qp%set_loads(scene%operator%gap, free%initial_penetration, free%load_displacement, free%energy, &
-                        free%norm_square, coarse)
+      call qp%set_loads(scene%operator%gap, scene%operator%theta, free%initial_penetration, free%load_displacement, &
+                        free%energy, free%norm_square, coarse)
       do b = 1, size(compliance%body)
         call move_alloc(free%u_0(b)%value, compliance%body(b)%free)
         call move_alloc(free%left(b)%value, compliance%body(b)%left)

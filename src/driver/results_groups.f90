@@ -39,7 +39,7 @@ contains
       call file%put_array(group, 'position', pair(k)%row_position)
       call file%put_array(group, 'normal', pair(k)%row_normal)
       call file%put_array(group, 'weight', pair(k)%row_weight)
-      call file%put_array(group, 'theta', solution%theta(first_row(k):first_row(k + 1) - 1))
+      call file%put_array(group, 'theta', solution%qp%theta(first_row(k):first_row(k + 1) - 1))
       call file%put_array(group, 'gap_initial', pair(k)%row_gap)
       call file%put_array(group, 'gap', pair_solution(k)%gap)
       call file%put_array(group, 'pressure', pair_solution(k)%pressure)

@@ -1,6 +1,5 @@
 !> A contact problem on its way from the input to the solution.
 module dotyk_driver_scene
-  use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
@@ -19,8 +18,7 @@ module dotyk_driver_scene
     type(contact_problem_t) :: problem  !! Bodies, modes, contact pairs.
     !> Stiffnesses of the representatives, until they are factorized (n_bodies).
     type(stiffness_t), allocatable :: stiffness(:)
-    type(contact_operator_t) :: operator  !! Rows of B, weights and gaps, until the QP has them.
-    real(dp), allocatable :: theta(:)  !! Penalty parameters that the input asks for (n_rows) [length/pressure].
+    type(contact_operator_t) :: operator  !! Rows of B, weights, gaps and theta, until the QP has them.
     !> Compliance operators of the representatives, until the compliance has them (n_bodies).
     type(operator_slot_t), allocatable :: slot(:)
     type(factor_size_t), allocatable :: size_of(:)  !! Sizes of the factors (n_bodies).

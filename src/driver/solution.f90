@@ -45,6 +45,7 @@ contains
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
+    type(contact_solution_t) :: nothing
     real(dp) :: before
     integer :: engine
     logical :: has_warned
@@ -62,7 +63,7 @@ contains
       if (engine == engine_none) engine = first_engine(scene)
       now = run
       call take_engine(engine, case, scene, now%scheme)
-      call solution%begin(scene%theta)
+      solution = nothing
       if (case%n_cases() > 1 .and. engine == engine_factors) &
         call scene%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
       if (allocated(solved)) then
@@ -72,7 +73,7 @@ contains
       else if (allocated(pressure)) then
         call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       end if
-      reason = now%scheme%why_not(scene%qp, scene%compliance, scene%theta)
+      reason = now%scheme%why_not(scene%qp, scene%compliance)
       if (reason == reason_none) then
         do
           call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), scene%kept, monitor, &

@@ -35,7 +35,7 @@ module dotyk_model_pairs
 contains
 
   !> Form and discretize all contact pairs; all problems are reported together.
-  subroutine find_pairs(case, body, surfaces, surface_a, surface_b, pair, theta, found, error)
+  subroutine find_pairs(case, body, surfaces, surface_a, surface_b, pair, found, error)
     type(case_t), intent(inout) :: case  !! The case; `contact` has one entry for each pair on return.
     type(body_t), intent(in) :: body(:)  !! Assembled bodies (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces that pairs may need (n_bodies).
@@ -43,8 +43,6 @@ contains
     type(surface_t), allocatable, intent(out) :: surface_a(:)
     type(surface_t), allocatable, intent(out) :: surface_b(:)  !! Master surface of each pair, likewise (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)  !! Contact pairs (n_pairs).
-    !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
-    real(dp), allocatable, intent(out) :: theta(:)
     type(pair_report_t), intent(out) :: found  !! What the search for pairs found.
     !> Allocated where pairs cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
@@ -116,7 +114,6 @@ contains
       call refuse_double_faces(case, surface_a, surface_b, pair, problems)
     end if
     call problems%raise(error)
-    if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]
   end subroutine find_pairs
 
   !> Make the pairs that one rank each has searched known to all ranks.

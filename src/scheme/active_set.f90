@@ -57,14 +57,13 @@ module dotyk_scheme_active_set
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(qp, with_springs, compliance, theta, max_iterations, monitor, system, now, active, state, &
-                             error, start_inside, is_held)
+  subroutine find_active_set(qp, with_springs, compliance, max_iterations, monitor, system, now, active, state, error, &
+                             start_inside, is_held)
     !> Contact rows, initial penetrations, rigid body modes: what bounds and energies are those of.
     type(contact_qp_t), intent(in) :: qp
     !> The same with springs on the modes: what is solved (`dotyk_scheme_proximal_motion`).
     type(contact_qp_t), intent(in) :: with_springs
     class(compliance_t), intent(inout) :: compliance  !! Formed at all rows, unless the linear system needs no entries.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     integer, intent(in) :: max_iterations  !! Active sets at most.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(active_system_t), intent(inout) :: system  !! That of the last active set on return.
@@ -105,7 +104,7 @@ contains
         call monitor%finish()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call find_inside(with_springs, compliance, theta, system, is_rigid, now, active, steps, error, &
+        call find_inside(with_springs, compliance, system, is_rigid, now, active, steps, error, &
                          starts_near=k == 1 .and. any(now%lambda > 0))
         if (allocated(error)) return
         if (k > 1) then
@@ -114,9 +113,9 @@ contains
           call monitor%note('interior-point method used ('//to_text(steps)//' systems)')
         end if
       end if
-      call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+      call drop_rigid_constraints(qp, compliance, yields, active, is_rigid)
       ! Rigid rows that have joined a solution penetrate by rounding only.
-      presses = is_rigid .and. .not. (theta > 0 .or. qp%is_tied)
+      presses = is_rigid .and. .not. (qp%theta > 0 .or. qp%is_tied)
       if (present(is_held)) presses = presses .and. .not. is_held
       if (.not. joined .and. any(presses .and. qp%initial_penetration > 0)) then
         state%ended = ended_rigid_constraint
@@ -125,8 +124,8 @@ contains
         state%overlap = qp%initial_penetration(place)
         return
       end if
-      is_new = .not. system%is_for(qp, theta, active)
-      if (is_new) call system%init(with_springs, compliance, theta, active, error)
+      is_new = .not. system%is_for(qp, active)
+      if (is_new) call system%init(with_springs, compliance, active, error)
       ! The set before rows joined is a solution.
       if (allocated(error) .and. joined) then
         deallocate (error)
@@ -145,25 +144,25 @@ contains
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
       ! Springs that are moved up solve the system of the same set again: no step of the iteration.
       if (is_new) then
-        call add_to_history(qp, theta, now, wall_time() - begin, length, count(active .and. .not. qp%is_tied), state)
+        call add_to_history(qp, now, wall_time() - begin, length, count(active .and. .not. qp%is_tied), state)
         ! Active sets are found or not: no rate of convergence leads to a tolerance.
         call monitor%step(state%history, 0.0_dp, state%error_bound)
       end if
 
       ! Rows may be active without any force, such as those that push a floating body away.
-      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, &
-        qp%initial_penetration), mask=.not. qp%is_tied))
+      largest_force = max(maxval(abs(now%lambda)), &
+                          maxval(foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration), mask=.not. qp%is_tied))
       largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
       next = (next .or. qp%is_tied) .and. .not. is_rigid
-      call add_support(with_springs, theta, now, next)
+      call add_support(with_springs, now, next)
       if (present(is_held)) next = next .and. .not. is_held
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         state%ended = ended_converged
         is_shared = joined
         if (joined) exit
-        call join_touching(theta, now%y, rounding*largest_gap, is_rigid, active, next)
+        call join_touching(qp%theta, now%y, rounding*largest_gap, is_rigid, active, next)
         if (all(next .eqv. active)) exit
         joined = .true.
         unjoined = now
@@ -175,7 +174,7 @@ contains
     if (joined .and. .not. is_shared) then
       now = unjoined
       active = unjoined_active
-      call system%init(with_springs, compliance, theta, active, error)
+      call system%init(with_springs, compliance, active, error)
     end if
     if (interrupted() .and. state%ended == ended_limit) state%ended = ended_interrupted
     call monitor%finish()
@@ -183,7 +182,7 @@ contains
     if (any(state%ended == [ended_limit, ended_cycling]) .and. allocated(inside%lambda)) then
       now = inside
       active = inside_active
-      call system%init(with_springs, compliance, theta, active, error)
+      call system%init(with_springs, compliance, active, error)
     end if
   end subroutine find_active_set
 
@@ -212,43 +211,39 @@ contains
   end function is_not_decreasing
 
   !> Floating bodies at rest on a Winkler foundation that stands for all bodies, and the rows that penetrate there.
-  subroutine rest_on_winkler_foundation(qp, theta, now, active)
+  subroutine rest_on_winkler_foundation(qp, now, active)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(iterate_t), intent(out) :: now  !! Without forces.
     logical, intent(out) :: active(:)  !! Active set (n_rows).
     real(dp), allocatable :: motion(:)
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), motion(qp%n_rows))
     now%lambda = 0
-    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), &
-                             qp%initial_penetration, now%alpha)
+    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp), qp%initial_penetration, now%alpha)
     call qp%mode_displacement(now%alpha, motion)
     now%y = qp%initial_penetration + motion
     active = now%y > 0 .or. qp%is_tied
   end subroutine rest_on_winkler_foundation
 
   !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
-  subroutine add_support(qp, theta, now, active)
+  subroutine add_support(qp, now, active)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(iterate_t), intent(in) :: now  !! The iterate.
     logical, intent(inout) :: active(:)  !! Active set (n_rows).
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
-    if (is_balanced(qp, theta, now%lambda, now%alpha)) return
+    if (is_balanced(qp, now%lambda, now%alpha)) return
     allocate (missing(qp%coarse%n))
     call qp%mode_resultant(now%lambda, missing)
     missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(now%alpha)
     allocate (alpha(qp%coarse%n), motion(size(active)))
-    call winkler_equilibrium(qp, missing, foundation_stiffness(qp, theta), now%y, alpha)
+    call winkler_equilibrium(qp, missing, foundation_stiffness(qp), now%y, alpha)
     call qp%mode_displacement(alpha, motion)
     active = active .or. now%y + motion > 0
   end subroutine add_support
 
   !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
   !> otherwise.
-  logical function is_balanced(qp, theta, lambda, alpha)
+  logical function is_balanced(qp, lambda, alpha)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
     real(dp), intent(in) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
     real(dp) :: missing(qp%coarse%n), scale
@@ -257,7 +252,7 @@ contains
     ! Where nothing is loaded all forces are rounding errors of those that the initial penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
     if (size(lambda) > 0) &
-      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration), &
+      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration), &
                                 mask=.not. qp%is_tied))
     if (qp%coarse%n > 0) scale = max(scale, maxval(abs(qp%coarse%resultant)))
     ! NaN and infinity, as of a foundation without compliance, balance nothing.
@@ -265,18 +260,16 @@ contains
   end function is_balanced
 
   !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
-  pure function foundation_stiffness(qp, theta) result(stiffness)
+  pure function foundation_stiffness(qp) result(stiffness)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), allocatable :: stiffness(:)
-    stiffness = qp%weight/(qp%foundation + theta)
+    stiffness = qp%weight/(qp%foundation + qp%theta)
   end function foundation_stiffness
 
   !> The solution of the interior-point method, close to the solution wherever that is.
-  subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error, starts_near)
+  subroutine find_inside(qp, compliance, system, is_rigid, now, active, steps, error, starts_near)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Another one on return.
     logical, intent(in) :: is_rigid(:)  !! Rows without force (n_rows).
     type(iterate_t), intent(inout) :: now  !! The iterate.
@@ -289,12 +282,12 @@ contains
     ! An array that is not allocated is an absent argument.
     if (present(starts_near)) then
       if (starts_near) then
-        start = merge(now%lambda/foundation_stiffness(qp, theta), min(0.0_dp, now%y), now%lambda > 0 .or. qp%is_tied)
+        start = merge(now%lambda/foundation_stiffness(qp), min(0.0_dp, now%y), now%lambda > 0 .or. qp%is_tied)
         motion = now%alpha
       end if
     end if
-    call interior_point_method(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, &
-                               now%lambda, now%alpha, active, steps, error, penetration=start, motion=motion)
+    call interior_point_method(qp, compliance, system, 1/foundation_stiffness(qp), .not. is_rigid, now%lambda, &
+                               now%alpha, active, steps, error, penetration=start, motion=motion)
     if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
   end subroutine find_inside
 
@@ -327,18 +320,16 @@ contains
 
   !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
   !> [sqrt(energy)].
-  real(dp) function reference_norm(qp, theta, now) result(norm)
+  real(dp) function reference_norm(qp, now) result(norm)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(iterate_t), intent(in) :: now  !! The iterate.
     norm = qp%energy_norm(now%lambda/qp%weight, now%y, now%alpha)
-    norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp, theta)*qp%initial_penetration**2)))
+    norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp)*qp%initial_penetration**2)))
   end function reference_norm
 
   !> An entry of the history. There is no bound where forces are tensile.
-  subroutine add_to_history(qp, theta, now, seconds, length, n_active, state)
+  subroutine add_to_history(qp, now, seconds, length, n_active, state)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(iterate_t), intent(in) :: now  !! The iterate.
     real(dp), intent(in) :: seconds  !! Since the start [s].
     real(dp), intent(in) :: length  !! Length of the step, in the energy norm [sqrt(energy)].
@@ -346,15 +337,15 @@ contains
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, gap, m(size(now%lambda))
-    norm = reference_norm(qp, theta, now)
+    norm = reference_norm(qp, now)
     m = now%lambda/qp%weight
     ! That of closed ties.
-    gap = duality_gap(qp%weight, theta, merge(0.0_dp, m, qp%is_tied), merge(0.0_dp, now%y, qp%is_tied))
+    gap = duality_gap(qp%weight, qp%theta, merge(0.0_dp, m, qp%is_tied), merge(0.0_dp, now%y, qp%is_tied))
     state%error_bound = huge(1.0_dp)
-    if (gap < huge(1.0_dp) .and. is_balanced(qp, theta, now%lambda, now%alpha)) &
+    if (gap < huge(1.0_dp) .and. is_balanced(qp, now%lambda, now%alpha)) &
       state%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call state%history%add(seconds, length, length/max(norm, tiny(norm)), state%error_bound, &
-                           qp%energy(theta, m, now%y, now%alpha), &
-                           max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied)), n_active)
+                           qp%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied)), &
+                           n_active)
   end subroutine add_to_history
 end module dotyk_scheme_active_set

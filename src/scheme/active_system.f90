@@ -116,29 +116,28 @@ contains
   end function system_needs_entries
 
   !> Whether the system is prepared for an active set.
-  pure logical function system_is_for(self, qp, theta, active) result(is_for)
+  pure logical function system_is_for(self, qp, active) result(is_for)
     class(active_system_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The problem that it may have been made for.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, intent(in) :: active(:)  !! The active set (n_rows).
     is_for = .false.
     if (.not. allocated(self%row)) return
     if (size(self%row) /= count(active)) return
-    is_for = all(active(self%row)) .and. .not. any(abs(self%layer - theta(self%row)/qp%weight(self%row)) > 0)
+    is_for = all(active(self%row)) .and. .not. any(abs(self%layer - qp%theta(self%row)/qp%weight(self%row)) > 0)
   end function system_is_for
 
   !> Prepare the system of an active set; another one may stand there before. Rows that are the same as before keep
   !> their entries.
-  subroutine system_init(self, qp, compliance, theta, active, error)
+  subroutine system_init(self, qp, compliance, active, error, theta)
     class(active_system_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, and rigid body modes with their stiffness.
     !> Compliance operator, formed at all active rows unless the coupling is none.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, intent(in) :: active(:)  !! The active set (n_rows).
     !> M_p or H is not positive definite: rows are linearly dependent to rounding with theta = 0, or an entry is not a
     !> number. Or METIS or CHOLMOD has no memory.
     type(error_t), allocatable, intent(out) :: error
+    real(dp), intent(in), optional :: theta(:)  !! In place of that of the QP (n_rows) [length/pressure].
     integer :: i, failed
     logical :: is_known, is_singular
     if (.not. associated(self%n_iterations)) allocate (self%n_iterations, self%n_solutions, source=0)
@@ -148,7 +147,8 @@ contains
       if (allocated(self%parent)) deallocate (self%parent)
     end if
     self%row = pack([(i, i=1, size(active))], active)
-    self%layer = theta(self%row)/qp%weight(self%row)
+    self%layer = qp%theta(self%row)/qp%weight(self%row)
+    if (present(theta)) self%layer = theta(self%row)/qp%weight(self%row)
     is_known = .false.
     if (allocated(self%parent)) then
       is_known = self%level == qp%level .and. size(self%parent) == size(self%row)

@@ -20,11 +20,10 @@ contains
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Ties are equations, for which it is
   !> `(lambda - lambda_theta).r`, to first order mu.r. [sqrt(energy)]
-  real(dp) function admissible_bound(qp, with_springs, compliance, theta, system, lambda, y, rounding) result(bound)
+  real(dp) function admissible_bound(qp, with_springs, compliance, system, lambda, y, rounding) result(bound)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes: what the system is that of.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(in) :: system  !! Linear system of the active set that the state came from.
     real(dp), intent(in) :: lambda(:)  !! Forces of contact, not negative, and of ties (n_rows) [force].
     real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
@@ -42,7 +41,7 @@ contains
       allocate (mu(size(row)), beta(qp%coarse%n), z(size(y)), motion(size(y)), zero(qp%coarse%n))
       mu = 0
       zero = 0
-      residual = y(row) - theta(row)/weight(row)*lambda(row)
+      residual = y(row) - qp%theta(row)/weight(row)*lambda(row)
       call system%solve(with_springs, compliance, -residual, zero, mu, beta)
       allocate (all_mu(size(y)), source=0.0_dp)
       all_mu(row) = -mu
@@ -53,8 +52,8 @@ contains
       ! B g = z + G beta.
       if (any(.not. active .and. y > z + motion .and. y > rounding*maxval(abs(qp%initial_penetration)))) return
       remainder = 2*sum(abs(merge(mu, lambda(row), qp%is_tied(row))* &
-                            (z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
-                  + sum(theta(row)/weight(row)*mu**2)/4
+                            (z(row) + motion(row) - residual - qp%theta(row)/weight(row)*mu))) &
+                  + sum(qp%theta(row)/weight(row)*mu**2)/4
       bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%stiffness_forces(beta)))) + sqrt(remainder)
     end associate
   end function admissible_bound

@@ -58,12 +58,11 @@ contains
   end subroutine check_ties
 
   !> Find contact rows that ties hold. The state ends where surfaces overlap there.
-  subroutine find_held_rows(qp, with_springs, compliance, theta, system, state, is_held, error)
+  subroutine find_held_rows(qp, with_springs, compliance, system, state, is_held, error)
     type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
     type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes.
     !> Compliance of the bodies at these rows; formed unless the linear system needs no entries.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Work space: that of the ties on return, where rows may be held.
     type(solver_state_t), intent(inout) :: state  !! Ended by an overlap, or as it was.
     logical, allocatable, intent(out) :: is_held(:)  !! Contact rows without penalty that ties hold (n_rows).
@@ -75,12 +74,12 @@ contains
     integer :: i, k
     allocate (is_held(qp%n_rows), source=.false.)
     if (.not. any(qp%is_tied)) return
-    call find_candidates(qp, compliance, theta, candidate)
+    call find_candidates(qp, compliance, candidate)
     if (size(candidate) == 0) return
     active = qp%is_tied
     is_rigid = .false.
-    call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
-    call system%init(with_springs, compliance, theta, active, error)
+    call drop_rigid_constraints(qp, compliance, yields, active, is_rigid)
+    call system%init(with_springs, compliance, active, error)
     if (allocated(error)) return
     do k = 1, size(candidate)
       i = candidate(k)
@@ -124,16 +123,15 @@ contains
   end subroutine find_held_rows
 
   !> Contact rows without penalty whose nodes ties or supports have, all of them: others yield.
-  subroutine find_candidates(qp, compliance, theta, candidate)
+  subroutine find_candidates(qp, compliance, candidate)
     type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
     class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     integer, allocatable, intent(out) :: candidate(:)  !! The rows.
     real(dp), allocatable :: entry(:, :)
     logical, allocatable :: has_tie(:)
     logical :: may(qp%n_rows), on_tie(qp%n_rows)
     integer :: b, i, k
-    may = .not. (qp%is_tied .or. theta > 0)
+    may = .not. (qp%is_tied .or. qp%theta > 0)
     on_tie = .false.
     do b = 1, size(qp%block)
       associate (row => qp%block(b)%row, matrix => qp%block(b)%matrix)

@@ -11,8 +11,8 @@
 !> with `C = B K^+ B^T` (`dotyk_scheme_compliance`), the initial penetration `y_0 = B u_0 - d` of the solution without
 !> contact u_0, and the rigid body modes `G = B R` of floating bodies, their resultants e and springs S
 !> (`dotyk_scheme_coarse_space`). Every iterate is `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per
-!> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The penalty parameter theta and the
-!> tolerance are arguments of a solve. Rows of ties are equations, `B u - d = 0`: their forces have any sign, and their
+!> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The tolerance is an argument of a solve;
+!> the penalty parameters theta belong to the rows. Rows of ties are equations, `B u - d = 0`: their forces have any sign, and their
 !> theta is 0. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
@@ -37,6 +37,7 @@ module dotyk_scheme_contact_qp
     integer, allocatable :: parent_row(:)
     real(dp), allocatable :: weight(:)  !! Weights w (n_rows) [area].
     real(dp), allocatable :: gap(:)  !! Gaps d (n_rows) [length].
+    real(dp), allocatable :: theta(:)  !! Penalty parameters, 0 of ties (n_rows) [length/pressure].
     type(contact_block_t), allocatable :: block(:)  !! Rows of B, body by body (n_bodies).
     real(dp), allocatable :: initial_penetration(:)  !! y_0 = B u_0 - d (n_rows) [length].
     !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T
@@ -51,6 +52,7 @@ module dotyk_scheme_contact_qp
     procedure :: init => qp_init
     procedure :: set_loads => qp_set_loads
     procedure :: shift_penetration => qp_shift_penetration
+    procedure :: replace_theta => qp_replace_theta
     procedure :: replace_modes => qp_replace_modes
     procedure :: mode_displacement => qp_mode_displacement
     procedure :: opened_by_slides => qp_opened_by_slides
@@ -75,7 +77,7 @@ contains
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
                      foundation, coarse, is_tied, joined_row)
     class(contact_qp_t), intent(out) :: self
-    type(contact_operator_t), intent(inout) :: operator  !! Rows of B, weights and gaps; without its blocks on return.
+    type(contact_operator_t), intent(inout) :: operator  !! Rows of B, weights, gaps, theta; without its blocks on return.
     real(dp), intent(in) :: initial_penetration(:)  !! y_0 (n_rows) [length].
     real(dp), intent(in) :: load_displacement(:)  !! B K^+ f (n_rows) [length].
     real(dp), intent(in) :: energy_0  !! Potential energy of the solution without contact [energy].
@@ -92,6 +94,7 @@ contains
     self%parent_row = [(i, i=1, operator%n_rows)]
     self%weight = operator%weight
     self%gap = operator%gap
+    self%theta = operator%theta
     call move_alloc(operator%block, self%block)
     self%initial_penetration = initial_penetration
     self%load_displacement = load_displacement
@@ -105,15 +108,17 @@ contains
   end subroutine qp_init
 
   !> The QP of another load case: the rows are the same.
-  subroutine qp_set_loads(self, gap, initial_penetration, load_displacement, energy_0, norm_square_0, coarse)
+  subroutine qp_set_loads(self, gap, theta, initial_penetration, load_displacement, energy_0, norm_square_0, coarse)
     class(contact_qp_t), intent(inout) :: self
     real(dp), intent(in) :: gap(:)  !! Gaps d (n_rows) [length].
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: initial_penetration(:)  !! As in `init`.
     real(dp), intent(in) :: load_displacement(:)  !! As in `init`.
     real(dp), intent(in) :: energy_0  !! As in `init`.
     real(dp), intent(in) :: norm_square_0  !! As in `init`.
     type(coarse_space_t), intent(in) :: coarse  !! As in `init`.
     self%gap = gap
+    self%theta = theta
     self%initial_penetration = initial_penetration
     self%load_displacement = load_displacement
     self%energy_0 = energy_0
@@ -134,6 +139,13 @@ contains
     real(dp), intent(in) :: change(:)  !! Added to the initial penetration (n_rows) [length].
     self%initial_penetration = self%initial_penetration + change
   end subroutine qp_shift_penetration
+
+  !> The QP with other penalty parameters.
+  subroutine qp_replace_theta(self, theta)
+    class(contact_qp_t), intent(inout) :: self
+    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
+    self%theta = theta
+  end subroutine qp_replace_theta
 
   !> z = G alpha.
   pure subroutine qp_mode_displacement(self, alpha, z)
@@ -203,26 +215,24 @@ contains
 
   !> The penalty term (18) of each row (n_rows) [energy]: that of its penetration, or of its force where the penetration
   !> is rounding, which a small theta would magnify; 0 where theta = 0.
-  pure function qp_penalty_of_rows(self, theta, m, y) result(penalty)
+  pure function qp_penalty_of_rows(self, m, y) result(penalty)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp) :: penalty(size(y)), least
     least = touching*maxval([0.0_dp, abs(self%initial_penetration)])
     penalty = 0
-    where (theta > 0 .and. y > least)
-      penalty = self%weight*y**2/(2*theta)
-    else where (theta > 0 .and. m > 0 .and. y > -least)
-      penalty = self%weight*theta*m**2/2
+    where (self%theta > 0 .and. y > least)
+      penalty = self%weight*y**2/(2*self%theta)
+    else where (self%theta > 0 .and. m > 0 .and. y > -least)
+      penalty = self%weight*self%theta*m**2/2
     end where
   end function qp_penalty_of_rows
 
   !> F_theta(u) of equations (19), (25) [energy]; without the energy of penetrations where theta = 0. The work of the
   !> loads cancels, because u_0 is in equilibrium with them, except for the work on rigid body modes.
-  real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
+  real(dp) function qp_energy(self, m, y, alpha) result(energy)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
@@ -230,8 +240,7 @@ contains
     real(dp), allocatable :: product(:)
     allocate (product(size(y)))
     call find_compliance_product(self, y, product, alpha)
-    energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + &
-      sum(self%penalty_of_rows(theta, m, y))
+    energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + sum(self%penalty_of_rows(m, y))
     if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - &
       self%coarse%resultant)
   end function qp_energy

@@ -28,13 +28,12 @@ module dotyk_scheme_corner_contact
 contains
 
   !> Solve; zero pressures of contact rows where there is no solution.
-  subroutine solve_corner_contact(system, qp, gap, theta, load, m, u)
+  subroutine solve_corner_contact(system, qp, gap, load, m, u)
     !> The bodies and rows. Its compliances are lent to the dual scheme meanwhile.
     class(body_grids_t), intent(inout) :: system
     type(contact_qp_t), intent(in) :: qp  !! The rows and the rigid body modes.
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
     real(dp), intent(in) :: gap(:)
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Loads and forces of prescribed displacements, over the unknowns of the system (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     real(dp), intent(out) :: m(:)  !! Pressures (n_rows) [pressure].
@@ -46,7 +45,7 @@ contains
     type(monitor_t) :: monitor
     type(solver_state_t) :: state
     type(error_t), allocatable :: error
-    real(dp), allocatable :: y(:), softness(:), alpha(:), lambda(:)
+    real(dp), allocatable :: y(:), alpha(:), lambda(:)
     m = 0
     u = 0
     if (allocated(system%obstacle)) return
@@ -58,9 +57,10 @@ contains
       call corner_displacement(system, load, lambda, y)
       call make_corner_qp(system, qp, y - gap - qp%initial_penetration, corner_qp)
       settings%tolerance = tolerance
-      softness = pack(max(theta, least_softness*qp%weight*system%row_compliance()), .not. system%is_tied)
+      call corner_qp%replace_theta(pack(max(qp%theta, least_softness*qp%weight*system%row_compliance()), &
+                                        .not. system%is_tied))
       call lend(system, corner_qp, compliance)
-      call scheme%solve(corner_qp, compliance, softness, settings, monitor, state, error)
+      call scheme%solve(corner_qp, compliance, settings, monitor, state, error)
       call take_back(system, compliance)
       if (.not. allocated(error) .and. allocated(state%m)) then
         m(:) = unpack(state%m, .not. system%is_tied, m)

@@ -85,23 +85,20 @@ contains
   end function dual_expected_products
 
   !> With ties another theta is for the scheme: their forces are none of which tensile ones may be dropped.
-  logical function dual_finds_displacements(self, qp, compliance, theta) result(finds)
+  logical function dual_finds_displacements(self, qp, compliance) result(finds)
     class(dual_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     class(compliance_t), intent(in) :: compliance  !! C.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = any(qp%is_tied)
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
-                              qp%n_rows == size(theta)])
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance)])
     end associate
   end function dual_finds_displacements
 
   !> Solve.
-  recursive subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  recursive subroutine dual_solve(self, qp, compliance, settings, monitor, state, error)
     class(dual_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
@@ -118,7 +115,7 @@ contains
     integer :: round
 
     if (allocated(qp%joined_row)) then
-      call solve_joined(self, qp, compliance, theta, settings, monitor, state, error)
+      call solve_joined(self, qp, compliance, settings, monitor, state, error)
       return
     end if
     warm = allocated(state%m)
@@ -132,7 +129,7 @@ contains
       call complete_start(qp, state)
       working = state%m > 0 .or. qp%is_tied
     else
-      call screen_rows(qp, theta, working)
+      call screen_rows(qp, working)
     end if
     call choose_coupling(qp, compliance, settings%linear_solver, working, system)
     if (.not. system%needs_entries()) &
@@ -150,12 +147,12 @@ contains
           count(.not. working) < not_worth_screening*qp%n_rows) working = .true.
       call compliance%mark_formed(working)
       if (all(working)) then
-        call solve_working_set(qp, compliance, theta, left, monitor, system, warm, state, error)
+        call solve_working_set(qp, compliance, left, monitor, system, warm, state, error)
       else
         call restrict_qp(qp, working, part)
         if (warm) state%m = pack(state%m, working)
         if (warm) state%y = pack(state%y, working)
-        call solve_working_set(part, compliance, pack(theta, working), left, monitor, system, warm, state, error)
+        call solve_working_set(part, compliance, left, monitor, system, warm, state, error)
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
       end if
       call state%history%finish()
@@ -209,11 +206,10 @@ contains
   end subroutine dual_solve
 
   !> Solve for rows that are one.
-  recursive subroutine solve_joined(self, qp, compliance, theta, settings, monitor, state, error)
+  recursive subroutine solve_joined(self, qp, compliance, settings, monitor, state, error)
     class(dual_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! With rows to join.
     class(compliance_t), intent(inout) :: compliance  !! As in `dual_solve`.
-    real(dp), intent(in) :: theta(:)  !! As in `dual_solve`.
     type(solver_settings_t), intent(in) :: settings  !! As in `dual_solve`.
     class(monitor_t), intent(inout) :: monitor  !! As in `dual_solve`.
     type(solver_state_t), intent(inout) :: state  !! As in `dual_solve`.
@@ -226,8 +222,7 @@ contains
     associate (row => qp%joined_row)
       if (allocated(state%m)) state%m = aggregate_values(row, joined%n_rows, fraction, state%m)
       if (allocated(state%y)) state%y = aggregate_values(row, joined%n_rows, fraction, state%y)
-      call self%solve(joined, of_joined, aggregate_values(row, joined%n_rows, fraction, theta), settings, monitor, &
-                      state, error)
+      call self%solve(joined, of_joined, settings, monitor, state, error)
       if (allocated(error)) return
       if (state%rigid_row > 0) state%rigid_row = findloc(row, state%rigid_row, 1)
       if (.not. allocated(state%m)) return
@@ -261,9 +256,8 @@ contains
   end subroutine begin_without_contact
 
   !> Floating bodies at rest on a Winkler foundation.
-  subroutine begin_on_foundation(qp, theta, alpha, now)
+  subroutine begin_on_foundation(qp, alpha, now)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
     type(iterate_t), intent(inout) :: now  !! The iterate.
     real(dp), allocatable :: motion(:)
@@ -271,7 +265,7 @@ contains
     call qp%mode_displacement(alpha, motion)
     now%alpha = alpha
     now%y = qp%initial_penetration + motion
-    now%lambda = qp%weight/(qp%foundation + theta)*max(0.0_dp, now%y)
+    now%lambda = qp%weight/(qp%foundation + qp%theta)*max(0.0_dp, now%y)
   end subroutine begin_on_foundation
 
   !> The state on all rows, from that on the working set.
@@ -290,10 +284,9 @@ contains
   end subroutine complete
 
   !> Solve with all rows of a QP in the working set.
-  subroutine solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
+  subroutine solve_working_set(qp, compliance, settings, monitor, system, warm, state, error)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(active_system_t), intent(inout) :: system  !! Linear system of an active set: work space.
@@ -322,20 +315,20 @@ contains
       if (.not. warm) call stop_if_interrupted(error)
       if (allocated(error)) return
     end if
-    foundation = foundation_stiffness(qp, theta)
+    foundation = foundation_stiffness(qp)
     with_springs = qp
     starts_inside = .not. warm .and. qp%is_heap()
     call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
     call motion%apply(qp, with_springs)
-    call find_held_rows(qp, with_springs, compliance, theta, system, state, is_held, error)
+    call find_held_rows(qp, with_springs, compliance, system, state, is_held, error)
     if (allocated(error) .or. state%ended == ended_rigid_constraint) return
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
       if (qp%is_heap()) then
         call begin_without_contact(qp, now)
-        if (allocated(guess)) call begin_on_foundation(qp, theta, guess, now)
+        if (allocated(guess)) call begin_on_foundation(qp, guess, now)
       else
-        call find_start(with_springs, compliance, theta, now, active, error)
+        call find_start(with_springs, compliance, now, active, error)
       end if
       if (allocated(error)) return
     end if
@@ -344,13 +337,12 @@ contains
       call motion%apply(qp, with_springs)
       if (motion%has_changed) call system%forget()
       if (qp%n_rows == 0) then
-        call system%init(with_springs, compliance, theta, active, error)
+        call system%init(with_springs, compliance, active, error)
         if (allocated(error)) return
         call system%solve(with_springs, compliance, 0*now%lambda, with_springs%coarse%resultant, now%lambda, now%alpha)
         state%ended = ended_converged
       else
-        call find_active_set(qp, with_springs, compliance, theta, &
-                             max(1, settings%max_iterations - state%history%n), monitor, &
+        call find_active_set(qp, with_springs, compliance, max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
         if (system%needs_entries()) call check_ties(qp, compliance, now%lambda, now%alpha, now%y, state)
@@ -364,15 +356,14 @@ contains
     state%rest = motion%rest
     state%excess = motion%excess
     call motion%find_undetermined(qp, foundation, active, state%indeterminate)
-    call finish(qp, with_springs, compliance, theta, settings%tolerance, system, now, state, is_held)
+    call finish(qp, with_springs, compliance, settings%tolerance, system, now, state, is_held)
   end subroutine solve_working_set
 
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
-  subroutine finish(qp, with_springs, compliance, theta, tolerance, system, now, state, is_held)
+  subroutine finish(qp, with_springs, compliance, tolerance, system, now, state, is_held)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: with_springs  !! The same with the springs of the last step.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: tolerance  !! Relative, in the energy norm [].
     type(active_system_t), intent(in) :: system  !! Linear system of the last active set.
     type(iterate_t), intent(inout) :: now  !! The iterate.
@@ -389,16 +380,16 @@ contains
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
     call state%indeterminate%scale(qp%coarse%scale)
-    norm = reference_norm(qp, theta, now)
+    norm = reference_norm(qp, now)
     state%error_bound = huge(norm)
-    has_equilibrium = is_balanced(with_springs, theta, now%lambda, now%alpha) .and. &
+    has_equilibrium = is_balanced(with_springs, now%lambda, now%alpha) .and. &
                       .not. any(state%excess > qp%coarse%max_unbalanced)
     if (has_equilibrium) then
       ! Ties that are not closed to the bit leave none.
-      if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
+      if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, qp%theta, state%m, state%y))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
-        admissible = admissible_bound(qp, with_springs, compliance, theta, system, now%lambda, now%y, rounding)
+        admissible = admissible_bound(qp, with_springs, compliance, system, now%lambda, now%y, rounding)
       ! A bound from half a solution is none.
       if (interrupted()) admissible = huge(norm)
       state%error_bound = min(state%error_bound, admissible)
@@ -409,7 +400,7 @@ contains
     end if
     ! There is none for loads whose squares overflow either.
     if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)
-    state%energy = qp%energy(theta, state%m, state%y, now%alpha)
+    state%energy = qp%energy(state%m, state%y, now%alpha)
     state%max_penetration = 0
     if (size(state%y) > 0) state%max_penetration = max(0.0_dp, maxval(state%y, mask=.not. qp%is_tied))
     if (state%history%n > 0) then

@@ -41,11 +41,10 @@ module dotyk_scheme_interior_point
 contains
 
   !> Forces, amplitudes and active set near the solution.
-  subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
-                                   steps, error, accuracy, penetration, motion)
+  subroutine interior_point_method(qp, compliance, system, foundation, usable, lambda, alpha, active, steps, error, &
+                                   accuracy, penetration, motion)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
     !> Compliance of a Winkler foundation in place of the bodies, for the start and the active set (n_rows)
     !> [length/force].
@@ -86,15 +85,15 @@ contains
       if (is_near(qp, merge(merge(penetration, max(0.0_dp, penetration), qp%is_tied)/foundation, 0.0_dp, usable), &
                   motion)) then
         call start_near(qp, row, foundation(row), fraction, penetration(row), motion, now)
-        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
+        call follow_path(qp, compliance, system, usable, row, fraction, least, now, steps, converged, error)
       end if
     end if
     is_done = converged .or. allocated(error)
     if (.not. is_done) is_done = interrupted()
     if (.not. is_done) then
-      call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
+      call find_start(qp, compliance, system, usable, row, foundation(row), fraction, now, error)
       if (.not. allocated(error)) &
-        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, more, converged, error)
+        call follow_path(qp, compliance, system, usable, row, fraction, least, now, more, converged, error)
       if (.not. allocated(error)) steps = steps + more
     end if
     system%step_reduction = 0
@@ -105,10 +104,9 @@ contains
   end subroutine interior_point_method
 
   !> Follow the central path from an iterate.
-  subroutine follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
+  subroutine follow_path(qp, compliance, system, usable, row, fraction, least, now, steps, converged, error)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
     logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
     integer, intent(in) :: row(:)  !! These (n).
@@ -128,11 +126,11 @@ contains
     allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
     do steps = 1, most_steps
       if (interrupted()) exit
-      call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
+      call find_residuals(qp, compliance, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
       converged = mu <= least*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)
       if (converged) exit
-      call make_system(qp, compliance, theta, system, usable, row, now%over_force(now%s), error)
+      call make_system(qp, compliance, system, usable, row, now%over_force(now%s), error)
       if (allocated(error)) exit
       ! Predictor, then corrector.
       product = -now%lambda*now%s
@@ -209,10 +207,9 @@ contains
   end subroutine start_near
 
   !> The first iterate: all contact points tied to foundations, then forces and gaps shifted to be positive.
-  subroutine find_start(qp, compliance, theta, system, usable, row, foundation, fraction, now, error)
+  subroutine find_start(qp, compliance, system, usable, row, foundation, fraction, now, error)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Work space.
     logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
     integer, intent(in) :: row(:)  !! These (n).
@@ -223,7 +220,7 @@ contains
     real(dp) :: force, gap, product
     allocate (now%lambda(size(row)), now%alpha(qp%coarse%n))
     now%is_tied = qp%is_tied(row)
-    call make_system(qp, compliance, theta, system, usable, row, merge(0.0_dp, foundation, now%is_tied), error)
+    call make_system(qp, compliance, system, usable, row, merge(0.0_dp, foundation, now%is_tied), error)
     if (allocated(error)) return
     now%lambda = 0
     call system%solve(qp, compliance, qp%initial_penetration(row), qp%coarse%resultant, now%lambda, now%alpha)
@@ -241,10 +238,9 @@ contains
   end subroutine find_start
 
   !> The system of all usable points with softer Winkler layers.
-  subroutine make_system(qp, compliance, theta, system, usable, row, softer, error)
+  subroutine make_system(qp, compliance, system, usable, row, softer, error)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Factorized on return.
     logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
     integer, intent(in) :: row(:)  !! These (n).
@@ -252,16 +248,15 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     real(dp), allocatable :: soft_theta(:)
     allocate (soft_theta(qp%n_rows))
-    soft_theta = theta
-    soft_theta(row) = theta(row) + qp%weight(row)*softer
-    call system%init(qp, compliance, soft_theta, usable, error)
+    soft_theta = qp%theta
+    soft_theta(row) = qp%theta(row) + qp%weight(row)*softer
+    call system%init(qp, compliance, usable, error, soft_theta)
   end subroutine make_system
 
   !> Residuals `M lambda - G alpha - y - s` and `G^T lambda + S alpha - e`.
-  subroutine find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
+  subroutine find_residuals(qp, compliance, row, now, r_dual, r_balance)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     integer, intent(in) :: row(:)  !! Usable rows (n).
     type(point_t), intent(in) :: now  !! The iterate.
     real(dp), allocatable, intent(out) :: r_dual(:)  !! Residual of the contact rows (n) [length].
@@ -272,7 +267,7 @@ contains
     lambda(row) = now%lambda
     call compliance%multiply(qp, lambda, z)
     call qp%mode_displacement(now%alpha, motion)
-    r_dual = z(row) + theta(row)/qp%weight(row)*now%lambda - motion(row) - qp%initial_penetration(row) - now%s
+    r_dual = z(row) + qp%theta(row)/qp%weight(row)*now%lambda - motion(row) - qp%initial_penetration(row) - now%s
     call qp%mode_resultant(lambda, r_balance)
     r_balance = r_balance + qp%coarse%stiffness_forces(now%alpha) - qp%coarse%resultant
   end subroutine find_residuals

@@ -44,10 +44,9 @@ module dotyk_scheme_multilevel_start
 contains
 
   !> A first iterate and its active set.
-  recursive subroutine find_start(qp, compliance, theta, now, active, error)
+  recursive subroutine find_start(qp, compliance, now, active, error)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Formed at all rows, or matrix-free.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(iterate_t), intent(out) :: now  !! The iterate.
     logical, intent(out) :: active(:)  !! Active set (n_rows).
     type(error_t), allocatable, intent(out) :: error  !! As in `find_active_set`, for the groups.
@@ -56,18 +55,17 @@ contains
     type(iterate_t) :: start
     type(active_system_t) :: system
     integer, allocatable :: group(:)
-    real(dp), allocatable :: fraction(:), motion(:), coarse_theta(:), indentation(:)
+    real(dp), allocatable :: fraction(:), motion(:), indentation(:)
     logical, allocatable :: all_rows(:)
     logical :: found
     integer :: n_groups
 
-    call rest_on_winkler_foundation(qp, theta, now, active)
+    call rest_on_winkler_foundation(qp, now, active)
     if (count(.not. qp%is_tied) < few_rows) return
     allocate (group(qp%n_rows))
     call group_rows(qp, group, n_groups)
     if (least_mean*n_groups > qp%n_rows) return
     call aggregate_qp(qp, group, n_groups, coarse, fraction)
-    coarse_theta = aggregate_values(group, n_groups, fraction, theta)
     ! Mean normals may not carry what the rows carry.
     if (qp%coarse%n > 0) then
       allocate (motion(qp%coarse%n))
@@ -78,14 +76,14 @@ contains
     if (compliance%is_formed(qp)) then
       call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
       call choose_coupling(coarse, of_groups, linear_solver_auto, all_rows, system)
-      call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
+      call solve_groups(coarse, of_groups, system, start, indentation, error)
     else
       call choose_coupling(coarse, compliance, linear_solver_auto, all_rows, system)
       if (system%needs_entries()) then
         call form_aggregate(coarse, compliance, of_groups)
-        call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
+        call solve_groups(coarse, of_groups, system, start, indentation, error)
       else
-        call solve_groups(coarse, compliance, coarse_theta, system, start, indentation, error)
+        call solve_groups(coarse, compliance, system, start, indentation, error)
       end if
     end if
     call system%destroy()
@@ -103,10 +101,9 @@ contains
   end subroutine find_start
 
   !> The contact problem of the groups.
-  recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)
+  recursive subroutine solve_groups(qp, compliance, system, now, indentation, error)
     type(contact_qp_t), intent(in) :: qp  !! QP of the groups.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_groups) [length/pressure].
     type(active_system_t), intent(inout) :: system  !! Linear system of an active set: work space.
     type(iterate_t), intent(out) :: now  !! The last iterate.
     !> Displacement of each group by its own force (n_groups) [length].
@@ -116,9 +113,9 @@ contains
     type(solver_state_t) :: state
     logical :: active(qp%n_rows)
     integer :: i
-    call find_start(qp, compliance, theta, now, active, error)
+    call find_start(qp, compliance, now, active, error)
     if (.not. allocated(error)) &
-      call find_active_set(qp, qp, compliance, theta, most_steps, silent, system, now, active, state, error)
+      call find_active_set(qp, qp, compliance, most_steps, silent, system, now, active, state, error)
     if (allocated(error)) return
     allocate (indentation(qp%n_rows))
     if (compliance%is_formed(qp)) then

@@ -31,11 +31,10 @@ module dotyk_scheme_neumann
 contains
 
   !> Iterate from u_0, the solution without contact, or from the state; continue a paused iteration.
-  subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  subroutine neumann_solve(self, qp, compliance, settings, monitor, state, error)
     class(neumann_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact QP of held bodies.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, above 0 (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> The start where it has pressures; the last iterate on return, with its history.
@@ -45,12 +44,12 @@ contains
     class(paused_t), allocatable :: paused
     call take_up(settings, state, paused)
     if (.not. allocated(paused)) then
-      call begin(qp, compliance, theta, settings, monitor, state, paused, error)
+      call begin(qp, compliance, settings, monitor, state, paused, error)
       if (allocated(error)) return
     end if
     select type (paused)
     type is (iteration_t)
-      if (qp%n_rows > 0) call iterate(qp, compliance, theta, paused%stopping, monitor, state)
+      if (qp%n_rows > 0) call iterate(qp, compliance, paused%stopping, monitor, state)
     end select
     call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self))
@@ -58,10 +57,9 @@ contains
   end subroutine neumann_solve
 
   !> The first iterate, with gamma and the stopping criterion.
-  subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
+  subroutine begin(qp, compliance, settings, monitor, state, paused, error)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(solver_state_t), intent(inout) :: state  !! As in `begin_iteration`.
@@ -73,7 +71,7 @@ contains
     call begin_iteration(qp, compliance, state)
     allocate (iteration)
     if (qp%n_rows > 0) then
-      if (is_first) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
+      if (is_first) call estimate_lambda_max(qp, compliance, state%lambda_max)
       state%constants = neumann_constants(state%lambda_max)
       call choose_relaxation(settings, state, error)
       if (allocated(error)) return
@@ -121,10 +119,9 @@ contains
   end subroutine finish_iteration
 
   !> The steps of equations (43), (44).
-  subroutine iterate(qp, compliance, theta, stopping, monitor, state)
+  subroutine iterate(qp, compliance, stopping, monitor, state)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(stopping_t), intent(inout) :: stopping  !! Begun.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(solver_state_t), intent(inout) :: state  !! With L, gamma and an iterate.
@@ -134,29 +131,27 @@ contains
     allocate (p(qp%n_rows), z(qp%n_rows))
     gamma = state%gamma
     do
-      call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
+      call evaluate_step(qp, compliance, state%m, state%y, p, z, residual)
       state%m = gamma*p + (1 - gamma)*state%m
       state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
-      if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, &
-                         gamma > state%constants%gamma_limit(), monitor, state, &
-                         state%constants%bound_of_paper(gamma, gamma*residual))) exit
+      if (stopping%check(qp, state%q_predicted*residual, gamma*residual, gamma > state%constants%gamma_limit(), &
+          monitor, state, state%constants%bound_of_paper(gamma, gamma*residual))) exit
     end do
   end subroutine iterate
 
   !> Pressures by the penetrations of an iterate, which are j'_theta of equation (21) and Phi of equation (26), the
   !> displacements of the rows under them, and the residual of equation (23), `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C
   !> W (p-m)`, which bounds the error of the iterate. One product.
-  subroutine evaluate_step(qp, compliance, theta, m, y, p, z, residual)
+  subroutine evaluate_step(qp, compliance, m, y, p, z, residual)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: m(:)  !! Contact pressures of the iterate (n_rows) [pressure].
     real(dp), intent(in) :: y(:)  !! B u - d of the iterate (n_rows) [length].
     real(dp), intent(out) :: p(:)  !! max(0, y)/theta (n_rows) [pressure].
     real(dp), intent(out) :: z(:)  !! C W p (n_rows) [length].
     real(dp), intent(out) :: residual  !! Energy norm of the residual [sqrt(energy)].
-    p = max(0.0_dp, y)/theta
+    p = max(0.0_dp, y)/qp%theta
     call compliance%multiply(qp, qp%weight*p, z)
     ! C W m = y_0 - y.
     residual = sqrt(max(0.0_dp, sum(qp%weight*(p - m)*(z - (qp%initial_penetration - y)))))

@@ -75,12 +75,11 @@ contains
   end function primal_expected_products
 
   !> Modes with a stiffness, and supports that press rows together, are for the dual scheme.
-  integer function primal_why_not(self, qp, compliance, theta) result(reason)
+  integer function primal_why_not(self, qp, compliance) result(reason)
     class(primal_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> Compliance of the bodies at these rows: p-multigrids, or factors that join them.
     class(compliance_t), intent(in) :: compliance
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical :: is_rigid(qp%n_rows)
     associate (not_needed => same_type_as(self, self))
     end associate
@@ -94,7 +93,7 @@ contains
       if (.not. compliance%has_grids()) return
       if (.not. has_corner_matrices(qp, compliance)) return
       call find_rigid_rows(qp, compliance, is_rigid)
-      reason = merge(reason_rigid_rows, reason_none, any(presses_rigid_rows(qp, theta, is_rigid)))
+      reason = merge(reason_rigid_rows, reason_none, any(presses_rigid_rows(qp, is_rigid)))
     end select
   end function primal_why_not
 
@@ -117,20 +116,18 @@ contains
   end function has_corner_matrices
 
   !> Unless it leaves the QP to another scheme.
-  logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
+  logical function primal_finds_displacements(self, qp, compliance) result(finds)
     class(primal_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
-    finds = self%why_not(qp, compliance, theta) == reason_none
+    finds = self%why_not(qp, compliance) == reason_none
   end function primal_finds_displacements
 
   !> Solve.
-  subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  subroutine primal_solve(self, qp, compliance, settings, monitor, state, error)
     class(primal_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
@@ -140,23 +137,22 @@ contains
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()
-      call solve_by_grids(qp, compliance, theta, settings, monitor, state, error)
+      call solve_by_grids(qp, compliance, settings, monitor, state, error)
     end select
     associate (not_needed => same_type_as(self, self))
     end associate
   end subroutine primal_solve
 
   !> Solve by the dual scheme, and add the error of the solves to its bound, which is that of exact ones.
-  subroutine grid_dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  subroutine grid_dual_solve(self, qp, compliance, settings, monitor, state, error)
     class(grid_dual_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! As in `primal_solve`.
     class(compliance_t), intent(inout) :: compliance  !! As in `primal_solve`.
-    real(dp), intent(in) :: theta(:)  !! As in `primal_solve`.
     type(solver_settings_t), intent(in) :: settings  !! As in `primal_solve`.
     class(monitor_t), intent(inout) :: monitor  !! As in `primal_solve`.
     type(solver_state_t), intent(inout) :: state  !! As in `primal_solve`.
     type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
-    call self%dual_t%solve(qp, compliance, theta, settings, monitor, state, error)
+    call self%dual_t%solve(qp, compliance, settings, monitor, state, error)
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()
@@ -186,10 +182,9 @@ contains
   end subroutine find_rigid_rows
 
   !> Solve by displacements.
-  subroutine solve_by_grids(qp, compliance, theta, settings, monitor, state, error)
+  subroutine solve_by_grids(qp, compliance, settings, monitor, state, error)
     type(contact_qp_t), intent(in) :: qp  !! As in `primal_solve`.
     class(body_compliance_t), target, intent(inout) :: compliance  !! By p-multigrids.
-    real(dp), intent(in) :: theta(:)  !! As in `primal_solve` (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! As in `primal_solve`.
     class(monitor_t), intent(inout) :: monitor  !! As in `primal_solve`.
     type(solver_state_t), intent(inout) :: state  !! As in `primal_solve`.
@@ -207,8 +202,8 @@ contains
         call find_rigid_rows(joined, compliance, is_rigid)
         if (allocated(state%m)) state%m = aggregate_values(row, n, fraction, state%m)
         if (allocated(state%y)) state%y = aggregate_values(row, n, fraction, state%y)
-        call solve_by_displacements(system, joined, aggregate_values(row, n, fraction, theta), settings%tolerance, &
-                                    settings, is_rigid, monitor, v, total, state, error)
+        call solve_by_displacements(system, joined, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
+                                    error)
         if (allocated(error) .or. .not. allocated(state%m)) return
         state%m = state%m(row)
         deallocate (state%y)
@@ -218,8 +213,7 @@ contains
     else
       allocate (is_rigid(qp%n_rows))
       call find_rigid_rows(qp, compliance, is_rigid)
-      call solve_by_displacements(system, qp, theta, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
-                                  error)
+      call solve_by_displacements(system, qp, settings%tolerance, settings, is_rigid, monitor, v, total, state, error)
     end if
     if (.not. allocated(error) .and. allocated(state%m)) then
       call system%keep_displacements(v, compliance)

@@ -48,10 +48,9 @@ module dotyk_scheme_primal_solution
 contains
 
   !> Solve by displacements.
-  subroutine solve_by_displacements(system, qp, theta, tolerance, settings, is_rigid, monitor, u, total, state, error)
+  subroutine solve_by_displacements(system, qp, tolerance, settings, is_rigid, monitor, u, total, state, error)
     class(proximal_system_t), target, intent(inout) :: system  !! The bodies.
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, at least 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: tolerance  !! Bound to end at, relative in the energy norm [].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     logical, intent(in) :: is_rigid(:)  !! Rows that no displacement moves: they are in no system (n_rows).
@@ -74,7 +73,7 @@ contains
     integer :: round, attempt, limit
     logical :: warm, has_equilibrium
     start = wall_time()
-    if (any(presses_rigid_rows(qp, theta, is_rigid))) then
+    if (any(presses_rigid_rows(qp, is_rigid))) then
       call clear(state)
       state%ended = ended_rigid_constraint
       return
@@ -91,7 +90,7 @@ contains
       if (allocated(state%y)) working = working .or. &
         state%y > -near_violation*maxval([0.0_dp, pack(state%y, .not. qp%is_tied)])
     else
-      call screen_rows(qp, theta, working)
+      call screen_rows(qp, working)
     end if
     if (.not. system%is_for_rows) working = .true.
     call clear(state)
@@ -107,12 +106,12 @@ contains
       of_rows = pack(m, working)
       if (.not. allocated(u)) then
         allocate (u(system%n), source=0.0_dp)
-        call system%start(part, pack(theta, working), warm, of_rows, u)
+        call system%start(part, warm, of_rows, u)
       end if
       last = huge(last)
       do attempt = 1, most_attempts
-        call solve_proximal(system, part, system%gap, pack(theta, working), system%load, accuracy, &
-                            max(1, limit - total%steps), motion, of_rows, u, outcome, error)
+        call solve_proximal(system, part, system%gap, system%load, accuracy, max(1, limit - total%steps), motion, &
+                            of_rows, u, outcome, error)
         state%ended = outcome%ended
         if (allocated(error) .or. any(outcome%ended == [ended_rigid_constraint, ended_costly])) return
         total%steps = total%steps + outcome%steps
@@ -135,8 +134,8 @@ contains
         now%y = qp%initial_penetration
         call system%find_penetrations(qp, u, now%y)
         violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
-          slack(qp%weight, theta, qp%is_tied, now%lambda, now%y)
-        has_equilibrium = is_balanced(held, theta, now%lambda, now%alpha) .and. &
+          slack(qp%weight, qp%theta, qp%is_tied, now%lambda, now%y)
+        has_equilibrium = is_balanced(held, now%lambda, now%alpha) .and. &
                           .not. any(motion%excess > qp%coarse%max_unbalanced)
         call judge(has_equilibrium .and. .not. any(violated))
         ! Errors that no longer fall at one accuracy may do so at a smaller one.
@@ -152,8 +151,7 @@ contains
       if (.not. any(violated)) exit rounds
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
-    call motion%find_undetermined(qp, foundation_stiffness(qp, theta), now%lambda > 0 .or. qp%is_tied, &
-                                  state%indeterminate)
+    call motion%find_undetermined(qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest
@@ -162,7 +160,7 @@ contains
     call state%history%finish()
     state%iterations = state%history%n
     state%m = m
-    where (is_rigid .and. theta > 0) state%m = max(0.0_dp, now%y)/theta
+    where (is_rigid .and. qp%theta > 0) state%m = max(0.0_dp, now%y)/qp%theta
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
     state%bound_is_guaranteed = .false.
@@ -181,20 +179,21 @@ contains
       !> Whether there is a bound: not where rows outside of the working set penetrate, or forces do not balance.
       logical, intent(in) :: has_bound
       real(dp) :: norm, bound
-      norm = max(reference_norm(qp, theta, now), tiny(norm))
+      norm = max(reference_norm(qp, now), tiny(norm))
       state%error_bound = huge(norm)
       if (has_bound) then
         bound = hypot(system%error_of_isolated, &
-                      error_bound(system, pack(qp%weight, working), pack(theta, working), pack(qp%is_tied, working), &
-                                  system%load, u, pack(now%lambda, working), pack(now%y, working)))
+                      error_bound(system, part%weight, part%theta, part%is_tied, system%load, u, &
+                                  pack(now%lambda, working), pack(now%y, working)))
         if (bound <= largest_bound*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
       call system%find_terms(u, state%terms)
       if (allocated(state%terms)) then
-        state%energy = state%terms(1) - state%terms(2) + sum(qp%weight*max(0.0_dp, now%y)**2/theta, mask=theta > 0)/2
+        state%energy = state%terms(1) - state%terms(2) + &
+          sum(qp%weight*max(0.0_dp, now%y)**2/qp%theta, mask=qp%theta > 0)/2
       else
-        state%energy = qp%energy(theta, m, now%y, now%alpha)
+        state%energy = qp%energy(m, now%y, now%alpha)
       end if
       state%max_penetration = max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied))
       call state%history%add(wall_time() - start, outcome%change, outcome%change/norm, state%error_bound, &
@@ -203,13 +202,12 @@ contains
   end subroutine solve_by_displacements
 
   !> Rows that no displacement moves, and that supports press together, or pull where they are tied.
-  pure function presses_rigid_rows(qp, theta, is_rigid) result(presses)
+  pure function presses_rigid_rows(qp, is_rigid) result(presses)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, intent(in) :: is_rigid(:)  !! Rows that no displacement moves (n_rows).
     logical :: presses(qp%n_rows)  !! (n_rows)
     associate (y => qp%initial_penetration)
-      presses = is_rigid .and. .not. theta > 0 .and. &
+      presses = is_rigid .and. .not. qp%theta > 0 .and. &
                 merge(abs(y) > rounding*maxval([0.0_dp, abs(y)]), y > 0, qp%is_tied)
     end associate
   end function presses_rigid_rows

@@ -73,12 +73,11 @@ module dotyk_scheme_proximal_active_set
 contains
 
   !> Solve, from pressures m and displacements u.
-  subroutine solve_proximal(system, qp, gap, theta, load, tolerance, most_steps, motion, m, u, outcome, error)
+  subroutine solve_proximal(system, qp, gap, load, tolerance, most_steps, motion, m, u, outcome, error)
     class(proximal_system_t), target, intent(inout) :: system  !! The bodies and rows; its active set is changed.
     type(contact_qp_t), intent(in) :: qp  !! The same rows, with weights and the rigid body modes of the bodies.
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
     real(dp), intent(in) :: gap(:)
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, zero or positive (n_rows) [length/pressure].
     !> Loads and forces of prescribed displacements, over the unknowns of the system (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Relative error of the displacements in the energy norm to end at, estimated [].
@@ -101,7 +100,7 @@ contains
     logical :: at_rest, diverged
     integer :: n_before
     compliance = qp%weight*system%row_compliance()
-    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. merge(-abs(gap), gap, qp%is_tied) < &
+    if (any(system%is_rigid_row() .and. .not. qp%theta > 0 .and. merge(-abs(gap), gap, qp%is_tied) < &
             -rounding*maxval(abs(gap)))) then
       outcome%ended = ended_rigid_constraint
       return
@@ -112,15 +111,15 @@ contains
     compliance = max(compliance, system%proximal_fraction*left)
     allocate (r(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
     allocate (e(system%n), source=0.0_dp)
-    now%prox = max(0.0_dp, system%proximal_fraction*compliance - theta)
+    now%prox = max(0.0_dp, system%proximal_fraction*compliance - qp%theta)
     now%active = m > 0 .or. qp%is_tied
     now%aim = first_aim
     last = huge(last)
-    foundation = foundation_stiffness(qp, theta)
+    foundation = foundation_stiffness(qp)
     if (.not. allocated(motion%centre)) call motion%init(qp, foundation, now%active, 0*qp%coarse%resultant)
     do while (outcome%steps < most_steps)
       outcome%steps = outcome%steps + 1
-      now%softness = theta + now%prox
+      now%softness = qp%theta + now%prox
       call system%set_active(merge(qp%weight/now%softness, 0.0_dp, now%active), springs_of(motion, qp), error)
       if (allocated(error)) return
       now%shifted = gap - now%prox*m

@@ -39,15 +39,14 @@ contains
 
   !> Upper estimate of L = lambda_max(Theta^{-1} C W), the constant D of (22) in the energy norm; j'' is not negative,
   !> equation (20). gamma = 2/(2+L) diverges already when L is short by 1.
-  subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
+  subroutine estimate_lambda_max(qp, compliance, lambda_max)
     type(contact_qp_t), intent(in), target :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout), target :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(out) :: lambda_max  !! L [].
     type(penalty_compliance_t) :: operator
     operator%qp => qp
     operator%compliance => compliance
-    operator%scale = sqrt(qp%weight/theta)
+    operator%scale = sqrt(qp%weight/qp%theta)
     lambda_max = upper_estimate(operator, qp%n_rows)
   end subroutine estimate_lambda_max
 

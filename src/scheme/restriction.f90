@@ -186,6 +186,7 @@ contains
       if (group(i) > 0) fraction(i) = qp%weight(i)/joined%weight(group(i))
     end do
     joined%gap = aggregate_values(group, n_groups, fraction, qp%gap)
+    joined%theta = aggregate_values(group, n_groups, fraction, qp%theta)
     joined%initial_penetration = aggregate_values(group, n_groups, fraction, qp%initial_penetration)
     joined%load_displacement = aggregate_values(group, n_groups, fraction, qp%load_displacement)
     joined%foundation = aggregate_values(group, n_groups, fraction, qp%foundation)

@@ -17,10 +17,9 @@ contains
 
   !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
   !> supports.
-  subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+  subroutine drop_rigid_constraints(qp, compliance, yields, active, is_rigid)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
     real(dp), allocatable, intent(inout) :: yields(:)
     logical, intent(inout) :: active(:)  !! Active set (n_rows).
@@ -29,7 +28,7 @@ contains
     integer, allocatable :: row(:)
     real(dp) :: largest
     integer :: i
-    if (.not. any(active .and. .not. theta > 0)) return
+    if (.not. any(active .and. .not. qp%theta > 0)) return
     row = pack([(i, i=1, size(active))], active)
     allocate (diagonal(size(row)))
     allocate (g(1, qp%coarse%n))
@@ -41,7 +40,7 @@ contains
     end if
     largest = maxval(diagonal)
     do i = 1, size(row)
-      if (diagonal(i) > rigid_row*largest .or. theta(row(i)) > 0) cycle
+      if (diagonal(i) > rigid_row*largest .or. qp%theta(row(i)) > 0) cycle
       call qp%coarse%rows([row(i)], g)
       if (any(abs(g) > moved_row)) cycle
       active(row(i)) = .false.

@@ -58,11 +58,10 @@ contains
   end function robin_expected_products
 
   !> Iterate from u_0 or the state, or continue a paused iteration.
-  subroutine robin_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  subroutine robin_solve(self, qp, compliance, settings, monitor, state, error)
     class(robin_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact QP of held bodies.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters, above 0 (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     !> The start where it has pressures; the last iterate on return, with its history.
@@ -73,12 +72,12 @@ contains
     class(paused_t), allocatable :: paused
     call take_up(settings, state, paused)
     if (.not. allocated(paused)) then
-      call begin(qp, compliance, theta, settings, monitor, state, paused, error)
+      call begin(qp, compliance, settings, monitor, state, paused, error)
       if (allocated(error)) return
     end if
     select type (paused)
     type is (two_sides_t)
-      if (allocated(paused%y)) call iterate(qp, theta, paused, monitor, state)
+      if (allocated(paused%y)) call iterate(qp, paused, monitor, state)
     end select
     call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self))
@@ -86,10 +85,9 @@ contains
   end subroutine robin_solve
 
   !> The first iterate: both sides have the forces of the state.
-  subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
+  subroutine begin(qp, compliance, settings, monitor, state, paused, error)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(solver_settings_t), intent(in) :: settings  !! Settings of the user.
     class(monitor_t), intent(inout) :: monitor  !! Gets lines for the log.
     type(solver_state_t), intent(inout) :: state  !! As in `begin_iteration`.
@@ -103,7 +101,7 @@ contains
     allocate (now)
     if (qp%n_rows > 0) then
       state%lambda_max = ieee_value(state%lambda_max, ieee_quiet_nan)
-      now%spring = merge(qp%weight/theta, 0.0_dp, has_robin_conditions(qp, settings))
+      now%spring = merge(qp%weight/qp%theta, 0.0_dp, has_robin_conditions(qp, settings))
       call form_sides(qp, compliance, now%spring, now%side, error)
       if (allocated(error)) return
       if (interrupted()) then
@@ -116,7 +114,7 @@ contains
         call now%side(b)%start(qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row))
       end do
       allocate (state%constants)
-      call find_constants(qp, qp%weight/theta, now%spring, now%side, state%constants)
+      call find_constants(qp, qp%weight/qp%theta, now%spring, now%side, state%constants)
       call choose_relaxation(settings, state, error)
       if (allocated(error)) return
       if (is_first) call announce_relaxation(monitor, state, 'Robin conditions on '// &
@@ -144,22 +142,20 @@ contains
   end function has_robin_conditions
 
   !> The steps of (32).
-  subroutine iterate(qp, theta, now, monitor, state)
+  subroutine iterate(qp, now, monitor, state)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(two_sides_t), intent(inout) :: now  !! The sides.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(solver_state_t), intent(inout) :: state  !! With constants and gamma; the mean of both sides, with its history.
     real(dp) :: to_last, to_next, residual, length
     do
-      call step(qp, theta, state%gamma, now, state)
+      call step(qp, state%gamma, now, state)
       residual = norm_of(now%side%residual)
       length = norm_of(now%side%length)
       to_last = norm_of(now%side%to_last)
       to_next = norm_of(now%side%to_next)
-      if (now%stopping%check(qp, theta, to_last + residual, length, state%gamma > state%constants%gamma_limit(), &
-                             monitor, state, &
-                             to_next + state%constants%bound_of_paper(state%gamma, length))) exit
+      if (now%stopping%check(qp, to_last + residual, length, state%gamma > state%constants%gamma_limit(), monitor, &
+          state, to_next + state%constants%bound_of_paper(state%gamma, length))) exit
     end do
   end subroutine iterate
 
@@ -170,9 +166,8 @@ contains
   end function norm_of
 
   !> One step of all bodies, side by side; sums in the order of the bodies, whatever thread is first.
-  subroutine step(qp, theta, gamma, now, state)
+  subroutine step(qp, gamma, now, state)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: gamma  !! Relaxation parameter [].
     type(two_sides_t), intent(inout) :: now  !! The sides; know the norms of the step on return.
     type(solver_state_t), intent(inout) :: state  !! Gets the mean of both sides, without tension.
@@ -181,7 +176,7 @@ contains
     logical :: side_by_side
     integer :: b
     side_by_side = sum([(real(size(qp%block(b)%row), dp)**2, b=1, size(now%side))]) > worth_a_region
-    force = qp%weight*max(0.0_dp, now%y)/theta
+    force = qp%weight*max(0.0_dp, now%y)/qp%theta
     !$omp parallel do default(none) shared(qp, now, force, gamma) schedule(dynamic, 1) if (side_by_side)
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row)

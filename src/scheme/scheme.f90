@@ -37,12 +37,11 @@ module dotyk_scheme_scheme
 
   abstract interface
     !> Solve.
-    subroutine solve_interface(self, qp, compliance, theta, settings, monitor, state, error)
+    subroutine solve_interface(self, qp, compliance, settings, monitor, state, error)
       import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t, dp
       class(scheme_t), intent(in) :: self
       type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
       class(compliance_t), intent(inout) :: compliance  !! C; what entries it forms stays there.
-      real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
       type(solver_settings_t), intent(in) :: settings  !! What the user chose.
       class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
       !> Where to begin if it has pressures; where the scheme ended, and how.
@@ -82,27 +81,25 @@ contains
   end function scheme_expected_products
 
   !> Why the scheme leaves a QP to another one: one of `reason_*`.
-  integer function scheme_why_not(self, qp, compliance, theta) result(reason)
+  integer function scheme_why_not(self, qp, compliance) result(reason)
     class(scheme_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! C.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     reason = reason_none
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
-                              qp%n_rows == size(theta)])
+               qp%n_rows == size(qp%theta)])
     end associate
   end function scheme_why_not
 
   !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
   !> another theta is for the scheme.
-  logical function scheme_finds_displacements(self, qp, compliance, theta) result(finds)
+  logical function scheme_finds_displacements(self, qp, compliance) result(finds)
     class(scheme_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     class(compliance_t), intent(in) :: compliance  !! C.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = .false.
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
-                              qp%n_rows == size(theta)])
+               qp%n_rows == size(qp%theta)])
     end associate
   end function scheme_finds_displacements
 end module dotyk_scheme_scheme

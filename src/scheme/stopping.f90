@@ -101,11 +101,9 @@ contains
   end subroutine take_up
 
   !> Record a step, and say whether it was the last.
-  logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
-                                  bound_of_paper) result(finished)
+  logical function stopping_check(self, qp, bound, length, diverges, monitor, state, bound_of_paper) result(finished)
     class(stopping_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap [sqrt(energy)].
     real(dp), intent(in) :: bound
     real(dp), intent(in) :: length  !! Length of the step in the norm of G [sqrt(energy)].
@@ -119,13 +117,13 @@ contains
     state%stop_rule = self%settings%stop_rule
     associate (m => state%m, y => state%y)
       norm = qp%energy_norm(m, y)
-      gap = duality_gap(qp%weight, theta, m, y)
+      gap = duality_gap(qp%weight, qp%theta, m, y)
       state%error_bound = bound
       if (sqrt(gap) < bound) state%error_bound = sqrt(gap)
       state%error_bound = relative(state%error_bound, norm)
       state%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
       if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
-      state%energy = qp%energy(theta, m, y)
+      state%energy = qp%energy(m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
       call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &
                              state%energy, state%max_penetration, count(y > 0), state%error_bound_paper)

@@ -72,7 +72,7 @@ contains
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
     type(active_system_t) :: system
-    real(dp) :: lambda(qp%n_rows), layer(qp%n_rows)
+    real(dp) :: lambda(qp%n_rows)
     logical :: active(qp%n_rows)
     integer :: b, i, steps
     rigid%n_rows = qp%n_rows
@@ -80,6 +80,7 @@ contains
     rigid%parent_row = [(i, i=1, qp%n_rows)]
     rigid%is_tied = qp%is_tied
     rigid%weight = max(k, tiny(mu))
+    rigid%theta = [(1.0_dp, i=1, qp%n_rows)]
     rigid%initial_penetration = y
     allocate (rigid%block(size(qp%block)))
     do b = 1, size(qp%block)
@@ -90,8 +91,7 @@ contains
     call rigid%coarse%add_springs(mu)
     call none%init(rigid)
     system%coupling = coupling_none
-    layer = 1
-    call interior_point_method(rigid, none, layer, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
+    call interior_point_method(rigid, none, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
                                accuracy)
     call system%destroy()
     found = .not. allocated(error)

@@ -19,14 +19,13 @@ module dotyk_scheme_working_set
 contains
 
   !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
-  subroutine screen_rows(qp, theta, working)
+  subroutine screen_rows(qp, working)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, allocatable, intent(out) :: working(:)  !! Working set (n_rows).
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
     if (qp%n_rows == 0 .or. qp%is_heap()) return
-    call rest_on_winkler_foundation(qp, theta, now, working)
+    call rest_on_winkler_foundation(qp, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.
     if (qp%coarse%n > 0) working = now%y > -maxval(now%y, mask=.not. qp%is_tied)
     working = working .or. abs(now%y) < touching*maxval(abs(now%y)) .or. qp%is_tied

@@ -305,7 +305,8 @@ contains
     type(body_solution_t), allocatable :: solution(:)
     type(error_t), allocatable :: error
     integer :: b
-    call scheme%solve(self%qp, self%compliance, theta, settings, silent, state, error)
+    call self%qp%replace_theta(theta)
+    call scheme%solve(self%qp, self%compliance, settings, silent, state, error)
     if (allocated(error)) error stop 'forms: scheme'
     call recover_bodies(self%problem, self%qp, self%compliance, state%m, state%alpha, .false., solution)
     do b = 1, 3

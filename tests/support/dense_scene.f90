@@ -52,6 +52,8 @@ contains
     integer :: b, i, n
     allocate (response(size(self%body)), body(size(self%body)))
     operator = self%operator
+    operator%theta = [(0.0_dp, i=1, operator%n_rows)]
+    if (allocated(self%theta)) operator%theta = self%theta
     if (.not. allocated(operator%pair_first_row)) operator%pair_first_row = [1, operator%n_rows + 1]
     foundation = [(1.0_dp, i=1, operator%n_rows)]
     if (allocated(self%foundation)) foundation = self%foundation

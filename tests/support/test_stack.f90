@@ -47,7 +47,6 @@ module test_stack
     type(contact_problem_t) :: problem  !! The problem; pairs and their surfaces included.
     type(contact_qp_t) :: qp  !! Its quadratic programme.
     type(body_compliance_t) :: compliance  !! Its compliance operator.
-    real(dp), allocatable :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
   contains
     procedure :: init => stack_init
     procedure :: direct_solution => stack_direct_solution
@@ -121,7 +120,6 @@ contains
       call build_operator(2, 2, problem%pair, problem%surface_a, problem%surface_b, operator)
       call make_problem(operator, problem, self%qp, self%compliance, error)
       if (allocated(error)) error stop 'stack: problem'
-      self%theta = [(problem%pair(k)%row_theta, k=1, n)]
     end associate
   end subroutine stack_init
 

@@ -60,22 +60,20 @@ contains
   end function primal_expected_products
 
   !> Where there are rows.
-  logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
+  logical function primal_finds_displacements(self, qp, compliance) result(finds)
     class(split_primal_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     finds = qp%n_rows > 0
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance)])
     end associate
   end function primal_finds_displacements
 
   !> Solve.
-  subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
+  subroutine primal_solve(self, qp, compliance, settings, monitor, state, error)
     class(split_primal_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance
-    real(dp), intent(in) :: theta(:)
     type(solver_settings_t), intent(in) :: settings
     class(monitor_t), intent(inout) :: monitor
     type(solver_state_t), intent(inout) :: state
@@ -90,7 +88,7 @@ contains
       call compliance%forget_displacements()
     end select
     if (qp%n_rows == 0) then
-      call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+      call dual%solve(qp, compliance, settings, monitor, state, error)
       if (.not. allocated(error)) call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       return
     end if
@@ -105,8 +103,8 @@ contains
       tolerance = settings%tolerance - 2*min(settings%tolerance/4, self%bodies%solve_error())
       call move_alloc(system%u, u)
       if (.not. allocated(state%m) .and. allocated(u)) deallocate (u)
-      call solve_by_displacements(system, qp, theta, tolerance, settings, spread(.false., 1, qp%n_rows), monitor, u, &
-                                  total, state, error)
+      call solve_by_displacements(system, qp, tolerance, settings, spread(.false., 1, qp%n_rows), monitor, u, total, &
+                                  state, error)
       if (allocated(error)) return
       call meet()
       if (.not. allocated(state%m)) return
