@@ -7,13 +7,14 @@ module dotyk_driver_factorization
   use dotyk_control_body_operators, only: make_operators
   use dotyk_control_factorization, only: check_memory, factorize_bodies
   use dotyk_control_response_choice, only: form_multigrid
-  use dotyk_control_joined_rows, only: find_joined_rows
+  use dotyk_control_seams, only: find_seams
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_driver_load_case, only: solve_free
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_pairs, only: foundation_compliance
   use dotyk_response_response, only: response_slot_t
@@ -39,7 +40,7 @@ contains
     type(body_operator_t), allocatable :: operators(:)
     type(coarse_space_t) :: coarse
     real(dp), allocatable :: foundation(:), cost(:), nothing(:)
-    integer, allocatable :: joined_row(:)
+    type(sparse_rows_t), allocatable :: seam
     integer :: i
     logical :: side_by_side
     if (scene%is_split()) then
@@ -61,9 +62,9 @@ contains
       call coarse%take_rows(block, scene%operator%n_rows)
       coarse%max_unbalanced = case%solver%max_unbalanced
       allocate (nothing(scene%operator%n_rows), source=0.0_dp)
-      call find_joined_rows(problem%pair, problem%tie, scene%operator%n_rows, joined_row)
+      call find_seams(problem%body, problem%pair, problem%tie, scene%operator%n_rows, seam)
       call qp%init(scene%operator, nothing, nothing, 0.0_dp, 0.0_dp, foundation, coarse, &
-                   [(i > sum(problem%pair%n_rows), i=1, scene%operator%n_rows)], joined_row)
+                   [(i > sum(problem%pair%n_rows), i=1, scene%operator%n_rows)], seam)
       call compliance%init(qp, response, operators, side_by_side)
       if (case%n_cases() > 1) scene%modes = problem%modes
       call solve_free(scene, error)

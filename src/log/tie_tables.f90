@@ -5,7 +5,7 @@ module dotyk_log_tie_tables
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
-  use dotyk_control_joined_rows, only: find_joined_rows, pair_of_other_roles
+  use dotyk_control_seams, only: count_split_rows, pair_of_other_roles
   use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_load_tables, only: vector_text
@@ -32,7 +32,7 @@ contains
     type(tied_surfaces_t), intent(in) :: tie(:)  !! Ties (n_ties).
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     character(20) :: label
-    integer, allocatable :: joined_row(:), n_split(:, :)
+    integer, allocatable :: n_split(:, :)
     integer :: k, p, q
     if (size(tie) == 0) return
     call log%line('')
@@ -66,7 +66,7 @@ contains
                         quoted(body(pair(p)%body_b)%name)//' in the same planes')
       end do
     end do
-    call find_joined_rows(pair, tie, sum(pair%n_rows), joined_row, n_split)
+    call count_split_rows(body, pair, tie, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)
         q = pair_of_other_roles(pair, tie(k), p)
@@ -77,8 +77,9 @@ contains
                         ' surface_a, or surface_b, of both')
         if (n_split(p, k) == 0) cycle
         call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
-                      ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface fit no '// &
-                      'vertex of the master surface: the pressure there is divided at will between both sides; '// &
+                      ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface '// &
+                      'lie between no two of the master surface: the pressure there is divided at will between both '// &
+                      'sides; '// &
                       'forces, and pressures a few elements away, are right')
       end do
     end do

@@ -17,6 +17,7 @@
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_coarse_space, only: coarse_space_t
   implicit none
   private
@@ -25,9 +26,9 @@ module dotyk_scheme_contact_qp
   type, public :: contact_qp_t
     integer :: n_rows = 0  !! Number of rows, of contact and of ties.
     logical, allocatable :: is_tied(:)  !! Rows of ties (n_rows).
-    !> Row of the QP that the scheme solves that each row belongs to: contact rows of one vertex on both sides of a tie
-    !> are one. Not allocated where each is one by itself (n_rows).
-    integer, allocatable :: joined_row(:)
+    !> Pressures of the rows from those of the QP that the scheme solves, where contact goes on across a tie: rows of one
+    !> vertex on both sides are one, others are interpolated. Not allocated where each has its own (n_rows, n_left) [].
+    type(sparse_rows_t), allocatable :: seam
     integer :: dimension = 0  !! Dimension of space.
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1; after contact pairs come the components of ties
     !> (n_pairs+1).
@@ -75,7 +76,7 @@ contains
 
   !> Make the QP.
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
-                     foundation, coarse, is_tied, joined_row)
+                     foundation, coarse, is_tied, seam)
     class(contact_qp_t), intent(out) :: self
     type(contact_operator_t), intent(inout) :: operator  !! Rows of B, weights, gaps, theta; without its blocks on return.
     real(dp), intent(in) :: initial_penetration(:)  !! y_0 (n_rows) [length].
@@ -86,7 +87,7 @@ contains
     real(dp), intent(in) :: foundation(:)
     type(coarse_space_t), intent(in) :: coarse  !! Coarse space of the same rows.
     logical, intent(in), optional :: is_tied(:)  !! Rows of ties; none if absent (n_rows).
-    integer, intent(in), optional :: joined_row(:)  !! See `contact_qp_t` (n_rows).
+    type(sparse_rows_t), allocatable, intent(in), optional :: seam  !! See `contact_qp_t` (n_rows, n_left).
     integer :: i
     self%n_rows = operator%n_rows
     self%dimension = operator%dimension
@@ -104,7 +105,8 @@ contains
     self%coarse = coarse
     allocate (self%is_tied(operator%n_rows), source=.false.)
     if (present(is_tied)) self%is_tied = is_tied
-    if (present(joined_row)) self%joined_row = joined_row
+    if (.not. present(seam)) return
+    if (allocated(seam)) self%seam = seam
   end subroutine qp_init
 
   !> The QP of another load case: the rows are the same.
@@ -272,19 +274,13 @@ contains
   pure function qp_of_vertices(self, y) result(mean)
     class(contact_qp_t), intent(in) :: self
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
-    real(dp), allocatable :: mean(:), weight(:)
-    integer :: i
+    real(dp), allocatable :: mean(:), weight(:), left(:)
     mean = y
-    if (.not. allocated(self%joined_row)) return
-    allocate (weight(maxval(self%joined_row)), source=0.0_dp)
-    mean(:size(weight)) = 0
-    do i = 1, size(y)
-      associate (k => self%joined_row(i))
-        weight(k) = weight(k) + self%weight(i)
-        mean(k) = mean(k) + self%weight(i)*y(i)
-      end associate
-    end do
-    mean = mean(self%joined_row)/weight(self%joined_row)
+    if (.not. allocated(self%seam)) return
+    allocate (weight(self%seam%n_columns), left(self%seam%n_columns))
+    call self%seam%multiply_transposed(self%weight, weight)
+    call self%seam%multiply_transposed(self%weight*y, left)
+    call self%seam%multiply(left/weight, mean)
   end function qp_of_vertices
 
   !> Nodal contact forces on one body, - B_b^T W m.

@@ -14,6 +14,7 @@ module dotyk_scheme_dual
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
     rounding, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
@@ -29,7 +30,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: aggregate_values, form_aggregate, join_qp, restrict_qp
+  use dotyk_scheme_restriction, only: form_aggregate, join_qp, join_state, part_state, restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
@@ -114,7 +115,7 @@ contains
     logical :: warm, explains
     integer :: round
 
-    if (allocated(qp%joined_row)) then
+    if (allocated(qp%seam)) then
       call solve_joined(self, qp, compliance, settings, monitor, state, error)
       return
     end if
@@ -205,10 +206,10 @@ contains
     end function needs_entries_of_ties
   end subroutine dual_solve
 
-  !> Solve for rows that are one.
+  !> Solve for the pressures that are left at seams.
   recursive subroutine solve_joined(self, qp, compliance, settings, monitor, state, error)
     class(dual_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! With rows to join.
+    type(contact_qp_t), intent(in) :: qp  !! With seams.
     class(compliance_t), intent(inout) :: compliance  !! As in `dual_solve`.
     type(solver_settings_t), intent(in) :: settings  !! As in `dual_solve`.
     class(monitor_t), intent(inout) :: monitor  !! As in `dual_solve`.
@@ -216,18 +217,16 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
     type(contact_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
-    real(dp), allocatable :: fraction(:), z(:), motion(:)
+    type(sparse_rows_t) :: fraction
+    real(dp), allocatable :: z(:), motion(:)
     call join_qp(qp, joined, fraction)
     call form_aggregate(joined, compliance, of_joined)
-    associate (row => qp%joined_row)
-      if (allocated(state%m)) state%m = aggregate_values(row, joined%n_rows, fraction, state%m)
-      if (allocated(state%y)) state%y = aggregate_values(row, joined%n_rows, fraction, state%y)
-      call self%solve(joined, of_joined, settings, monitor, state, error)
-      if (allocated(error)) return
-      if (state%rigid_row > 0) state%rigid_row = findloc(row, state%rigid_row, 1)
-      if (.not. allocated(state%m)) return
-      state%m = state%m(row)
-    end associate
+    call join_state(fraction, state)
+    call self%solve(joined, of_joined, settings, monitor, state, error)
+    if (allocated(error)) return
+    if (state%rigid_row > 0) state%rigid_row = findloc(qp%seam%column, state%rigid_row, 1)
+    if (.not. allocated(state%m)) return
+    call part_state(qp, state)
     allocate (z(qp%n_rows), motion(qp%n_rows))
     call compliance%multiply(qp, qp%weight*state%m, z)
     call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)

@@ -9,7 +9,7 @@ module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -19,7 +19,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_primal_solution, only: presses_rigid_rows, solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
-  use dotyk_scheme_restriction, only: aggregate_values, join_qp
+  use dotyk_scheme_restriction, only: join_qp, join_state, part_state
   use dotyk_scheme_scheme, only: reason_aggregates, reason_near_null_modes, reason_no_rows, &
     reason_none, reason_rigid_rows, scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves
@@ -192,24 +192,21 @@ contains
     type(primal_system_t), target :: system
     type(proximal_outcome_t) :: total
     type(contact_qp_t) :: joined
-    real(dp), allocatable :: v(:), fraction(:)
+    type(sparse_rows_t) :: fraction
+    real(dp), allocatable :: v(:)
     logical, allocatable :: is_rigid(:)
     system%compliance => compliance
-    if (allocated(qp%joined_row)) then
+    if (allocated(qp%seam)) then
       call join_qp(qp, joined, fraction)
-      associate (row => qp%joined_row, n => joined%n_rows)
-        allocate (is_rigid(n))
-        call find_rigid_rows(joined, compliance, is_rigid)
-        if (allocated(state%m)) state%m = aggregate_values(row, n, fraction, state%m)
-        if (allocated(state%y)) state%y = aggregate_values(row, n, fraction, state%y)
-        call solve_by_displacements(system, joined, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
-                                    error)
-        if (allocated(error) .or. .not. allocated(state%m)) return
-        state%m = state%m(row)
-        deallocate (state%y)
-        allocate (state%y(qp%n_rows))
-        call system%find_penetrations(qp, v, state%y)
-      end associate
+      allocate (is_rigid(joined%n_rows))
+      call find_rigid_rows(joined, compliance, is_rigid)
+      call join_state(fraction, state)
+      call solve_by_displacements(system, joined, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
+                                  error)
+      if (allocated(error) .or. .not. allocated(state%m)) return
+      call part_state(qp, state)
+      allocate (state%y(qp%n_rows))
+      call system%find_penetrations(qp, v, state%y)
     else
       allocate (is_rigid(qp%n_rows))
       call find_rigid_rows(qp, compliance, is_rigid)

@@ -5,13 +5,16 @@
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
+  use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp, merge_bodies
+  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp, join_state, &
+    merge_bodies, part_state
 
   type, public :: index_list_t  !! Some rows.
     integer, allocatable :: value(:)  !! Their numbers.
@@ -32,7 +35,7 @@ contains
     allocate (group(size(keep)), source=0)
     n = count(keep)
     group(pack([(i, i=1, size(keep))], keep)) = [(i, i=1, n)]
-    call join_rows(qp, group, n, part, fraction)
+    call join_groups(qp, group, n, part, fraction)
     part%level = qp%level
     part%parent_row = pack(qp%parent_row, keep)
   end subroutine restrict_qp
@@ -45,7 +48,7 @@ contains
     type(contact_qp_t), intent(out) :: aggregated  !! The QP of the groups.
     real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
     integer :: i
-    call join_rows(qp, group, n_groups, aggregated, fraction)
+    call join_groups(qp, group, n_groups, aggregated, fraction)
     aggregated%level = qp%level + 1
     aggregated%parent_row = [(i, i=1, n_groups)]
   end subroutine aggregate_qp
@@ -101,14 +104,15 @@ contains
     end do
   end subroutine form_aggregate
 
-  !> The QP in which rows that are one are joined (`joined_row`).
+  !> The QP of the pressures that are left at seams (`seam`).
   subroutine join_qp(qp, joined, fraction)
-    type(contact_qp_t), intent(in) :: qp  !! With rows to join.
+    type(contact_qp_t), intent(in) :: qp  !! With seams.
     type(contact_qp_t), intent(out) :: joined  !! The QP.
-    !> Fraction of each row in the weight of its joined row (n_rows) [].
-    real(dp), allocatable, intent(out) :: fraction(:)
-    integer :: b, k
-    call aggregate_qp(qp, qp%joined_row, maxval(qp%joined_row), joined, fraction)
+    type(sparse_rows_t), intent(out) :: fraction  !! Fraction of each row in the weight of the joined ones [].
+    integer :: b, i, k
+    call join_rows(qp, qp%seam, joined, fraction)
+    joined%level = qp%level + 1
+    joined%parent_row = [(i, i=1, joined%n_rows)]
     ! Motions that move the rows of both sides in opposite directions, as a rotation moves the two rows of one vertex of
     ! a polygon, leave rounding in their mean.
     do b = 1, size(joined%block)
@@ -119,6 +123,31 @@ contains
       end associate
     end do
   end subroutine join_qp
+
+  !> A state of the rows as a start for the pressures that are left at seams.
+  subroutine join_state(fraction, state)
+    type(sparse_rows_t), intent(in) :: fraction  !! As in `join_qp`.
+    type(solver_state_t), intent(inout) :: state  !! The state.
+    real(dp) :: left(fraction%n_columns)
+    if (allocated(state%m)) then
+      call fraction%multiply_transposed(state%m, left)
+      state%m = left
+    end if
+    if (allocated(state%y)) then
+      call fraction%multiply_transposed(state%y, left)
+      state%y = left
+    end if
+  end subroutine join_state
+
+  !> The pressures of all rows from those that are left at seams.
+  subroutine part_state(qp, state)
+    type(contact_qp_t), intent(in) :: qp  !! With seams.
+    type(solver_state_t), intent(inout) :: state  !! The state; its penetrations are left to the caller.
+    real(dp) :: m(qp%n_rows)
+    call qp%seam%multiply(state%m, m)
+    state%m = m
+    if (allocated(state%y)) deallocate (state%y)
+  end subroutine part_state
 
   !> The QP in which groups of bodies are one body each, with the rigid body motions of the group. Its rows of B are
   !> empty: the compliance of the groups is known otherwise.
@@ -164,46 +193,68 @@ contains
   end subroutine merge_bodies
 
   !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
-  subroutine join_rows(qp, group, n_groups, joined, fraction)
+  subroutine join_groups(qp, group, n_groups, joined, fraction)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
     integer, intent(in) :: n_groups  !! Number of groups.
     type(contact_qp_t), intent(out) :: joined  !! The QP of the groups.
     real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
-    integer :: i, k, b
-    joined%n_rows = n_groups
-    joined%dimension = qp%dimension
-    allocate (joined%is_tied(n_groups), source=.false.)
+    type(sparse_rows_t) :: share, of_rows
+    integer :: i
+    share%n_rows = size(group)
+    share%n_columns = n_groups
+    allocate (share%row_start(size(group) + 1))
+    share%row_start(1) = 1
     do i = 1, size(group)
-      if (group(i) > 0) joined%is_tied(group(i)) = qp%is_tied(i)
+      share%row_start(i + 1) = share%row_start(i) + merge(1, 0, group(i) > 0)
     end do
-    allocate (joined%weight(n_groups), source=0.0_dp)
-    do i = 1, size(group)
-      if (group(i) > 0) joined%weight(group(i)) = joined%weight(group(i)) + qp%weight(i)
-    end do
-    allocate (fraction(size(group)), source=0.0_dp)
-    do i = 1, size(group)
-      if (group(i) > 0) fraction(i) = qp%weight(i)/joined%weight(group(i))
-    end do
-    joined%gap = aggregate_values(group, n_groups, fraction, qp%gap)
-    joined%theta = aggregate_values(group, n_groups, fraction, qp%theta)
-    joined%initial_penetration = aggregate_values(group, n_groups, fraction, qp%initial_penetration)
-    joined%load_displacement = aggregate_values(group, n_groups, fraction, qp%load_displacement)
-    joined%foundation = aggregate_values(group, n_groups, fraction, qp%foundation)
-    joined%pair_first_row = qp%pair_first_row
-    do k = 1, size(qp%pair_first_row) - 1
-      associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1)
-        ! A group has rows of one pair.
-        joined%pair_first_row(k + 1) = max(joined%pair_first_row(k), maxval([0, group(first:last)]) + 1)
-      end associate
-    end do
+    share%column = pack(group, group > 0)
+    share%value = [(1.0_dp, i=1, size(share%column))]
+    call join_rows(qp, share, joined, of_rows)
+    fraction = unpack(of_rows%value, group > 0, [(0.0_dp, i=1, size(group))])
+  end subroutine join_groups
+
+  !> The QP of other pressures, of which those of the rows are sums.
+  subroutine join_rows(qp, share, joined, fraction)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    !> Pressures of the rows from the other ones; no entries for rows that are left out (n_rows, n_joined) [].
+    type(sparse_rows_t), intent(in) :: share
+    type(contact_qp_t), intent(out) :: joined  !! The QP of the other pressures.
+    type(sparse_rows_t), intent(out) :: fraction  !! Fractions of the rows in the weights of these [].
+    integer :: home(share%n_columns), i, k, b
+    associate (n => share%n_columns)
+      joined%n_rows = n
+      joined%dimension = qp%dimension
+      allocate (joined%is_tied(n), source=.false.)
+      allocate (joined%weight(n), joined%gap(n), joined%theta(n), joined%initial_penetration(n), &
+                joined%load_displacement(n), joined%foundation(n))
+      call share%multiply_transposed(qp%weight, joined%weight)
+      fraction = share
+      home = share%n_rows
+      do i = share%n_rows, 1, -1
+        do k = share%row_start(i), share%row_start(i + 1) - 1
+          associate (j => share%column(k))
+            fraction%value(k) = share%value(k)*qp%weight(i)/joined%weight(j)
+            joined%is_tied(j) = qp%is_tied(i)
+            ! Interpolated rows may be in pairs before.
+            if (.not. share%value(k) < 1) home(j) = i
+          end associate
+        end do
+      end do
+      call fraction%multiply_transposed(qp%gap, joined%gap)
+      call fraction%multiply_transposed(qp%theta, joined%theta)
+      call fraction%multiply_transposed(qp%initial_penetration, joined%initial_penetration)
+      call fraction%multiply_transposed(qp%load_displacement, joined%load_displacement)
+      call fraction%multiply_transposed(qp%foundation, joined%foundation)
+    end associate
+    joined%pair_first_row = [(1 + count(home < qp%pair_first_row(k)), k=1, size(qp%pair_first_row))]
     joined%energy_0 = qp%energy_0
     joined%norm_square_0 = qp%norm_square_0
     allocate (joined%block(size(qp%block)))
     do b = 1, size(qp%block)
-      call join_block(qp%block(b), group, n_groups, fraction, joined%block(b))
+      call join_block(qp%block(b), fraction, joined%block(b))
     end do
-    call join_modes(qp, group, fraction, joined%block, n_groups, joined%coarse)
+    call join_modes(qp, fraction, joined%block, joined%coarse)
   end subroutine join_rows
 
   !> Weighted means of values over groups.
@@ -221,52 +272,52 @@ contains
   end function aggregate_values
 
   !> One body's rows of B, joined.
-  subroutine join_block(fine, group, n_groups, fraction, joined)
+  subroutine join_block(fine, fraction, joined)
     type(contact_block_t), intent(in) :: fine  !! The body's rows.
-    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: n_groups  !! Number of groups.
-    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
-    type(contact_block_t), intent(inout) :: joined  !! The body's groups.
+    type(sparse_rows_t), intent(in) :: fraction  !! Fractions of the rows in the joined ones (n_rows, n_joined) [].
+    type(contact_block_t), intent(inout) :: joined  !! The body's joined rows.
     integer, allocatable :: row(:), column(:), number(:)
     real(dp), allocatable :: value(:)
-    integer :: i, k, n
+    integer :: i, k, l, n
     joined%n_nodes = fine%n_nodes
     joined%contact_node = fine%contact_node
     if (allocated(fine%whole_node)) joined%whole_node = fine%whole_node
-    allocate (number(0:n_groups), source=0)
+    allocate (number(fraction%n_columns), source=0)
+    n = 0
     do i = 1, size(fine%row)
-      number(group(fine%row(i))) = 1
+      associate (first => fraction%row_start(fine%row(i)), last => fraction%row_start(fine%row(i) + 1) - 1)
+        number(fraction%column(first:last)) = 1
+        n = n + (last - first + 1)*(fine%matrix%row_start(i + 1) - fine%matrix%row_start(i))
+      end associate
     end do
-    joined%row = pack([(i, i=1, n_groups)], number(1:) > 0)
-    number(0) = 0
+    joined%row = pack([(i, i=1, size(number))], number > 0)
     number(joined%row) = [(i, i=1, size(joined%row))]
-    allocate (row(size(fine%matrix%column)), column(size(fine%matrix%column)), value(size(fine%matrix%column)))
+    allocate (row(n), column(n), value(n))
     n = 0
     do i = 1, fine%matrix%n_rows
-      if (group(fine%row(i)) == 0) cycle
-      do k = fine%matrix%row_start(i), fine%matrix%row_start(i + 1) - 1
-        n = n + 1
-        row(n) = number(group(fine%row(i)))
-        column(n) = fine%matrix%column(k)
-        value(n) = fraction(fine%row(i))*fine%matrix%value(k)
+      do l = fraction%row_start(fine%row(i)), fraction%row_start(fine%row(i) + 1) - 1
+        do k = fine%matrix%row_start(i), fine%matrix%row_start(i + 1) - 1
+          n = n + 1
+          row(n) = number(fraction%column(l))
+          column(n) = fine%matrix%column(k)
+          value(n) = fraction%value(l)*fine%matrix%value(k)
+        end do
       end do
     end do
-    call joined%matrix%init_from_triplets(size(joined%row), fine%matrix%n_columns, row(:n), column(:n), value(:n))
+    call joined%matrix%init_from_triplets(size(joined%row), fine%matrix%n_columns, row, column, value)
   end subroutine join_block
 
   !> The rigid body modes at the joined rows; scales and resultants are those of the bodies.
-  subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
+  subroutine join_modes(qp, fraction, block, coarse)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
-    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    type(sparse_rows_t), intent(in) :: fraction  !! Fractions of the rows in the joined ones (n_rows, n_joined) [].
     type(contact_block_t), intent(in) :: block(:)  !! Joined rows of B (n_bodies).
-    integer, intent(in) :: n_groups  !! Number of groups.
-    type(coarse_space_t), intent(out) :: coarse  !! The modes at the groups.
+    type(coarse_space_t), intent(out) :: coarse  !! The modes at the joined rows.
     integer, allocatable :: place_of(:)
     integer :: b, i
     coarse = qp%coarse
-    call coarse%take_rows(block, n_groups)
-    allocate (place_of(n_groups))
+    call coarse%take_rows(block, fraction%n_columns)
+    allocate (place_of(fraction%n_columns))
     do b = 1, size(block)
       place_of(block(b)%row) = [(i, i=1, size(block(b)%row))]
       call join(qp%block(b)%row, size(block(b)%row), qp%coarse%block(b)%value, coarse%block(b)%value)
@@ -277,17 +328,18 @@ contains
     !> Rows of one body.
     subroutine join(row, n, fine, joined)
       integer, intent(in) :: row(:)  !! All rows of the body (n_fine).
-      integer, intent(in) :: n  !! Number of its groups.
+      integer, intent(in) :: n  !! Number of its joined ones.
       real(dp), intent(in) :: fine(:, :)  !! Modes at its rows (n_fine, n_modes) [].
-      real(dp), allocatable, intent(inout) :: joined(:, :)  !! At its groups (n, n_modes) [].
-      integer :: j
+      real(dp), allocatable, intent(inout) :: joined(:, :)  !! At its joined ones (n, n_modes) [].
+      integer :: j, l
       deallocate (joined)
       allocate (joined(n, size(fine, 2)), source=0.0_dp)
       do j = 1, size(row)
-        if (group(row(j)) == 0) cycle
-        associate (at => place_of(group(row(j))))
-          joined(at, :) = joined(at, :) + fraction(row(j))*fine(j, :)
-        end associate
+        do l = fraction%row_start(row(j)), fraction%row_start(row(j) + 1) - 1
+          associate (at => place_of(fraction%column(l)))
+            joined(at, :) = joined(at, :) + fraction%value(l)*fine(j, :)
+          end associate
+        end do
       end do
     end subroutine join
   end subroutine join_modes
