@@ -36,6 +36,8 @@ module dotyk_contact_pair
     character(:), allocatable :: name  !! Name of the pair.
     integer :: body_a = 0  !! Index of body a, the slave body.
     integer :: body_b = 0  !! Index of body b, the master body.
+    !> The tie across which contact goes on, where the sides were exchanged for that; not allocated elsewhere.
+    character(:), allocatable :: other_roles
     integer :: dimension = 0  !! Dimension of space, 2 or 3.
     integer :: discretization = default_discretization  !! Form of the rows, one of `discretization_*`.
     integer :: n_points = 0  !! Number of integration points that have a projection.

@@ -1,5 +1,5 @@
-!> Contact that goes on across a tie: where tied surfaces meet the same third surface, as bodies that lie side by side on
-!> a plate do, or the cut of a cyclic sector that is in contact across the cut.
+!> Contact that goes on across a tie: where tied surfaces meet the same third surface, as bodies that lie side by side
+!> on a plate do, or the cut of a cyclic sector that is in contact across the cut.
 !>
 !> At such a seam each side has contact rows of its own, whose pressures would be divided at will, as the tie makes the
 !> displacements equal. The pressure is one function on both sides: at the seam it has its values in the vertices of the

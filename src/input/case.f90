@@ -162,6 +162,8 @@ module dotyk_input_case
     integer :: discretization = default_discretization  !! One of `discretization_*`.
     integer :: geometry = default_geometry  !! One of `geometry_*`.
     integer :: quadrature = default_quadrature  !! One of `quadrature_*`.
+  contains
+    procedure :: exchange => contact_exchange
   end type contact_input_t
 
   type, public :: solver_input_t  !! `&solver`.
@@ -232,6 +234,19 @@ module dotyk_input_case
   public :: applies_in, body_input_t, contact_case_input_t, load_case_input_t, tie_input_t
 
 contains
+
+  !> Exchange slave and master side.
+  subroutine contact_exchange(self)
+    class(contact_input_t), intent(inout) :: self
+    character(:), allocatable :: surface
+    integer :: body
+    body = self%body_a
+    self%body_a = self%body_b
+    self%body_b = body
+    call move_alloc(self%surface_a, surface)
+    call move_alloc(self%surface_b, self%surface_a)
+    call move_alloc(surface, self%surface_b)
+  end subroutine contact_exchange
 
   !> Number of load cases: at least one.
   pure integer function case_n_cases(self) result(n)

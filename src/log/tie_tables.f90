@@ -66,6 +66,11 @@ contains
                         quoted(body(pair(p)%body_b)%name)//' in the same planes')
       end do
     end do
+    do p = 1, size(pair)
+      if (allocated(pair(p)%other_roles)) &
+        call log%line('  '//quoted(pair(p)%name)//': surface_a and surface_b are exchanged, as contact goes on '// &
+                      'across the tie '//quoted(pair(p)%other_roles)//', where the other side is surface_a')
+    end do
     call count_split_rows(body, pair, tie, n_split)
     do k = 1, size(tie)
       do p = 1, size(pair)

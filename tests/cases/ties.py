@@ -141,8 +141,8 @@ class Ties(Case):
                 self.compare_beside(slave, n)
 
     def test_other_roles(self):
-        """A body that is the slave of one of two tied bodies and the master of the other one divides the pressure at the tie: a
-        warning names the pairs."""
+        """A body that is the slave of one of two tied bodies and the master of the other one: the sides of the second pair are
+        exchanged, and the pressures are those of the same roles."""
         lines = ["&scene analysis='plane_strain', mesh='plate.geo' /", MATERIAL,
                  "&body name='plate', volume='block', material='steel' /", "&support body='plate', surface='bottom', fix='xy' /"]
         self.write("plate.geo", blocks.block_geo("quad4", (4, 1), (-0.5, -1), (3, 1)))
@@ -153,9 +153,13 @@ class Ties(Case):
                       "&load body='%s', surface='top', pressure=1 /" % name]
         lines.append("&tie name='joint', surface_a='left:joint', surface_b='right:joint' /")
         contact = "&contact name='%s', surface_a='%s', surface_b='%s' /"
-        for right, warns in (("right:bottom", "plate:top"), False), (("plate:top", "right:bottom"), True):
-            log = self.solve("roles", [*lines, contact % ("one", "left:bottom", "plate:top"), contact % ("two", *right)])[0]
-            self.assertEqual(warns, "warning: 'one' goes on across the tie 'joint' as 'two', with the slave on the other side" in log)
+        found = []
+        for right, exchanges in (("right:bottom", "plate:top"), False), (("plate:top", "right:bottom"), True):
+            log, _, file = self.solve("roles", [*lines, contact % ("one", "left:bottom", "plate:top"), contact % ("two", *right)])
+            self.assertEqual(exchanges, "'two': surface_a and surface_b are exchanged, as contact goes on across the tie 'joint'" in log)
+            self.assertNotIn("warning", log)
+            found.append(np.concatenate([file["dotyk/contact"][name]["pressure"][()] for name in ("one", "two")]))
+        np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
 
     def compare_beside(self, slave, n_plate):
         found, pressure = [], []
@@ -185,6 +189,52 @@ class Ties(Case):
         peak = max(pressure[1].values())
         for place, value in pressure[0].items():
             self.assertAlmostEqual(value / peak, pressure[1][place] / peak, delta=1e-9, msg=place)
+
+    def beside(self, name, cells, kind, n_plate, wide, poisson, load, slave="block", solver=""):
+        """Pressures at the slave vertices below blocks side by side, tied to each other, on a plate."""
+        lines = ["&scene mesh='plate.geo' /", material(poisson), "&body name='plate', volume='block', material='steel' /",
+                 "&support body='plate', surface='bottom', fix='xyz' /", solver]
+        self.write("plate.geo", blocks.block_geo(kind, n_plate, (-wide, -wide, -1), (2 + 2 * wide, 1 + 2 * wide, 1)))
+        for body, (n, x, width) in cells.items():
+            self.write(body + ".geo", blocks.block_geo(kind, n, (x, 0, 0), (width, 1, 1)) +
+                       'Physical Surface("joint") = {Surface In BoundingBox {0.99, -1, -1, 1.01, 2, 2}};\n')
+            lines += ["&body name='%s', volume='block', material='steel', mesh='%s.geo' /" % (body, body),
+                      "&load body='%s', surface='top', %s /" % (body, load),
+                      "&contact name='%s', surface_a='%s', surface_b='%s', theta=0 /" % (
+                          body, *((body + ":bottom", "plate:top")[::1 if slave == "block" else -1]))]
+        if len(cells) == 2:
+            lines.append("&tie name='joint', surface_a='left:joint', surface_b='right:joint' /")
+        log, _, file = self.solve(name, lines)
+        self.assertNotIn("warning", log)
+        return {body: [(tuple(x[:2]), p) for x, p in zip(file["dotyk/contact"][body]["position"][()],
+                                                         file["dotyk/contact"][body]["pressure"][()])] for body in cells}
+
+    def test_seams_that_do_not_fit(self):
+        """The pressure below two tied blocks is one function, whatever meshes meet at the seam: uniform where it is, and
+        between those of one block of either mesh where it is not."""
+        for kind, solver in ("hex8", ""), ("hex20", ""), ("hex20", MULTIGRID):
+            for slave in "block", "plate":
+                with self.subTest(kind=kind, solver=solver, slave=slave):
+                    of_body = self.beside("even", {"left": ((2, 4, 2), 0, 1), "right": ((2, 5, 2), 1, 1)}, kind, (3, 3, 2), 0, 0,
+                                          "pressure=100", slave, solver)
+                    for values in of_body.values():
+                        np.testing.assert_allclose([p for _, p in values], 100, rtol=1e-6)
+        found = self.beside("two", {"left": ((4, 4, 4), 0, 1), "right": ((4, 5, 4), 1, 1)}, "hex8", (7, 6, 3), 0.5, POISSON,
+                            "pressure_formula='100*(1+x)'")
+        ends = [[], []]
+        inside = [[], []]
+        for k, n in enumerate((4, 5)):
+            for (x, y), p in self.beside("one", {"both": ((8, n, 4), 0, 2)}, "hex8", (7, 6, 3), 0.5, POISSON,
+                                         "pressure_formula='100*(1+x)'")["both"]:
+                if abs(x - 1) < 1e-9:
+                    (ends if min(y, 1 - y) < 1e-9 else inside)[k].append(p)
+        for values in found.values():
+            for (x, y), p in values:
+                if abs(x - 1) > 1e-9:
+                    continue
+                low, high = (ends[0][0], ends[1][0]) if min(y, 1 - y) < 1e-9 else (min(map(min, inside)), max(map(max, inside)))
+                self.assertGreater(p, 0.995 * low)
+                self.assertLess(p, 1.005 * high)
 
     def test_bolt(self):
         """A bar between walls, cut by a bolt: tension and shortening as F L = E A s, given either of them."""
