@@ -83,9 +83,8 @@ contains
         if (n_split(p, k) == 0) cycle
         call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
                       ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface '// &
-                      'lie between no two of the master surface: the pressure there is divided at will between both '// &
-                      'sides; '// &
-                      'forces, and pressures a few elements away, are right')
+                      'lie between no two of the master surface: the pressure there is divided at will between '// &
+                      'both sides; forces, and pressures a few elements away, are right')
       end do
     end do
   end subroutine show_ties

@@ -26,8 +26,9 @@ module dotyk_scheme_contact_qp
   type, public :: contact_qp_t
     integer :: n_rows = 0  !! Number of rows, of contact and of ties.
     logical, allocatable :: is_tied(:)  !! Rows of ties (n_rows).
-    !> Pressures of the rows from those of the QP that the scheme solves, where contact goes on across a tie: rows of one
-    !> vertex on both sides are one, others are interpolated. Not allocated where each has its own (n_rows, n_left) [].
+    !> Pressures of the rows from those of the QP that the scheme solves, where contact goes on across a tie: rows of
+    !> one vertex on both sides are one, others are interpolated. Not allocated where each has its own (n_rows, n_left)
+    !> [].
     type(sparse_rows_t), allocatable :: seam
     integer :: dimension = 0  !! Dimension of space.
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1; after contact pairs come the components of ties
