@@ -12,8 +12,8 @@
 !> contact u_0, and the rigid body modes `G = B R` of floating bodies, their resultants e and springs S
 !> (`dotyk_scheme_coarse_space`). Every iterate is `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per
 !> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The tolerance is an argument of a solve;
-!> the penalty parameters theta belong to the rows. Rows of ties are equations, `B u - d = 0`: their forces have any sign, and their
-!> theta is 0. (docs/theory.md)
+!> the penalty parameters theta belong to the rows. Rows of ties are equations, `B u - d = 0`: their forces have any
+!> sign, and their theta is 0. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
@@ -79,7 +79,8 @@ contains
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
                      foundation, coarse, is_tied, seam)
     class(contact_qp_t), intent(out) :: self
-    type(contact_operator_t), intent(inout) :: operator  !! Rows of B, weights, gaps, theta; without its blocks on return.
+    !> Rows of B, weights, gaps, theta; without its blocks on return.
+    type(contact_operator_t), intent(inout) :: operator
     real(dp), intent(in) :: initial_penetration(:)  !! y_0 (n_rows) [length].
     real(dp), intent(in) :: load_displacement(:)  !! B K^+ f (n_rows) [length].
     real(dp), intent(in) :: energy_0  !! Potential energy of the solution without contact [energy].
