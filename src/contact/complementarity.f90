@@ -8,6 +8,7 @@
 module dotyk_contact_complementarity
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_facet_bending, only: bending_of_points
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
@@ -61,11 +62,13 @@ contains
     real(dp), allocatable, intent(out) :: gap(:)
     type(corner_interpolation_t) :: corners
     real(dp), allocatable :: at_corner(:), theta_at_corner(:)
-    real(dp) :: relative(size(u_a, 1)), theta
+    real(dp) :: bend(pair%n_points), relative(size(u_a, 1)), theta
     integer :: i, n
     allocate (p(pair%n_points), gap(pair%n_points))
+    bend = bending_of_points(pair, surface_a, pressure)
     if (pair%n_mortar_points > 0) then
-      call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points))
+      call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points), &
+                        pair%sheet_b(1:pair%n_mortar_points))
       ! Vertices without a row have almost no area.
       allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
       at_corner(pair%row_corner) = pressure(1:pair%n_mortar_rows)
@@ -82,7 +85,7 @@ contains
       end if
       relative = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
                 displacement(surface_b, pair%facet_b(i), pair%xi_b(:, i), u_b)
-      gap(i) = pair%gap(i) + theta*p(i) - dot_product(pair%normal(:, i), relative)
+      gap(i) = pair%gap(i) + bend(i) + theta*p(i) - dot_product(pair%normal(:, i), relative)
     end do
   end subroutine gaps_under_pressure
 

@@ -1,6 +1,7 @@
 !> Interpolation with linear shape functions on one side of a contact pair: values at the corners of the facets that
 !> carry contact points. The functions are continuous on each smooth sheet (smooth_sheets.f90): a vertex of a sharp edge
-!> is one corner for each sheet.
+!> is one corner for each sheet, and so it is for each sheet of the other side that its points face: the gap has a kink
+!> where the other side has an edge.
 module dotyk_contact_corner_interpolation
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, shape_functions
@@ -9,7 +10,7 @@ module dotyk_contact_corner_interpolation
   private
 
   type, public :: corner_interpolation_t  !! Linear interpolation on one side of a pair.
-    integer :: n = 0  !! Number of corners: one for each vertex and sheet.
+    integer :: n = 0  !! Number of corners: one for each vertex, sheet and sheet of the other side.
     !> Body-local numbers of their nodes, ascending; repeated where sheets meet (n).
     integer, allocatable :: corner_node(:)
     !> Corners of the facet of each point as numbers 1..n, padded with 0 (4, n_points).
@@ -32,14 +33,17 @@ module dotyk_contact_corner_interpolation
 contains
 
   !> Number the corners and evaluate the shape functions.
-  subroutine corner_interpolation_init(self, surface, facet, xi)
+  subroutine corner_interpolation_init(self, surface, facet, xi, other_sheet)
     class(corner_interpolation_t), intent(out) :: self
     type(surface_t), intent(in) :: surface  !! Surface of this side.
     integer, intent(in) :: facet(:)  !! Facet of each point (n_points).
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
+    !> Sheet of the other side that each point faces; of one facet in a row. One if absent (n_points).
+    integer, intent(in), optional :: other_sheet(:)
     type(element_kind_t) :: kind(n_element_kinds)
     integer, allocatable :: first_corner(:), corner_number(:), node_number(:), sheet(:, :), value_of(:), next(:)
-    integer :: i, k, n, f, previous, n_sheets
+    integer, allocatable :: offset(:)
+    integer :: i, k, n, f, n_sheets, previous(2)
     do k = 1, n_element_kinds
       kind(k) = element_kind(k)
     end do
@@ -49,8 +53,13 @@ contains
       sheet = surface%sheet
       n_sheets = maxval(sheet)
     end if
+    ! Corners are numbered by node, then by sheet of the other side, then by sheet.
+    if (present(other_sheet)) then
+      call count_sheets(other_sheet, n_sheets, offset)
+    else
+      offset = spread(0, 1, size(facet))
+    end if
     allocate (corner_number(n_sheets*maxval(surface%node)), node_number(maxval(surface%node)))
-    ! Corners are numbered by node, then by sheet.
     first_corner = [(n_sheets*(i - 1), i=1, maxval(surface%node))]
     corner_number = 0
     node_number = 0
@@ -58,7 +67,7 @@ contains
       f = facet(i)
       k = surface%kind(f)
       n = kind(k)%n_corners
-      corner_number(first_corner(surface%node(1:n, f)) + sheet(1:n, f)) = 1
+      corner_number(first_corner(surface%node(1:n, f)) + offset(i) + sheet(1:n, f)) = 1
       node_number(surface%node(1:kind_nodes(k), f)) = 1
     end do
     call number_marked(corner_number, self%n)
@@ -76,10 +85,10 @@ contains
       f = facet(i)
       k = surface%kind(f)
       associate (m => kind(k)%n_corners)
-        self%corner(1:m, i) = corner_number(first_corner(surface%node(1:m, f)) + sheet(1:m, f))
+        self%corner(1:m, i) = corner_number(first_corner(surface%node(1:m, f)) + offset(i) + sheet(1:m, f))
         call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:m, i))
-        if (f == previous) cycle
-        previous = f
+        if (all([f, offset(i)] == previous)) cycle
+        previous = [f, offset(i)]
         call add_node_values(self, m, self%corner(:, i), node_number(surface%node(1:kind_nodes(k), f)), n, value_of, &
                              next)
       end associate
@@ -89,9 +98,23 @@ contains
     self%n_from = self%n_from(1:n)
   end subroutine corner_interpolation_init
 
+  !> Number the sheets of the other side that points face.
+  pure subroutine count_sheets(other_sheet, n_sheets, offset)
+    integer, intent(in) :: other_sheet(:)  !! Sheets of the points (n_points).
+    integer, intent(inout) :: n_sheets  !! Sheets of a node on its own side; times those of the other on return.
+    integer, allocatable, intent(out) :: offset(:)  !! First sheet of a node for each point, less one (n_points).
+    integer, allocatable :: number(:)
+    integer :: n
+    allocate (number(0:maxval([0, other_sheet])), source=0)
+    number(other_sheet) = 1
+    call number_marked(number, n)
+    offset = n_sheets*(number(other_sheet) - 1)
+    n_sheets = n_sheets*max(n, 1)
+  end subroutine count_sheets
+
   !> Replace marks by ascending numbers.
   pure subroutine number_marked(mark, n)
-    integer, intent(inout) :: mark(:)  !! Positive where marked; numbers on return (n_nodes).
+    integer, intent(inout) :: mark(:)  !! Positive where marked; numbers on return (number of marks).
     integer, intent(out) :: n  !! Number of marked entries.
     integer :: i
     n = 0

@@ -74,7 +74,10 @@ contains
     allocate (dual(4, size(facet)), source=0.0_dp)
     allocate (total(corners%n), row_of(corners%n))
     call find_vertices_without_row(corners, weight, dropped)
-    first = [pack([(i, i=1, size(facet))], [.true., facet(2:) /= facet(:size(facet) - 1)]), size(facet) + 1]
+    ! The part of a facet that faces one sheet of the master surface.
+    n = size(facet)
+    first = [pack([(i, i=1, n)], [.true., facet(2:) /= facet(:n - 1) .or. &
+                                  corners%corner(1, 2:) /= corners%corner(1, :n - 1)]), n + 1]
     call division%portion(real(first(2:) - first(:size(first) - 1), dp), first_own, last_own)
     do i = first_own, last_own
       n = count(corners%corner(:, first(i)) > 0)

@@ -35,7 +35,9 @@ contains
     real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
     integer :: entity(set%n), f, e, other, back
+    logical :: in_plane(set%n)
     entity = [(facet_entity(surface, f), f=1, set%n)]
+    in_plane = .false.
     allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n), &
               stretch(set%n))
     ! Deformation bends flat facets too.
@@ -53,7 +55,7 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (.not. is_smooth_edge(adjacency, normal0, entity, f, other)) cycle
+        if (.not. is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) cycle
         back = findloc(adjacency%neighbour(1:set%corners(other), other), f, dim=1)
         if (back == 0) cycle
         width = min(width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back))
@@ -68,7 +70,7 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (is_smooth_edge(adjacency, normal0, entity, f, other)) roughness(f) = max(roughness(f), own(other))
+        if (is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) roughness(f) = max(roughness(f), own(other))
       end do
     end do
   end subroutine measure_roughness

@@ -1,20 +1,27 @@
-!> Gaps of curved surfaces, interpolated as the displacements of linear slave facets are.
+!> Gaps of curved surfaces, interpolated as the displacements of slave facets are.
 !>
 !> On a linear facet the displacement is the interpolation of its values at the vertices, the gap of smooth surfaces is
 !> curved: d = sum_j d_j phi_j + r, where r vanishes at the vertices (r = -h^2/8R in the middle of a chord of a circle
 !> of radius R). No displacement resembles r, and its weighted means, -h^2/12R at a vertex, would be an offset of all
 !> rows: overlaps where round bodies merely touch, and an error of the approach where the contact is resolved. So r is
-!> taken off, and the row of a vertex has the gap at the vertex, as the phi_j are biorthogonal to psi. Quadratic facets
-!> bend as the gap does; their gaps keep r.
+!> taken off, and the row of a vertex has the gap at the vertex, as the phi_j are biorthogonal to psi. Gaps by formula
+!> are treated alike.
+!>
+!> Quadratic facets bend as the gap does where the contact spans them: their gaps keep r. Bodies that merely touch
+!> somewhere on a facet do not bend it: there r is taken off, wholly where the least gap of the facet is 0, and in part
+!> up to a least gap, or an overlap, as great as r; it goes back where the contact turns out to span the facet
+!> (facet_bending.f90).
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part
-!> has one. Patches of the smooth surface are quadratic, so that r is exact over a planar master surface. A gap with
-!> kinks is no such combination, and stays as it is.
+!> has one. Patches of the smooth surface are quadratic, so that this is exact over a planar master surface; elsewhere
+!> the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is.
 module dotyk_contact_gap_interpolation
   use dotyk_base_error, only: error_t
+  use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_corners, only: corner_coordinates
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_projection, only: projection_found, projection_t
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_linalg_dense, only: symmetric_eigen
@@ -22,7 +29,7 @@ module dotyk_contact_gap_interpolation
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: add_vertices, interpolate_gaps
+  public :: add_vertices, interpolate_formula, interpolate_gaps
 
   integer, parameter :: max_functions = 4  !! Quadratic functions on a facet at most, and its corners at most.
   !> Combinations of functions with a mean square below this are not determined by the points of a facet; a whole facet
@@ -38,7 +45,7 @@ module dotyk_contact_gap_interpolation
 
 contains
 
-  !> Add the vertices of linear facets to their integration points, as the last ones and without weight.
+  !> Add the vertices of facets to their integration points, as the last ones and without weight.
   pure subroutine add_vertices(surface, rule)
     type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
     !> Rules of the facets; not allocated for those that are not examined here (n_facets).
@@ -46,8 +53,8 @@ contains
     real(dp) :: vertex(2, max_functions)
     integer :: d, f, i, n, m
     do f = 1, size(rule)
-      n = linear_corners(surface%kind(f))
-      if (n == 0 .or. .not. allocated(rule(f)%weight)) cycle
+      if (.not. allocated(rule(f)%weight)) cycle
+      n = n_corners(surface%kind(f))
       do i = 1, n
         vertex(:, i) = corner_coordinates(n, i)
       end do
@@ -58,12 +65,11 @@ contains
     end do
   end subroutine add_vertices
 
-  !> Replace the distances on linear facets by the interpolation of their values at the vertices, and remove the
-  !> vertices from the points.
+  !> Take r off the distances, and remove the vertices from the points.
   subroutine interpolate_gaps(surface, offset, x, xi, weight, projection)
     type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
-    !> Points of facet f, if any, are offset(f)+1 .. offset(f+1), the vertices of linear facets last; on return without
-    !> these (n_facets+1).
+    !> Points of facet f, if any, are offset(f)+1 .. offset(f+1), the vertices last; on return without these
+    !> (n_facets+1).
     integer, intent(inout) :: offset(:)
     real(dp), allocatable, intent(inout) :: x(:, :)  !! Positions of the points (3, n_points) [length].
     real(dp), allocatable, intent(inout) :: xi(:, :)  !! Reference coordinates of the points (2, n_points) [].
@@ -78,13 +84,13 @@ contains
     !$omp shared(surface, offset, x, xi, weight, projection, is_kept, n_vertices)
     do f = 1, size(offset) - 1
       n = 0
-      if (offset(f + 1) > offset(f)) n = linear_corners(surface%kind(f))
+      if (offset(f + 1) > offset(f)) n = n_corners(surface%kind(f))
       n_vertices(f) = n
       if (n == 0) cycle
       associate (first => offset(f) + 1, last => offset(f + 1))
         is_kept(last - n + 1:last) = .false.
-        call straighten(n, surface%kind(f), x(:, first:last), xi(:surface%dimension - 1, first:last), &
-                        weight(first:last), projection(first:last))
+        call straighten_projections(n, surface%kind(f), x(:, first:last), xi(:surface%dimension - 1, first:last), &
+                                    weight(first:last), projection(first:last))
       end associate
     end do
     !$omp end parallel do
@@ -100,16 +106,16 @@ contains
     projection = projection(list)
   end subroutine interpolate_gaps
 
-  !> Number of corners of a linear facet; 0 for others.
-  pure integer function linear_corners(kind)
+  !> Number of corners of a facet.
+  pure integer function n_corners(kind)
     integer, intent(in) :: kind  !! Element kind of the facet.
     type(element_kind_t) :: properties
     properties = element_kind(kind)
-    linear_corners = merge(properties%n_corners, 0, kind_nodes(kind) == properties%n_corners)
-  end function linear_corners
+    n_corners = properties%n_corners
+  end function n_corners
 
   !> Take r off the distances on one facet.
-  subroutine straighten(corners, kind, x, xi, area, projection)
+  subroutine straighten_projections(corners, kind, x, xi, area, projection)
     integer, intent(in) :: corners  !! Number of corners of the facet, the last points.
     integer, intent(in) :: kind  !! Element kind of the facet.
     real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n_points) [length].
@@ -117,38 +123,103 @@ contains
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: area(:)
     type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n_points).
-    real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :)
-    real(dp), allocatable :: coefficient(:), rest(:), r(:)
-    real(dp) :: weight(size(area)), gap(size(area))
     integer, allocatable :: list(:)
-    real(dp) :: length
-    integer :: i, m, n
+    real(dp), allocatable :: gap(:), bend(:)
+    integer :: i, n
     n = size(area)
-    length = maxval([(maxval(x(i, n - corners + 1:)) - minval(x(i, n - corners + 1:)), i=1, 3)])
-    weight = abs(area)/max(sum(abs(area)), tiny(length))
-    weight(n - corners + 1:) = vertex_weight
     list = pack([(i, i=1, n)], projection%status == projection_found)
     if (.not. any(list <= n - corners)) return
-    m = size(list)
-    weight(:m) = weight(list)
-    gap(:m) = projection(list)%distance
-    if (maxval(gap(:m)) - minval(gap(:m)) <= min_curvature*length) return
-    allocate (linear(corners, m), curved(merge(1, corners, corners == 2), m))
+    gap = projection(list)%distance
+    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, bend)
+    projection(list)%distance = gap
+    projection(list)%bend = bend
+  end subroutine straighten_projections
+
+  !> Take r off the gaps by formula on the facets of the mortar points.
+  subroutine interpolate_formula(surface, x, formula, n_mortar_points, pair)
+    type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
+    real(dp), intent(in) :: x(:, :)  !! Nodes of its body (dimension, n_nodes) [length].
+    type(formula_t), intent(inout) :: formula  !! The gap formula.
+    integer, intent(in) :: n_mortar_points  !! Number of points, the first ones, that rows average.
+    type(contact_pair_t), intent(inout) :: pair  !! Pair with the gaps of the formula at its points.
+    real(dp) :: vertex(2, max_functions), at(3)
+    real(dp), allocatable :: gap(:), bend(:)
+    integer :: first, last, i, n
+    first = 1
+    at = 0
+    do while (first <= n_mortar_points)
+      associate (f => pair%facet_a(first))
+        last = first - 1 + findloc(pair%facet_a(first:n_mortar_points) == f, .false., dim=1) - 1
+        if (last < first) last = n_mortar_points
+        n = n_corners(surface%kind(f))
+        gap = [pair%gap(first:last), [(0.0_dp, i=1, n)]]
+        do i = 1, n
+          vertex(:, i) = corner_coordinates(n, i)
+          at(:pair%dimension) = x(:, surface%node(i, f))
+          gap(last - first + 1 + i) = formula%evaluate(at)
+        end do
+        if (all(abs(gap) <= huge(gap))) then
+          call straighten(surface%kind(f), extent(x(:, surface%node(:n, f))), &
+                          reshape([pair%xi_a(:, first:last), vertex(:pair%dimension - 1, :n)], &
+                                  [pair%dimension - 1, size(gap)]), &
+                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend)
+          pair%gap(first:last) = gap(:last - first + 1)
+          pair%bend(first:last) = bend(:last - first + 1)
+        end if
+      end associate
+      first = last + 1
+    end do
+  end subroutine interpolate_formula
+
+  !> Greatest extent of points along the axes [length].
+  pure real(dp) function extent(x)
+    real(dp), intent(in) :: x(:, :)  !! Points (dimension, n) [length].
+    extent = maxval(maxval(x, dim=2) - minval(x, dim=2))
+  end function extent
+
+  !> Take r off the gaps at points of one facet.
+  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend)
+    integer, intent(in) :: kind  !! Element kind of the facet.
+    real(dp), intent(in) :: length  !! Length of the facet [length].
+    real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
+    !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
+    real(dp), intent(in) :: area(:)
+    integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
+    real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
+    real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
+    real(dp) :: weight(size(area)), greatest
+    integer :: i, m, n
+    m = size(area)
+    allocate (bend(m), source=0.0_dp)
+    weight = abs(area)/max(sum(abs(area)), tiny(length))
+    weight(m - n_vertices + 1:) = vertex_weight
+    if (maxval(gap) - minval(gap) <= min_curvature*length) return
+    properties = element_kind(kind)
+    n = properties%n_corners
+    allocate (linear(n, m), curved(merge(1, n, n == 2), m))
     do i = 1, m
-      call shape_functions(kind, xi(:, list(i)), linear(:, i))
+      call shape_functions(properties%corner_kind, xi(:, i), linear(:, i))
       call vanishing_functions(linear(:, i), curved(:, i))
     end do
-    rest = gap(:m) - matmul(fitted(linear, weight(:m), gap(:m)), linear)
+    rest = gap - matmul(fitted(linear, weight, gap), linear)
     without_linear = curved
     do i = 1, size(curved, 1)
-      without_linear(i, :) = curved(i, :) - matmul(fitted(linear, weight(:m), curved(i, :)), linear)
+      without_linear(i, :) = curved(i, :) - matmul(fitted(linear, weight, curved(i, :)), linear)
     end do
-    coefficient = fitted(without_linear, weight(:m), rest)
+    coefficient = fitted(without_linear, weight, rest)
     r = matmul(coefficient, curved)
-    if (maxval(abs(r)) <= min_curvature*length) return
+    greatest = maxval(abs(r))
+    if (greatest <= min_curvature*length) return
     rest = rest - matmul(coefficient, without_linear)
-    if (sum(weight(:m)*rest**2) > max_rest**2*sum(weight(:m)*r**2)) return
-    projection(list)%distance = gap(:m) - r
+    if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) return
+    r = r + rest
+    if (properties%order > 1) then
+      r = r*max(0.0_dp, 1 - abs(minval(gap))/greatest)
+      bend = r
+    end if
+    gap = gap - r
   end subroutine straighten
 
   !> Coefficients of a least-squares approximation; 0 for combinations that the points do not determine.

@@ -56,7 +56,7 @@ contains
     pair%row_corner = [(k, k=1, n)]
     allocate (pair%row_weight(n), source=0.0_dp)
     associate (m => pair%n_points)
-      allocate (row(m), pair%facet_a(m), pair%facet_b(m), source=0)
+      allocate (row(m), pair%facet_a(m), pair%facet_b(m), pair%sheet_b(m), source=0)
       allocate (pair%xi_a(d - 1, m), pair%xi_b(d - 1, m), pair%position(d, m), pair%weight(m), source=0.0_dp)
     end associate
     q = 0
@@ -85,6 +85,7 @@ contains
     ! The points of a row are one node, as each of its facets has it.
     call pair%average%init_from_triplets(n, q, row, [(k, k=1, q)], pair%weight/pair%row_weight(row))
     pair%gap = spread(0.0_dp, 1, q)
+    pair%bend = pair%gap
     pair%row_gap = spread(0.0_dp, 1, n)
     pair%row_theta = pair%row_gap
     allocate (tie(d))

@@ -29,7 +29,7 @@ module dotyk_contact_pair
     integer :: quadrature = default_quadrature  !! One of `quadrature_*`.
     type(division_t) :: division  !! Whether ranks divide the search.
     character(13) :: group = '&contact'  !! Group of the input, for messages.
-    logical :: touches_in_points = .true.  !! Whether vertices and edges that face nothing touch in points.
+    logical :: is_tie = .false.  !! Of a tie: no vertex touches in a point, and kinks of the gap do not matter.
   end type pair_settings_t
 
   type, public :: contact_pair_t  !! Discretized contact pair.
@@ -57,12 +57,16 @@ module dotyk_contact_pair
     !> length^2].
     real(dp), allocatable :: weight(:)
     real(dp), allocatable :: gap(:)  !! Gaps d (n_points) [length].
+    !> What was taken off the gaps of the points on quadratic facets, as nothing bends these (n_points) [length].
+    real(dp), allocatable :: bend(:)
     !> Slave facets of the points, ascending among the mortar points and among those after them (n_points).
     integer, allocatable :: facet_a(:)
     real(dp), allocatable :: xi_a(:, :)  !! Reference coordinates on them (dimension-1, n_points) [].
     integer, allocatable :: facet_b(:)  !! Master facets of the projections (n_points).
     !> Reference coordinates of the projections x' on them (dimension-1, n_points) [].
     real(dp), allocatable :: xi_b(:, :)
+    !> Sheets of the master surface that the points face; of one slave facet in a row (n_points).
+    integer, allocatable :: sheet_b(:)
     integer :: n_rows = 0  !! Number of rows: mortar rows first, then points that are rows by themselves.
     !> Number of point contacts, of vertices and edges: the last integration points, each a row by itself.
     integer :: n_point_contacts = 0
@@ -146,10 +150,12 @@ contains
     call parcel%carry(self%normal)
     call parcel%carry(self%weight)
     call parcel%carry(self%gap)
+    call parcel%carry(self%bend)
     call parcel%carry(self%facet_a)
     call parcel%carry(self%xi_a)
     call parcel%carry(self%facet_b)
     call parcel%carry(self%xi_b)
+    call parcel%carry(self%sheet_b)
     call parcel%carry(self%n_rows)
     call parcel%carry(self%n_point_contacts)
     call parcel%carry(self%n_mortar_rows)

@@ -11,9 +11,10 @@ module dotyk_contact_pair_discretization
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
-  use dotyk_base_options, only: gap_constant, gap_formula
+  use dotyk_base_options, only: discretization_mortar, gap_constant, gap_formula
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_edge_contacts, only: find_edge_contacts
+  use dotyk_contact_gap_interpolation, only: interpolate_formula
   use dotyk_contact_local_depth, only: find_depths
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
@@ -109,7 +110,7 @@ contains
     call find_depths(settings%division, slave%tree, slave%adjacency%neighbour, radius, slave%set)
     call find_depths(settings%division, master%tree, master%adjacency%neighbour, radius, master%set)
     call project_slave_points(mesh_a, surface_a, slave, mesh_b, surface_b, master, settings, radius, x, pair)
-    if (settings%touches_in_points) then
+    if (.not. settings%is_tie) then
       call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
     else
       allocate (contact(0))
@@ -129,7 +130,10 @@ contains
       return
     end if
     call shift_origin(pair%position, -origin)
-    call set_given_gap(settings, formula, pair, error)
+    associate (d => mesh_a%dimension, n => size(mesh_a%x, 2))
+      call set_given_gap(settings, formula, surface_a, mesh_a%x + spread(origin(:d), 2, n), &
+                         pair%n_points - size(contact), pair, error)
+    end associate
     if (allocated(error)) return
     call set_rows(settings%division, settings%axisymmetric, mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
@@ -161,15 +165,19 @@ contains
   end subroutine find_point_contacts
 
   !> Replace the distance between the surfaces by a given gap.
-  subroutine set_given_gap(settings, formula, pair, error)
+  subroutine set_given_gap(settings, formula, surface_a, x_a, n_facet_points, pair, error)
     type(pair_settings_t), intent(in) :: settings  !! Settings of the pair.
     type(formula_t), intent(inout) :: formula  !! Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
+    real(dp), intent(in) :: x_a(:, :)  !! Nodes of its body (dimension, n_nodes) [length].
+    integer, intent(in) :: n_facet_points  !! Number of integration points that are no point contacts.
     type(contact_pair_t), intent(inout) :: pair  !! Pair; its gaps are set.
     !> Set if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(3)
     integer :: i
     pair%gap_kind = settings%gap_kind
+    if (any(settings%gap_kind == [gap_constant, gap_formula])) pair%bend = 0
     select case (settings%gap_kind)
     case (gap_constant)
       pair%gap = settings%gap
@@ -187,6 +195,8 @@ contains
         if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
         return
       end do
+      if (pair%discretization == discretization_mortar) &
+        call interpolate_formula(surface_a, x_a, formula, n_facet_points, pair)
     end select
   end subroutine set_given_gap
 

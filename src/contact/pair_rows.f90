@@ -38,8 +38,10 @@ contains
                         [d - 1, size(list) + size(contact)])
     pair%weight = [pair%weight(list), contact%weight]
     pair%gap = [pair%gap(list), contact%gap]
+    pair%bend = [pair%bend(list), [(0.0_dp, i=1, size(contact))]]
     pair%facet_a = [pair%facet_a(list), contact%facet_a]
     pair%facet_b = [pair%facet_b(list), contact%facet_b]
+    pair%sheet_b = [pair%sheet_b(list), [(0, i=1, size(contact))]]
     pair%n_points = size(list) + size(contact)
   end subroutine replace_points
 
@@ -64,7 +66,7 @@ contains
     allocate (pair%row_corner(0), pair%row_weight(0))
     m = 0
     if (n > 0) then
-      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
+      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n), pair%sheet_b(1:n))
       deallocate (pair%row_corner, pair%row_weight)
       call dual_mortar_rows(division, corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
                             pair%normal(:, 1:n), pair%row_corner, pair%row_weight, mortar)
@@ -112,7 +114,7 @@ contains
     associate (n => pair%n_mortar_points)
       row_gap(pair%n_mortar_rows + 1:) = pair%gap(n + 1:)
       if (n == 0) return
-      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
+      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n), pair%sheet_b(1:n))
       call dual_mortar_rows(division_t(), corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
                             pair%normal(:, 1:n), row_corner, row_weight, mortar)
       call mortar%multiply(pair%gap(1:n), row_gap(1:pair%n_mortar_rows))

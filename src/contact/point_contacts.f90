@@ -11,7 +11,7 @@
 !> projected along the normal.
 module dotyk_contact_point_contacts
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_adjacency, only: adjacency_t, corner_of
+  use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_false_overlap, only: is_false_overlap
@@ -121,7 +121,7 @@ contains
     if (.not. norm2(mean) > no_direction) return
     slope = max_slope
     if (norm2(mean) > pointed) then
-      if (.not. is_at_boundary(surface%adjacency, around, edge, surface%set%corners)) return
+      if (.not. is_at_boundary(surface%set, surface%adjacency, around, corner, edge)) return
       slope = max_boundary_slope
     end if
     call facet_position_and_normal(surface%set, around(1), xi, x, normal, xu, xv)
@@ -222,18 +222,22 @@ contains
     end subroutine mark
   end subroutine touches_in_points
 
-  !> Whether the surface ends at one of the facets around a vertex.
-  pure logical function is_at_boundary(adjacency, around, edge, corners)
+  !> Whether the surface ends at a node.
+  pure logical function is_at_boundary(set, adjacency, around, corner, edge)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
-    integer, intent(in) :: edge  !! Edge of the first facet on which the node lies in the middle, 0 for a corner.
-    integer, intent(in) :: corners(:)  !! Numbers of corners of all facets (n).
-    integer :: i
+    integer, intent(in) :: corner  !! Corner of the first facet at the node, 0 for the middle of an edge.
+    integer, intent(in) :: edge  !! The edge, 0 for a corner.
+    integer :: i, v
     if (edge > 0) then
       is_at_boundary = adjacency%neighbour(edge, around(1)) == 0
       return
     end if
-    is_at_boundary = any([(any(adjacency%neighbour(1:corners(around(i)), around(i)) == 0), i=1, size(around))])
+    v = adjacency%vertex(corner, around(1))
+    is_at_boundary = any([(any(adjacency%neighbour(edges_of_corner(set%corners(around(i)), &
+                                                                   corner_of(set, adjacency, v, around(i))), &
+                                                   around(i)) == 0), i=1, size(around))])
   end function is_at_boundary
 
   !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet

@@ -55,7 +55,7 @@ contains
     integer, allocatable :: start(:), neighbour(:), permutation(:)
     integer :: failed
     call self%destroy()
-    call self%side_a%init(surface_a, pair%facet_a, pair%xi_a)
+    call self%side_a%init(surface_a, pair%facet_a, pair%xi_a, pair%sheet_b)
     call self%side_b%init(surface_b, pair%facet_b, pair%xi_b)
     if (pair%discretization /= discretization_quadrature) return
     call mass_matrix(self%side_a, pair%facet_a, pair%weight, mass)

@@ -12,6 +12,7 @@ module dotyk_contact_slave_points
   use dotyk_contact_projection, only: master_surface_t, projection_found, projection_not_facing, projection_outside, &
     projection_t, projection_too_far
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
+  use dotyk_contact_smooth_sheets, only: sheet_numbers
   use dotyk_contact_smooth_projection, only: smooth_projections
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: n_element_kinds
@@ -29,7 +30,7 @@ module dotyk_contact_slave_points
   real(dp), parameter :: distant_cost = 0.02_dp
   !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
   real(dp), parameter :: nothing_left = 1.0e-6_dp
-  integer, parameter :: point_length = 14  !! Numbers that ranks exchange of a point.
+  integer, parameter :: point_length = 15  !! Numbers that ranks exchange of a point.
 
 contains
 
@@ -51,6 +52,7 @@ contains
     type(projection_t), allocatable :: projection(:)
     real(dp), allocatable :: weight(:), xi(:, :)
     integer, allocatable :: offset(:)
+    integer :: sheet_b(surface_b%n_facets)
     logical, dimension(surface_a%n_facets) :: candidate, examined
     logical :: interpolates
     integer :: f, n, first, last
@@ -100,8 +102,11 @@ contains
     if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
     if (settings%division%is_divided) &
       call collect_points(settings%division, first, last, offset, x, xi, weight, projection)
+    sheet_b = 1
+    if (settings%discretization == discretization_mortar .and. .not. settings%is_tie) &
+      call sheet_numbers(mesh_b%x, surface_b, master%adjacency, sheet_b)
     call keep_projected(mesh_a%dimension, surface_area(mesh_a, surface_a, kind_rule, settings%axisymmetric), offset, &
-                        x, xi, weight, projection, pair)
+                        x, xi, weight, projection, sheet_b, pair)
   end subroutine project_slave_points
 
   !> Drop the projections that lie deep in a body where the way there leaves it: they are on the wrong side.
@@ -155,6 +160,7 @@ contains
         list(12, i) = p%distance
         list(13, i) = p%status
         list(14, i) = p%facet
+        list(15, i) = p%bend
       end associate
     end do
     call division%append(list)
@@ -170,11 +176,12 @@ contains
       projection(i)%distance = list(12, i)
       projection(i)%status = nint(list(13, i))
       projection(i)%facet = nint(list(14, i))
+      projection(i)%bend = list(15, i)
     end do
   end subroutine collect_points
 
   !> Keep the integration points that have a projection and count the others.
-  pure subroutine keep_projected(d, whole, offset, x, xi, weight, projection, pair)
+  pure subroutine keep_projected(d, whole, offset, x, xi, weight, projection, sheet_b, pair)
     integer, intent(in) :: d  !! Dimension of space.
     real(dp), intent(in) :: whole  !! Area of the slave surface [length^2; length in two dimensions].
     integer, intent(in) :: offset(:)  !! Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
@@ -182,9 +189,11 @@ contains
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of all points (2, n) [].
     real(dp), intent(in) :: weight(:)  !! Weights of all points (n) [length^2; length in two dimensions].
     type(projection_t), intent(in) :: projection(:)  !! Projections of all points (n).
+    integer, intent(in) :: sheet_b(:)  !! Sheets of the master facets (n_facets).
     type(contact_pair_t), intent(inout) :: pair  !! Pair; its points are set.
+    integer, allocatable :: list(:)
     real(dp) :: area, left_out
-    integer :: f, i, k, n
+    integer :: f, i, j, k, n, sheet
     n = count(projection%status == projection_found)
     pair%dimension = d
     pair%n_points = n
@@ -199,21 +208,30 @@ contains
     pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
     pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area + left_out
     pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
-    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
-              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%facet_a(n), &
+              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
     k = 0
     do f = 1, size(offset) - 1
-      do i = offset(f) + 1, offset(f + 1)
-        if (projection(i)%status /= projection_found) cycle
-        k = k + 1
-        pair%position(:, k) = x(1:d, i)
-        pair%normal(:, k) = projection(i)%normal(1:d)
-        pair%weight(k) = weight(i)
-        pair%gap(k) = projection(i)%distance
-        pair%facet_a(k) = f
-        pair%xi_a(:, k) = xi(1:d - 1, i)
-        pair%facet_b(k) = projection(i)%facet
-        pair%xi_b(:, k) = projection(i)%xi(1:d - 1)
+      list = pack([(i, i=offset(f) + 1, offset(f + 1))], &
+                  projection(offset(f) + 1:offset(f + 1))%status == projection_found)
+      do while (size(list) > 0)
+        sheet = minval(sheet_b(projection(list)%facet))
+        do j = 1, size(list)
+          i = list(j)
+          if (sheet_b(projection(i)%facet) /= sheet) cycle
+          k = k + 1
+          pair%position(:, k) = x(1:d, i)
+          pair%normal(:, k) = projection(i)%normal(1:d)
+          pair%weight(k) = weight(i)
+          pair%gap(k) = projection(i)%distance
+          pair%bend(k) = projection(i)%bend
+          pair%facet_a(k) = f
+          pair%xi_a(:, k) = xi(1:d - 1, i)
+          pair%facet_b(k) = projection(i)%facet
+          pair%xi_b(:, k) = projection(i)%xi(1:d - 1)
+          pair%sheet_b(k) = sheet
+        end do
+        list = pack(list, sheet_b(projection(list)%facet) > sheet)
       end do
     end do
     ! Surfaces that touch have a gap of 0, not of the round-off of the coordinates.

@@ -14,7 +14,7 @@ module dotyk_contact_smooth_sheets
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: split_sheets, sharp_edges, is_smooth_edge, facets_on_chords, facet_entity
+  public :: split_sheets, sheet_numbers, sharp_edges, is_smooth_edge, facets_on_chords, facet_entity
 
   !> Edges between facets that differ by more than this are sharp [rad].
   real(dp), parameter :: always_sharp = 50*acos(-1.0_dp)/180
@@ -54,6 +54,39 @@ contains
       end do
     end do
   end subroutine split_sheets
+
+  !> Number the sheets of a surface: facets that edges join which are not sharp.
+  subroutine sheet_numbers(x, surface, adjacency, number)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    integer, intent(out) :: number(:)  !! Sheet of each facet (n_facets).
+    logical, allocatable :: sharp(:, :)
+    integer :: stack(surface%n_facets), e, f, g, n, n_stack
+    call sharp_edges(x, surface, adjacency, sharp)
+    number = 0
+    n = 0
+    do f = 1, surface%n_facets
+      if (number(f) > 0) cycle
+      n = n + 1
+      number(f) = n
+      stack(1) = f
+      n_stack = 1
+      do while (n_stack > 0)
+        g = stack(n_stack)
+        n_stack = n_stack - 1
+        do e = 1, 4
+          associate (other => adjacency%neighbour(e, g))
+            if (other == 0 .or. sharp(e, g)) cycle
+            if (number(other) > 0) cycle
+            number(other) = n
+            n_stack = n_stack + 1
+            stack(n_stack) = other
+          end associate
+        end do
+      end do
+    end do
+  end subroutine sheet_numbers
 
   !> Sharp edges of a surface.
   subroutine sharp_edges(x, surface, adjacency, sharp)
@@ -292,42 +325,46 @@ contains
     end associate
   end subroutine sheets_at_vertex
 
-  !> Whether the edge between two facets belongs to one smooth sheet.
-  pure logical function is_smooth_edge(adjacency, normal, entity, f, g) result(is_smooth)
+  !> Whether the edge between two facets belongs to one smooth sheet: they belong to one known entity, or the surface
+  !> beside the edge turns on in the same sense by about as much. Two facets alone do not tell a curve from an edge.
+  pure logical function is_smooth_edge(adjacency, normal, entity, in_plane, f, g) result(is_smooth)
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     real(dp), intent(in) :: normal(:, :)  !! Mean normals of the facets (3, n) [].
     integer, intent(in) :: entity(:)  !! Geometric entity of each facet, 0 if unknown (n).
+    logical, intent(in) :: in_plane(:)  !! Facets of planes, as far as they are known (n).
     integer, intent(in) :: f  !! Facet on one side.
     integer, intent(in) :: g  !! Facet on the other side.
     real(dp) :: turn
-    if (entity(f) == 0 .or. entity(g) == 0) then
-      is_smooth = dot_product(normal(:, f), normal(:, g)) > sharp_cosine
+    turn = angle(normal(:, f), normal(:, g))
+    if (entity(f) > 0 .and. entity(f) == entity(g)) then
+      is_smooth = turn <= always_sharp
       return
     end if
-    turn = angle(normal(:, f), normal(:, g))
-    if (entity(f) == entity(g)) then
-      is_smooth = turn <= always_sharp
-    else
-      is_smooth = .not. is_sharp_turn(turn, max(turn_around(f), turn_around(g)))
-    end if
+    is_smooth = dot_product(normal(:, f), normal(:, g)) > sharp_cosine .or. (entity(f) > 0 .and. entity(g) > 0)
+    if (is_smooth) is_smooth = .not. is_sharp_turn(turn, max(turn_on(f, g), turn_on(g, f)))
 
   contains
 
-    !> Greatest angle between a facet and those of its entity around its vertices [rad].
-    pure real(dp) function turn_around(facet)
+    !> Greatest angle between a facet and those of its entity around its vertices that are turned away from another
+    !> facet; from a plane to a plane does not count [rad].
+    pure real(dp) function turn_on(facet, from)
       integer, intent(in) :: facet  !! Facet number.
+      integer, intent(in) :: from  !! The other facet.
+      real(dp) :: further
       integer :: c, k, v, other
-      turn_around = 0
+      turn_on = 0
       do c = 1, 4
         v = adjacency%vertex(c, facet)
         if (v == 0) exit
         do k = adjacency%start(v), adjacency%start(v + 1) - 1
           other = adjacency%facet(k)
           if (entity(other) /= entity(facet)) cycle
-          turn_around = max(turn_around, angle(normal(:, facet), normal(:, other)))
+          if (in_plane(other) .and. (in_plane(facet) .or. in_plane(from))) cycle
+          further = angle(normal(:, facet), normal(:, other))
+          if (angle(normal(:, from), normal(:, other)) > max(turn, further)) turn_on = max(turn_on, further)
         end do
       end do
-    end function turn_around
+    end function turn_on
   end function is_smooth_edge
 
   !> Angle between unit vectors [rad].

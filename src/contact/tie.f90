@@ -54,7 +54,7 @@ contains
     of_tie%discretization = discretization_mortar
     of_tie%geometry = geometry_elements
     of_tie%quadrature = quadrature_segments
-    of_tie%touches_in_points = .false.
+    of_tie%is_tie = .true.
     distance = 0
     normal = 0
     call discretize_pair(mesh_a, surface_a, mesh_b, surface_b, of_tie, none, pair, error)

@@ -26,34 +26,34 @@ contains
     type(corner_interpolation_t), intent(in) :: side  !! Interpolation on the slave surface.
     real(dp), allocatable, intent(out) :: covered(:)  !! Fractions (side%n) [].
     type(element_kind_t) :: kind
+    real(dp), allocatable :: around(:, :)
     real(dp) :: whole(side%n), area
-    integer, allocatable :: corner_of(:, :), sheet(:, :)
+    integer, allocatable :: sheet(:, :)
     integer :: c, f, q
     allocate (sheet(4, surface%n_facets), source=1)
     if (allocated(surface%sheet)) sheet = surface%sheet(:, :surface%n_facets)
-    allocate (corner_of(maxval([1, sheet]), size(x, 2)), source=0)
-    do q = 1, size(facet)
-      f = facet(q)
-      do c = 1, count(side%corner(:, q) > 0)
-        corner_of(sheet(c, f), surface%node(c, f)) = side%corner(c, q)
-      end do
-    end do
-    whole = 0
+    allocate (around(maxval([1, sheet]), size(x, 2)), source=0.0_dp)
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
       associate (m => kind%n_corners)
         area = norm2(area_vector(x(:, surface%node(:m, f))))
         do c = 1, m
-          associate (corner => corner_of(sheet(c, f), surface%node(c, f)))
-            if (corner == 0) cycle
+          associate (whole_area => around(sheet(c, f), surface%node(c, f)))
             if (axisymmetric) then
-              whole(corner) = whole(corner) + area*2*pi*(x(1, surface%node(c, f)) + sum(x(1, surface%node(:m, f))))/6
+              whole_area = whole_area + area*2*pi*(x(1, surface%node(c, f)) + sum(x(1, surface%node(:m, f))))/6
             else
-              whole(corner) = whole(corner) + area/m
+              whole_area = whole_area + area/m
             end if
           end associate
         end do
       end associate
+    end do
+    whole = 0
+    do q = 1, size(facet)
+      f = facet(q)
+      do c = 1, count(side%corner(:, q) > 0)
+        whole(side%corner(c, q)) = around(sheet(c, f), surface%node(c, f))
+      end do
     end do
     allocate (covered(side%n))
     call side%moments(weight, covered)

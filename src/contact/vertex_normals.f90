@@ -1,12 +1,11 @@
 !> Vertex normals of the smooth surface that linear facets approximate.
 !>
-!> Facets of one geometric entity, a face of the CAD model, belong to one smooth sheet. Two entities do where their
-!> facets differ no more at their common edge than beside it. Where no entities are known, an edge whose facets differ
-!> in direction by more than 40 degrees is an edge of the body, and separates sheets. On each sheet the normal at a
-!> vertex comes from a fit (normal_fit.f90) to the vertices around it. Planes stay planar: facets belong to a plane if
-!> all facets at one of their vertices inside the surface lie in this plane (at a boundary vertex, as everywhere in a
-!> mesh of one element layer: also the facets around these), and so do their neighbours in the plane. They keep their
-!> normal, and adjacent curved facets take it over at shared vertices.
+!> Facets of one geometric entity, a face of the CAD model, belong to one smooth sheet. Others do where they differ no
+!> more at their common edge than beside it; where no entities are known, by no more than 40 degrees. On each sheet the
+!> normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Planes stay planar: facets belong to
+!> a plane if all facets at one of their vertices inside the surface lie in this plane (at a boundary vertex, as
+!> everywhere in a mesh of one element layer: also the facets around these), and so do their neighbours in the plane.
+!> They keep their normal, and adjacent curved facets take it over at shared vertices.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
@@ -43,19 +42,11 @@ contains
     do f = 1, set%n
       call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), normal(:, f), planar(f))
     end do
-    smooth_neighbour = 0
-    do f = 1, set%n
-      do e = 1, set%corners(f)
-        other = adjacency%neighbour(e, f)
-        if (other == 0) cycle
-        if (is_smooth_edge(adjacency, normal, entity, f, other)) smooth_neighbour(e, f) = other
-      end do
-    end do
     do v = 1, size(adjacency%start) - 1
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
         if (.not. all(planar(around))) cycle
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
-        if (is_interior_vertex(set, adjacency, smooth_neighbour, v) .or. &
+        if (is_interior_vertex(set, adjacency, v) .or. &
             is_extended_plane(set, adjacency, around, planar, normal)) flat(around) = .true.
       end associate
     end do
@@ -65,7 +56,7 @@ contains
       do f = 1, set%n
         if (flat(f) .or. .not. planar(f)) cycle
         do e = 1, set%corners(f)
-          other = smooth_neighbour(e, f)
+          other = adjacency%neighbour(e, f)
           if (other == 0) cycle
           if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
           flat(f) = .true.
@@ -73,29 +64,29 @@ contains
         end do
       end do
     end do
-    ! The edge between two planes stays sharp at any angle.
+    smooth_neighbour = 0
     do f = 1, set%n
       do e = 1, set%corners(f)
-        other = smooth_neighbour(e, f)
+        other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) &
-          smooth_neighbour(e, f) = 0
+        ! The edge between two planes is sharp at any angle.
+        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
+        if (is_smooth_edge(adjacency, normal, entity, flat, f, other)) smooth_neighbour(e, f) = other
       end do
     end do
   end subroutine find_smooth_sheets
 
-  !> Whether a vertex lies inside the surface, with smooth edges all around it.
-  pure logical function is_interior_vertex(set, adjacency, smooth_neighbour, v)
+  !> Whether a vertex lies inside the surface.
+  pure logical function is_interior_vertex(set, adjacency, v)
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
-    integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
     integer, intent(in) :: v  !! Vertex number.
     integer :: k, f, edge(2)
     is_interior_vertex = .true.
     do k = adjacency%start(v), adjacency%start(v + 1) - 1
       f = adjacency%facet(k)
       edge = edges_of_corner(set%corners(f), corner_of(set, adjacency, v, f))
-      is_interior_vertex = is_interior_vertex .and. all(smooth_neighbour(edge, f) > 0)
+      is_interior_vertex = is_interior_vertex .and. all(adjacency%neighbour(edge, f) > 0)
     end do
   end function is_interior_vertex
 

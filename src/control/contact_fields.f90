@@ -52,7 +52,8 @@ contains
     integer :: i, j, q
     if (pair%n_mortar_rows > 0) then
       ! Corners of mortar rows have the numbers of the mortar points alone.
-      call mortar%init(surface_a, pair%facet_a(:pair%n_mortar_points), pair%xi_a(:, :pair%n_mortar_points))
+      call mortar%init(surface_a, pair%facet_a(:pair%n_mortar_points), pair%xi_a(:, :pair%n_mortar_points), &
+                       pair%sheet_b(:pair%n_mortar_points))
       allocate (total(mortar%n), sums(mortar%n), source=0.0_dp)
       allocate (is_active(mortar%n), source=.false.)
       total(pair%row_corner) = 1

@@ -12,6 +12,7 @@ module dotyk_control_contact_solution
   use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
+  use dotyk_contact_facet_bending, only: bending_of_rows
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -62,6 +63,8 @@ module dotyk_control_contact_solution
     real(dp), allocatable :: theta_factor(:)  !! Factor of its theta over those that it began with (n_pairs) [].
     real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
     integer :: round = 0  !! How often the QP has been solved, the present time included.
+    !> What the gaps of `qp` have more than the given one, on facets that the contact bends (n_rows) [length].
+    real(dp), allocatable :: bending(:)
     type(displacements_t) :: displacements  !! Displacements and stresses.
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
     type(error_budget_t) :: budget  !! Errors of the last round.
@@ -75,6 +78,8 @@ module dotyk_control_contact_solution
   integer, parameter :: most_rounds = 5
   !> Tolerance of the first solution where the budget decides: good enough to estimate the other errors from.
   real(dp), parameter :: rough = 0.02_dp
+  !> Which facets the contact spans is found once, and checked once.
+  integer, parameter :: most_bendings = 2
   !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is
   !> half of that.
   real(dp), parameter :: most_penalty = 0.3_dp
@@ -156,7 +161,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     real(dp) :: began
-    logical :: is_solved
+    integer :: n_bendings
+    logical :: is_solved, is_bent
     began = wall_time()
     now = run
     if (solution%state%ended == ended_time) then
@@ -168,8 +174,17 @@ contains
       call collect_conditioning(problem%classes, problem%report, solution%conditioning)
       now%settings%tolerance = first_tolerance(goal, now%settings%tolerance)
       solution%round = 1
+      solution%bending = 0*qp%gap
       is_solved = allocated(solution%displacements%body)
+      ! A guess: the contact spans what it did before, or else what overlaps without contact.
+      if (allocated(solution%state%m)) then
+        is_bent = has_bent(problem, solution%state%m, solution)
+        is_solved = is_solved .and. .not. is_bent
+      else
+        is_bent = has_bent(problem, qp%initial_penetration, solution)
+      end if
     end if
+    n_bendings = 0
     do
       if (.not. is_solved) then
         call monitor%begin_phase(phase_iterate)
@@ -177,6 +192,14 @@ contains
         if (allocated(error)) return
         if (.not. allocated(solution%state%m)) return
         call solution%displacements%forget()
+      end if
+      if (n_bendings < most_bendings .and. any(solution%state%ended == [ended_converged, ended_stalled])) then
+        is_bent = has_bent(problem, solution%state%m, solution)
+        if (is_bent) then
+          n_bendings = n_bendings + 1
+          is_solved = .false.
+          cycle
+        end if
       end if
       call find_displacements(problem, solution%qp, compliance, now, monitor, goal%needs_displacements(), goal%stress, &
                               solution%conditioning, solution%displacements, solution%state, error)
@@ -202,6 +225,26 @@ contains
     solution%tolerance = now%settings%tolerance
     call monitor%begin_phase(phase_recover)
   end subroutine solve_contact
+
+  !> Whether the gaps of the QP change, on facets that the contact bends.
+  logical function has_bent(problem, pressure, solution)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    real(dp), intent(in) :: pressure(:)  !! Pressures of the rows; only their sign counts (n_rows) [any].
+    type(contact_solution_t), intent(inout) :: solution  !! The solution; its QP gets the gaps.
+    real(dp) :: bending(size(solution%bending))
+    integer :: k
+    bending = 0
+    do k = 1, size(problem%pair)
+      associate (first => solution%qp%pair_first_row(k), last => solution%qp%pair_first_row(k + 1) - 1)
+        bending(first:last) = bending_of_rows(problem%pair(k), problem%surface_a(k), pressure(first:last))
+      end associate
+    end do
+    has_bent = any(abs(bending - solution%bending) > 0)
+    if (.not. has_bent) return
+    call solution%qp%shift_gap(bending - solution%bending)
+    if (allocated(solution%state%y)) solution%state%y = solution%state%y - (bending - solution%bending)
+    solution%bending = bending
+  end function has_bent
 
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
   !> outcome of the error budget where not.

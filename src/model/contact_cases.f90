@@ -24,6 +24,7 @@ module dotyk_model_contact_cases
     integer :: gap_kind = 0  !! One of `gap_*`.
     !> Gaps of the points; not allocated where no load case changes anything (n_points) [length].
     real(dp), allocatable :: gap(:)
+    real(dp), allocatable :: bend(:)  !! What was taken off them (n_points) [length].
     real(dp), allocatable :: row_gap(:)  !! Those of the rows (n_rows) [length].
     real(dp), allocatable :: row_theta(:)  !! Penalty parameters of the rows (n_rows) [length/pressure].
     real(dp) :: theta = 0  !! Their mean [length/pressure].
@@ -96,6 +97,7 @@ contains
         associate (pair => problem%pair(k))
           base(k)%gap_kind = pair%gap_kind
           base(k)%gap = pair%gap
+          base(k)%bend = pair%bend
           base(k)%row_gap = pair%row_gap
           base(k)%row_theta = pair%row_theta
           base(k)%theta = pair%theta
@@ -128,6 +130,7 @@ contains
       associate (pair => problem%pair(k))
         pair%gap_kind = base(k)%gap_kind
         pair%gap = base(k)%gap
+        pair%bend = base(k)%bend
         pair%row_gap = base(k)%row_gap
         pair%row_theta = base(k)%row_theta
         pair%theta = base(k)%theta
@@ -160,7 +163,9 @@ contains
         settings%gap_kind = given%gap_kind
         settings%gap = given%gap
         if (given%gap_kind == gap_formula) call formula%init(given%gap_formula, error)
-        if (.not. allocated(error)) call set_given_gap(settings, formula, pair, error)
+        if (.not. allocated(error)) &
+          call set_given_gap(settings, formula, problem%surface_a(k), body_a%mesh%x, &
+                             pair%n_points - pair%n_point_contacts, pair, error)
         call formula%destroy()
         if (allocated(error)) return
         call pair%average%multiply(pair%gap, pair%row_gap)

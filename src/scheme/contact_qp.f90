@@ -55,6 +55,7 @@ module dotyk_scheme_contact_qp
     procedure :: set_loads => qp_set_loads
     procedure :: shift_penetration => qp_shift_penetration
     procedure :: replace_theta => qp_replace_theta
+    procedure :: shift_gap => qp_shift_gap
     procedure :: replace_modes => qp_replace_modes
     procedure :: mode_displacement => qp_mode_displacement
     procedure :: opened_by_slides => qp_opened_by_slides
@@ -150,6 +151,14 @@ contains
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     self%theta = theta
   end subroutine qp_replace_theta
+
+  !> The QP with other gaps.
+  subroutine qp_shift_gap(self, change)
+    class(contact_qp_t), intent(inout) :: self
+    real(dp), intent(in) :: change(:)  !! Added to the gaps (n_rows) [length].
+    self%gap = self%gap + change
+    self%initial_penetration = self%initial_penetration - change
+  end subroutine qp_shift_gap
 
   !> z = G alpha.
   pure subroutine qp_mode_displacement(self, alpha, z)

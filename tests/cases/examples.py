@@ -64,10 +64,11 @@ class Examples(dotyk_case.Case):
         self.assertLess(abs(errors["p0_error"]), 0.02)
         self.assertLess(errors["profile_error"], 0.02)
         wave = file["dotyk/contact/wave"]
-        # The gap is the formula in the mean at each vertex: less by h^2/12 of its second derivative.
+        # The gap is the formula in the mean at each vertex, less by h^2/12 of its second derivative; but the formula
+        # itself where the facets merely touch, at the vertex beside the crest, too.
         x = wave["position"][:, 0]
         gap = 0.002 * (1 - np.cos(2 * np.pi * x) - (2 * np.pi / 80)**2 / 12 * np.cos(2 * np.pi * x))
-        inside = np.minimum(x, 0.5 - x) > 1e-6
+        inside = np.minimum(x - 1 / 80, 0.5 - x) > 1e-6
         np.testing.assert_allclose(wave["gap_initial"][inside], gap[inside], rtol=0, atol=1e-9)
 
     def test_wavy_slice(self):
@@ -276,7 +277,8 @@ class Examples(dotyk_case.Case):
         self.edit("ball_bearing/ball_bearing.geo", (r"^H = 3;", "H = 2.2;"))
         self.edit("ball_bearing/ball_bearing.nml", (r"^&solver", "&output error_parts='' /\n&solver"))
         file = self.run_example("ball_bearing")
-        self.assertLessEqual(file["dotyk/summary"].attrs["iterations"], 6)
+        # One more than it takes to find which facets the contact spans: these bend.
+        self.assertLessEqual(file["dotyk/summary"].attrs["iterations"], 7)
         check = check_of("ball_bearing")
         errors = check.errors(self.folder / "ball_bearing/ball_bearing.vtkhdf")[0]
         # One element and a half over half the width of the contact: three such meshes are within 7 % and 1.1 %.

@@ -1,0 +1,173 @@
+#!/usr/bin/python3
+"""Gaps of surfaces that coarse meshes describe: what is an edge and what is a curve, facets that merely touch, faces
+that a kink of the other side crosses, and gaps by formula."""
+import re
+
+import numpy as np
+
+import dotyk_case
+import grid
+
+SOFT = "&material name='m', young=1000, poisson=0.3 /\n"
+DEGREE = np.pi / 180
+
+
+class Gaps(dotyk_case.Case):
+    def force(self, nml, blocks, kind, pair):
+        """Contact force on the slave body of a scene that is written and solved."""
+        grid.write_mesh(self.folder / "m.msh", blocks, kind)
+        self.write("case.nml", nml)
+        self.dotyk("case.nml")
+        return self.results("case.vtkhdf")["dotyk/contact/" + pair].attrs["force"]
+
+    # Edges and curves
+
+    def wedge(self, degrees):
+        """Force on a blunt wedge of one facet a flank, whose mesh has no faces of a CAD model, pressed into a block."""
+        slope = np.tan(degrees * DEGREE)
+        punch = grid.Block("punch", grid.even(-1, 1, 2), grid.even(0, 1, 4),
+                           shape=lambda x: np.stack([x[:, 0], x[:, 1] + (1 - x[:, 1]) * slope * abs(x[:, 0])], 1))
+        base = grid.Block("base", grid.even(-2, 2, 40), grid.even(-2, 0, 16))
+        return self.force("&scene mesh='m.msh', analysis='plane_strain' /\n" + SOFT + """
+&material name='w', young=1e6, poisson=0.3 /
+&body name='punch', volume='punch', material='w' /
+&body name='base', volume='base', material='m' /
+&support body='base', surface='bottom', fix='xy' /
+&support body='punch', surface='top', fix='xy', value=0,-0.05 /
+&contact name='c', surface_a='base:top', surface_b='punch:bottom' /
+&solver theta=0 /""", [punch, base], "quad4", "c")
+
+    def test_two_facets_without_faces_are_an_edge(self):
+        """Literally by (18), and with more facets a flank, the force is 21.8 and 27.5; a rounded edge had 35 and 42."""
+        self.assertBetween(21.7, -self.wedge(10)[1], 22.0)
+        self.assertBetween(26.5, -self.wedge(5)[1], 28.5)
+
+    def test_curve_of_two_facets(self):
+        """A sixth of a ring in a ring of the same radius, two facets on three: the gap is 0, not that of the chords."""
+        def part(name, r, n_r, n_phi):
+            lines = grid.even(*r, n_r), grid.even(0, 60, n_phi)
+            at = [lambda p, r=r, i=i: np.all(p[:, 0] == r[i]) for i in (0, 1)]
+            side = [lambda p, phi=phi: np.all(p[:, 1] == phi) for phi in (0, 60)]
+            return grid.Block(name, *lines, patches={name + "_x0": at[0], name + "_x1": at[1], name + "_y0": side[0],
+                                                     name + "_y1": side[1]},
+                              shape=lambda x: x[:, :1] * np.stack([np.cos(x[:, 1] * DEGREE), np.sin(x[:, 1] * DEGREE)], 1))
+        self.force("&scene mesh='m.msh', analysis='plane_strain' /\n" + SOFT + """
+&body name='a', volume='a', material='m' /
+&body name='b', volume='b', material='m' /
+&load body='a', surface='a_x0', pressure=0.276 /
+&spring body='b', surface='b_x1', fix='xy', modulus=5 /
+&spring body='a', surface='a_x0', fix='xy', modulus=5 /
+&tie name='ta', surface_a='a:a_y1', surface_b='a:a_y0', angle=60 /
+&tie name='tb', surface_a='b:b_y1', surface_b='b:b_y0', angle=60 /
+&contact name='c', surface_a='a:a_x1', surface_b='b:b_x0' /
+&solver theta=0 /""", [part("a", (0.4, 0.8), 2, 2), part("b", (0.8, 1.3), 2, 3)], "tri3", "c")
+        contact = self.results("case.vtkhdf")["dotyk/contact/c"]
+        np.testing.assert_allclose(contact["gap_initial"][:], 0, atol=1e-6)
+        self.assertLess(np.ptp(contact["pressure"][:]), 0.05 * np.max(contact["pressure"][:]))
+
+    # Facets that merely touch
+
+    def test_three_point_bending(self):
+        """The contact is narrower than a facet of 1, the load 10 N: meshes of 0.1 there say -0.0063."""
+        self.write("b.geo", """SetFactory("OpenCASCADE");
+Rectangle(1) = {-50, 0, 0, 100, 10};
+Disk(2) = {-40, -5, 0, 5}; Disk(3) = {40, -5, 0, 5}; Disk(4) = {0, 15, 0, 5};
+Physical Surface("beam") = {1}; Physical Surface("left") = {2}; Physical Surface("right") = {3};
+Physical Surface("punch") = {4}; Physical Curve("p") = {7};
+Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
+""")
+        for order in 1, 2:
+            geo = (self.folder / "b.geo").read_text()
+            self.write("b%d.geo" % order, "o = %d;\n" % order + geo)
+            self.write("case.nml", "&scene mesh='b%d.geo', analysis='plane_stress' /\n" % order + """
+&material name='s', young=210e3, poisson=0.3 /
+&body name='beam', volume='beam', material='s' /
+&body name='left', volume='left', material='s' /
+&body name='right', volume='right', material='s' /
+&body name='punch', volume='punch', material='s' /
+&rigid_body body='left', fix='xyrz', point=-40,-5 /
+&rigid_body body='right', fix='xyrz', point=40,-5 /
+&rigid_body body='punch', fix='xrz', point=0,15 /
+&load body='punch', surface='p', force=0,-10 /
+&contact auto=.true. /
+&solver theta=0 /""")
+            text = self.dotyk("case.nml")
+            down = float(re.search(r"^  punch +\(0, ([^,]+), 0\)", text, re.M)[1])
+            self.assertBetween(-0.0066, down, -0.0060)
+
+    # Kinks of the other side
+
+    def test_crossed_bevelled_blocks(self):
+        """Two prisms on their narrow faces, crossed: found pairs have the same force as the narrow faces alone. The
+        middles of both faces lie between the vertices, and means over the bevels were no contact."""
+        lines = grid.even(-0.5, 0.5, 3), grid.even(-1, 1, 4), grid.even(0, 0.2, 2)
+        upper = grid.Block("w", *lines, patches={"w_top": lambda p: np.all(p[:, 2] == 0.2),
+                                                 "w_low": lambda p: np.all(p[:, 2] == 0)},
+                           shape=lambda x: np.stack([x[:, 0], x[:, 1] * (0.1 + 2 * x[:, 2]), x[:, 2]], 1))
+        lower = grid.Block("b", *lines, patches={"b_top": lambda p: np.all(p[:, 2] == 0.2),
+                                                 "b_low": lambda p: np.all(p[:, 2] == 0)},
+                           shape=lambda x: np.stack([x[:, 1] * (0.1 + 2 * x[:, 2]), x[:, 0], -x[:, 2]], 1))
+        forces = []
+        for contact, pair in (("auto=.true.", "w - b"), ("name='c', surface_a='w:w_low', surface_b='b:b_low'", "c")):
+            forces.append(self.force("""&scene mesh='m.msh' /
+&material name='m', young=1, poisson=0.3 /
+&body name='w', volume='w', material='m' /
+&body name='b', volume='b', material='m' /
+&support body='w', surface='w_top', fix='xyz', value=0,0,-0.01 /
+&support body='b', surface='b_top', fix='xyz' /
+&contact %s /
+&solver theta=0 /""" % contact, [upper, lower], "hex20", pair)[2])
+        self.assertAlmostEqual(forces[0], 0.00292, delta=1e-5)
+        self.assertAlmostEqual(forces[1], forces[0], delta=1e-9)
+
+    def test_crossed_ridges(self):
+        """Ridges of 20 degrees that cross at a right angle, on meshes with the planes of symmetry: no lateral force."""
+        slope = np.tan(20 * DEGREE)
+        lines = grid.even(-1, 1, 4), grid.even(-1, 1, 6), grid.even(0, 1, 3)
+        low = grid.Block("low", *lines, shape=lambda x: x - np.stack([0 * x[:, 0], 0 * x[:, 0],
+                                                                      1 + x[:, 2] * slope * abs(x[:, 0])], 1))
+        up = grid.Block("up", *lines, shape=lambda x: x + np.stack([0 * x[:, 0], 0 * x[:, 0],
+                                                                    (1 - x[:, 2]) * slope * abs(x[:, 1])], 1))
+        force = self.force("&scene mesh='m.msh' /\n" + SOFT + """
+&body name='low', volume='low', material='m' /
+&body name='up', volume='up', material='m' /
+&support body='low', surface='bottom', fix='xyz' /
+&support body='up', surface='top', fix='xyz', value=0,0,-0.05 /
+&contact name='c', surface_a='low:top', surface_b='up:bottom' /
+&solver theta=0 /""", [low, up], "hex8", "c")
+        self.assertGreater(-force[2], 1)
+        self.assertLess(np.max(abs(force[:2])), 1e-9 * -force[2])
+
+    # Gaps by formula
+
+    def test_formula_is_as_geometry(self):
+        """A cube whose face is curved by the mesh, or flat with the gap as a formula."""
+        def force(curved, n):
+            lines = [grid.even(0, 1, n)] * 3
+            def shape(x):
+                return x + (curved * (1 - x[:, 2]) * 0.05 * (x[:, 0]**2 + x[:, 1]**2))[:, None] * [0, 0, 1]
+            walls = {"%s_%s" % (name, s): lambda p, k=k: np.all(p[:, k] == 0) for name in ("a", "b")
+                     for k, s in enumerate("xy")}
+            blocks = []
+            for name, move in ("a", shape), ("b", lambda x: x - [0, 0, 1]):
+                blocks.append(grid.Block(name, *lines, shape=move, patches={
+                    key: rule for key, rule in walls.items() if key.startswith(name)}))
+            held = "".join("&support body='%s', surface='%s_%s', fix='%s' /\n" % (name, name, s, s)
+                           for name in "ab" for s in "xy")
+            gap = "" if curved else ", gap_formula='0.05*(x^2+y^2)'"
+            return -self.force("""&scene mesh='m.msh' /
+&material name='m', young=2, poisson=0.3 /
+&body name='a', volume='a', material='m' /
+&body name='b', volume='b', material='m' /
+""" + held + """&support body='a', surface='top', fix='xyz', value=0,0,-0.004 /
+&support body='b', surface='bottom', fix='xyz' /
+&contact name='c', surface_a='a:bottom', surface_b='b:top'%s /
+&solver theta=0 /""" % gap, blocks, "hex8", "c")[2]
+
+        coarse = force(True, 3), force(False, 3)
+        self.assertBetween(0.9, coarse[1] / coarse[0], 1.1)
+        self.assertBetween(0.9, force(False, 12) / force(True, 12), 1.1)
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
