@@ -3,6 +3,7 @@ module dotyk_contact_edge_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_facet_crossing, only: crossings, max_crossings
+  use dotyk_contact_met_points, only: add_met_point, met_point_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
@@ -26,17 +27,19 @@ module dotyk_contact_edge_penetration
 contains
 
   !> Edges that pass through another part, or run inside it between two nodes that are allowed.
-  subroutine find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
+  subroutine find_edges(division, a, b, tolerance, only_corners, is_below, clear, depth, worst, met)
     type(division_t), intent(in) :: division  !! How ranks divide the facets.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
     logical, intent(in) :: is_below(:)  !! Nodes below the boundary (a%n_nodes).
     !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
     real(dp), intent(in) :: clear(:)
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
     real(dp), allocatable :: found(:, :)
     integer :: f, e, n, other, corners, ends(3), n_found, first, last
     n = a%set%n
@@ -66,7 +69,7 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
-    call keep_segments(found, depth, worst)
+    call keep_segments(a, b, found, only_corners, depth, worst, met)
 
   contains
 
@@ -199,13 +202,17 @@ contains
   end function edge_shape
 
   !> Add the segments that are too deep, or allowed though notable, to the deepest point, in the order of the facets.
-  subroutine keep_segments(found, depth, worst)
+  subroutine keep_segments(a, b, found, only_corners, depth, worst, met)
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
     !> The segments: facet, ends, depth that is allowed, though notable, and its position, depth that is not, and its
     !> position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
+    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
     logical :: inside(size(depth))
     integer :: order(size(found, 2)), i
     inside = depth > 0
@@ -217,6 +224,7 @@ contains
         if (segment(8) > 0 .and. .not. any(inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
           depth(nodes) = max(depth(nodes), segment(8))
+          call add_met_point(a, nint(segment(1)), nodes, segment(9:11), b, only_corners, met)
         end if
         if (segment(8) > (1 + same_depth)*worst%depth) then
           worst%depth = segment(8)

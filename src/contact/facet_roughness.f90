@@ -19,18 +19,16 @@ module dotyk_contact_facet_roughness
 contains
 
   !> Normals, roughness and curvature of all facets.
-  subroutine measure_roughness(surface, set, adjacency, x, x0, normal0, normal, roughness, curvature, stretch)
+  subroutine measure_roughness(surface, set, adjacency, x0, normal0, normal, roughness, curvature)
     type(surface_t), intent(in) :: surface  !! Facets.
     type(facet_set_t), intent(in) :: set  !! Deformed facets.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
-    real(dp), intent(in) :: x(:, :)  !! Nodes after deformation (3, n_nodes) [length].
     real(dp), intent(in) :: x0(:, :)  !! Nodes before deformation (3, n_nodes) [length].
     !> Unit normals of the facets before deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: normal0(:, :)
     real(dp), allocatable, intent(out) :: normal(:, :)  !! The same after deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness (n_facets) [length].
     real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].
-    real(dp), allocatable, intent(out) :: stretch(:)  !! Greatest change of length of the edges (n_facets) [length].
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
@@ -38,8 +36,7 @@ contains
     logical :: in_plane(set%n)
     entity = [(facet_entity(surface, f), f=1, set%n)]
     in_plane = .false.
-    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n), &
-              stretch(set%n))
+    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
     ! Deformation bends flat facets too.
     call before%init_polynomials(x0(1:set%dimension, :), surface)
     do f = 1, set%n
@@ -47,8 +44,6 @@ contains
         normal0(:, f) = corner_normal(x0(:, corner))
         call bulge(set, f, is_flat, normal(:, f), roughness(f), bent)
         call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
-        stretch(f) = maxval(abs(norm2(x(:, cshift(corner, 1)) - x(:, corner), 1) - &
-                                norm2(x0(:, cshift(corner, 1)) - x0(:, corner), 1)))
       end associate
     end do
     do f = 1, set%n

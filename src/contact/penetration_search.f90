@@ -6,6 +6,7 @@
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_edge_penetration, only: find_edges
+  use dotyk_contact_met_points, only: add_met_point, met_point_t
   use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
@@ -23,20 +24,23 @@ module dotyk_contact_penetration_search
 contains
 
   !> Depth of a part below the boundary of another one.
-  subroutine find_penetration(division, a, b, tolerance, depth, worst, clear)
+  subroutine find_penetration(division, a, b, tolerance, only_corners, depth, worst, clear, met)
     type(division_t), intent(in) :: division  !! How ranks divide nodes and facets.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
     type(penetration_t), intent(out) :: worst  !! The deepest point.
     !> Least distance of each node from b, 0 where it is not outside (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: clear(:)
+    type(met_point_t), allocatable, intent(out) :: met(:)  !! Points that are too deep, where a row can be (n).
     logical :: is_below(a%n_nodes)
     real(dp) :: unresolved(a%n_nodes)
     integer :: i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
+    allocate (met(0))
     is_below = .false.
     unresolved = 0
     allocate (clear(a%n_nodes), source=0.0_dp)
@@ -64,11 +68,12 @@ contains
       if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
+      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, only_corners, met)
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(division, a, b, tolerance, is_below, clear, depth, worst)
+    call find_edges(division, a, b, tolerance, only_corners, is_below, clear, depth, worst, met)
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.

@@ -8,8 +8,6 @@
 !> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides;
 !> - mean conditions, where there are rows: over a facet of width h that turns by b against the other surface, a gap
 !>   whose mean is 0 goes from -h b/2 to h b/2;
-!> - corners that meet corners by their motion, which have no rows: the change of length of the facets at both, by which
-!>   displacements vary over them;
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
@@ -37,6 +35,8 @@ module dotyk_contact_penetration_tolerance
     procedure :: judge => tolerance_judge
     procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
+
+  public :: are_corners
 
   !> Depths that are allowed are notable from this fraction of the displacements on [].
   real(dp), parameter :: notable_fraction = 0.25_dp
@@ -152,8 +152,6 @@ contains
               along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
     arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
                          position - b%displacement_at(facet, xi) - x + displacement)))
-    if (are_corners(a, around, b, facet, x, slip)) &
-      allowed = allowed + maxval(a%stretch(around)) + maxval(b%stretch(shared))
   end subroutine tolerance_find_allowed
 
   !> Largest height over some facets, measured in a direction [length].

@@ -25,6 +25,7 @@ module dotyk_contact_solid_boundary
     real(dp), allocatable :: x0(:, :)  !! Positions before deformation (3, n_nodes) [length].
     real(dp), allocatable :: x(:, :)  !! Positions after deformation (3, n_nodes) [length].
     type(surface_t) :: surface  !! Facets, with nodes of the boundary.
+    integer, allocatable :: facet(:)  !! Their numbers in the boundary of the body (n_facets).
     type(facet_set_t) :: set  !! Deformed facets.
     type(bounding_volume_tree_t) :: tree  !! Bounding-volume tree of the deformed facets.
     type(adjacency_t) :: adjacency  !! Neighbours of the facets.
@@ -37,7 +38,6 @@ module dotyk_contact_solid_boundary
     real(dp), allocatable :: roughness(:)
     !> Greatest curvature around each facet before deformation (n_facets) [1/length].
     real(dp), allocatable :: curvature(:)
-    real(dp), allocatable :: stretch(:)  !! Greatest change of length of the edges of each facet (n_facets) [length].
   contains
     procedure :: init => solid_init
     procedure :: depth_of => solid_depth_of
@@ -72,6 +72,7 @@ contains
     self%body = body
     d = size(x, 1)
     self%dimension = d
+    self%facet = chosen
     associate (surface => self%surface)
       n = size(chosen)
       surface%dimension = d
@@ -104,8 +105,8 @@ contains
     call self%tree%init(self%set)
     call self%adjacency%init(self%set)
     call collect_around(self)
-    call measure_roughness(self%surface, self%set, self%adjacency, self%x, self%x0, self%normal0, self%normal, &
-                           self%roughness, self%curvature, self%stretch)
+    call measure_roughness(self%surface, self%set, self%adjacency, self%x0, self%normal0, self%normal, &
+                           self%roughness, self%curvature)
   end subroutine solid_init
 
   !> Facets at each node, mid-side nodes included.

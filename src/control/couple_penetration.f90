@@ -2,6 +2,7 @@
 module dotyk_control_couple_penetration
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
@@ -69,7 +70,7 @@ contains
 
   !> Check the parts of two bodies, or of one.
   subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, error_bound, depth, &
-                          found)
+                          found, met)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
@@ -85,14 +86,20 @@ contains
     type(nodal_field_t), intent(inout) :: depth(:)
     !> The deeper one of the two in the other; of depth 0 where neither is.
     type(body_penetration_t), intent(out) :: found
+    !> Points of the one in the other, where there is a contact pair of the two, or at sharp edges of both (n).
+    type(met_point_t), allocatable, intent(out) :: met(:)
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
     type(left_by_pairs_t) :: left_a, left_b
+    type(met_point_t), allocatable :: met_b(:)
     real(dp) :: rounding
+    logical :: only_corners
     integer :: i, j
+    allocate (met(0), met_b(0))
     if (a == b .and. size(parts_a%part) == 1) return
     call find_left(problem, pairs, first_row, y, a, b, left_a)
     call find_left(problem, pairs, first_row, y, b, a, left_b)
+    only_corners = size(pairs%between(problem%pair, a, b)) == 0
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
@@ -103,20 +110,25 @@ contains
           tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node), left_a%given)
           tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node), left_b%given)
           if (.not. problem%body(b)%mesh%is_open) &
-            call check_parts(division, p, q, parts_b%swept(j), tolerance, depth(a)%value, a_in_b%worst)
+            call check_parts(division, p, q, parts_b%swept(j), tolerance, only_corners, depth(a)%value, a_in_b%worst, met)
           if (.not. problem%body(a)%mesh%is_open) &
-            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth(b)%value, b_in_a%worst)
+            call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), only_corners, depth(b)%value, &
+                             b_in_a%worst, met_b)
         end associate
       end do
     end do
     found = a_in_b
-    if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
+    if (b_in_a%worst%outweighs(a_in_b%worst)) then
+      found = b_in_a
+      call move_alloc(met_b, met)
+    end if
+    if (a == b) met = met(:0)
     if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
     if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
       call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
                                 found%worst%position)
-    if (found%worst%depth > 0 .or. size(pairs%between(problem%pair, a, b)) > 0) return
+    if (found%worst%depth > 0 .or. .not. only_corners) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         call find_touch(parts_a%part(i), parts_b%part(j), tolerance%slack, found%touch)
@@ -174,22 +186,26 @@ contains
   end subroutine measure_motion
 
   !> Check one part against another one.
-  subroutine check_parts(division, p, q, swept, tolerance, depth, worst)
+  subroutine check_parts(division, p, q, swept, tolerance, only_corners, depth, worst, met)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(solid_t), intent(in) :: p  !! The part.
     type(solid_t), intent(in) :: q  !! The other part.
     type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
     real(dp), intent(inout) :: depth(:)  !! Depth at the nodes of the body (n_nodes) [length].
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
     type(penetration_t) :: here
+    type(met_point_t), allocatable :: found(:)
     real(dp), allocatable :: own(:), clear(:)
     associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
       if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
         allocate (own(p%n_nodes), clear(p%n_nodes), source=0.0_dp)
       else
-        call find_penetration(division, p, q, tolerance, own, here, clear)
+        call find_penetration(division, p, q, tolerance, only_corners, own, here, clear, found)
+        met = [met, found]
       end if
     end associate
     ! Facets are no guide to the thickness of a part, but none is thinner than a small fraction of them.

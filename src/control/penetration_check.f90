@@ -10,6 +10,7 @@ module dotyk_control_penetration_check
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_broad_phase, only: overlapping_boxes
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
@@ -25,6 +26,10 @@ module dotyk_control_penetration_check
   implicit none
   private
 
+  type :: met_points_t  !! Those of one couple of bodies.
+    type(met_point_t), allocatable :: of(:)  !! The points (n).
+  end type met_points_t
+
   type, public :: penetration_check_t  !! Outcome of the check.
     logical :: is_done = .false.  !! Whether it was done: it needs displacements.
     type(body_penetration_t), allocatable :: found(:)  !! Pairs of bodies that penetrate each other, the deepest first.
@@ -34,6 +39,9 @@ module dotyk_control_penetration_check
     type(body_penetration_t), allocatable :: unresolved(:)
     !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
     type(nodal_field_t), allocatable :: depth(:)
+    !> Points at which contact rows would keep the bodies out of each other; none where they would not keep out all, and
+    !> with several ranks (n).
+    type(met_point_t), allocatable :: met(:)
   contains
     procedure :: deepest => check_deepest
     procedure :: deepest_unresolved => check_deepest_unresolved
@@ -114,6 +122,7 @@ contains
     type(penetration_check_t), intent(out) :: check  !! Outcome.
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
+    type(met_points_t), allocatable :: met(:)
     type(pairs_of_bodies_t) :: pairs
     integer, allocatable :: owner(:)
     integer :: last_use(size(problem%body)), b, k, n, first, last
@@ -125,7 +134,7 @@ contains
     check%is_done = .true.
     owner = owners_of(problem, couple)
     call pairs%init(problem%pair, n)
-    allocate (parts(n), found(size(couple, 2)))
+    allocate (parts(n), found(size(couple, 2)), met(size(couple, 2)))
     do k = 1, size(found)
       last_use(couple(1, k)) = k
       last_use(couple(2, k)) = k
@@ -154,6 +163,14 @@ contains
       end do
     end do
     if (n_ranks() > 1) call share_findings(problem%body, owner, found, check%depth)
+    allocate (check%met(0))
+    do k = 1, size(found)
+      if (found(k)%worst%depth > 0) check%met = [check%met, met(k)%of]
+    end do
+    ! Rows are of use where they keep out all bodies, in a scene of contact.
+    if (n_ranks() > 1 .or. size(problem%pair) == 0 .or. &
+         any([(found(k)%worst%depth > 0 .and. size(met(k)%of) == 0, k=1, size(found))])) &
+      check%met = check%met(:0)
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     check%unresolved = pack(found, found%worst%unresolved > 0 .and. .not. found%worst%depth > 0)
@@ -168,7 +185,7 @@ contains
       integer, intent(in) :: k  !! The couple.
       associate (a => couple(1, k), c => couple(2, k))
         call check_bodies(division, problem, pairs, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
-                          error_bound, check%depth, found(k))
+                          error_bound, check%depth, found(k), met(k)%of)
       end associate
     end subroutine check_couple
   end subroutine check_couples

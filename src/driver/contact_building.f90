@@ -3,6 +3,7 @@ module dotyk_driver_contact_building
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_text, only: to_text
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_contact_problem, only: build_rows, contact_problem_t
   use dotyk_control_seams, only: pair_of_other_roles
   use dotyk_driver_scene, only: scene_t
@@ -10,6 +11,7 @@ module dotyk_driver_contact_building
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_contact_cases, only: check_contact_cases
+  use dotyk_model_met_pairs, only: add_met_pairs
   use dotyk_model_pair_search, only: search_pair
   use dotyk_model_pairs, only: find_pairs
   use dotyk_model_ties, only: find_ties
@@ -23,9 +25,10 @@ module dotyk_driver_contact_building
 contains
 
   !> Find contact pairs and ties, and make their rows.
-  subroutine build_contact(case, surfaces, scene, error)
+  subroutine build_contact(case, surfaces, met, scene, error)
     type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(met_point_t), intent(in) :: met(:)  !! Points at which bodies met beside their contact rows before (n).
     type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties and rows.
     !> Allocated where a pair, a tie or a load case is wrong, or after an interrupt.
     type(error_t), allocatable, intent(out) :: error
@@ -39,6 +42,8 @@ contains
       call find_ties(case, problem%body, surfaces, problem%pair, problem%surface_a, problem%surface_b, problem%tie, &
                      error)
       if (.not. allocated(error)) call align_roles(case, problem, error)
+      if (.not. allocated(error)) call add_met_pairs(case, met, problem%body, problem%surface_a, problem%surface_b, &
+                                                     problem%pair, error)
       if (.not. allocated(error)) call check_contact_cases(case, problem, scene%pair_conditions, error)
       if (allocated(error)) return
       call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)

@@ -4,6 +4,7 @@ module dotyk_driver_load_cases
   use dotyk_base_error, only: error_t, exit_not_converged
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_rotations, only: find_rotations
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
@@ -31,13 +32,16 @@ module dotyk_driver_load_cases
 contains
 
   !> Solve one load case after the other, and write the results file.
-  subroutine solve_cases(restart, input, run, scene, threads, monitor, reason, code, error)
+  subroutine solve_cases(restart, input, run, scene, may_add, threads, monitor, met, reason, code, error)
     character(*), intent(in) :: restart  !! Results file of an earlier run to start from; empty where there is none.
     type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
     type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
     type(scene_t), intent(inout) :: scene  !! The scene, built.
+    logical, intent(in) :: may_add  !! Whether `met` may grow.
     integer, intent(in) :: threads  !! Number of threads.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    !> Points at which bodies met beside their contact rows. Where it has grown, nothing is written (n).
+    type(met_point_t), allocatable, intent(inout) :: met(:)
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
@@ -53,7 +57,7 @@ contains
     real(dp), allocatable :: pressure(:), ratio(:)
     real(dp) :: before
     integer :: k, n, n_written
-    logical :: is_kept
+    logical :: is_kept, has_met
     case = input
     n_written = 0
     n = case%n_cases()
@@ -76,7 +80,11 @@ contains
       if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
       call find_rotations(scene%problem, solution%state, ratio)
       call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
-      call check_bodies(scene, solution, monitor)
+      call check_bodies(scene, solution, may_add, monitor, met, has_met)
+      if (has_met) then
+        if (n_written > 0) call file%discard()
+        return
+      end if
       call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                          monitor%timing%iterate%wall - before)
       before = monitor%timing%iterate%wall

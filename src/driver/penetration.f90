@@ -1,12 +1,13 @@
 !> The check of the deformed bodies against each other, in a run.
 module dotyk_driver_penetration
   use dotyk_base_memory, only: set_stage
+  use dotyk_contact_met_points, only: is_same, met_point_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_initial_overlap, only: find_initial_overlap
   use dotyk_control_penetration_check, only: body_penetration_t, check_penetration
   use dotyk_driver_scene, only: scene_t
   use dotyk_log_large_motion, only: show_large_motion
-  use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_penetration
+  use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_met_points, show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_scheme_solver_state, only: ended_penetration
   implicit none
@@ -27,15 +28,31 @@ contains
   end subroutine check_placement
 
   !> Check the solution. Where bodies penetrate each other it is none.
-  subroutine check_bodies(scene, solution, monitor)
+  subroutine check_bodies(scene, solution, may_add, monitor, met, has_met)
     type(scene_t), intent(in) :: scene  !! The scene, solved.
     type(contact_solution_t), intent(inout) :: solution  !! The solution, with the outcome of the check on return.
+    logical, intent(in) :: may_add  !! Whether `met` may grow.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    !> Points at which bodies met beside their contact rows (n).
+    type(met_point_t), allocatable, intent(inout) :: met(:)
+    logical, intent(out) :: has_met  !! Whether it has grown: the scene is to be solved again.
+    integer :: i, k
+    has_met = .false.
     call set_stage('checking for penetration')
     if (.not. all_displaced()) return
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &
                            solution%state%error_bound, solution%penetration)
     call monitor%watch%lap(monitor%timing%check)
+    ! A point that has been added before has its row, or is excluded.
+    associate (new => solution%penetration%met)
+      new = pack(new, [(.not. any([(is_same(new(i), met(k)), k=1, size(met))]), i=1, size(new))])
+      has_met = may_add .and. size(new) > 0 .and. solution%state%has_converged()
+      if (has_met) then
+        call show_met_points(monitor%log, scene%problem%body, solution%penetration)
+        met = [met, new]
+        return
+      end if
+    end associate
     call show_large_motion(monitor%log, scene%problem, solution%displacements%body)
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
     call note_formulas(monitor%log, scene%problem%pair)

@@ -1,7 +1,9 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, exit_converged
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_memory, only: set_stage
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_parallel, only: set_factor_threads, use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
@@ -22,6 +24,9 @@ module dotyk_driver_run_case
   private
   public :: run_case
 
+  !> Times that rows are added where deformed bodies meet beside their contact rows.
+  integer, parameter :: most_added = 3
+
 contains
 
   !> From the namelist file to the results file.
@@ -33,8 +38,9 @@ contains
     type(scheme_run_t) :: run
     type(log_monitor_t) :: monitor
     integer :: threads
-    integer :: reason
-    logical :: has_shown
+    type(met_point_t), allocatable :: met(:)
+    integer :: reason, n, n_added
+    logical :: has_shown, is_stopped
     code = exit_converged
     has_shown = .false.
     call monitor%begin(arguments%quiet)
@@ -48,20 +54,44 @@ contains
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
-    call run_scene(arguments, case, run, .true., threads, monitor, has_shown, reason, code, error)
-    if (reason /= reason_none) &
-      call run_scene(arguments, case, run, .false., threads, monitor, has_shown, reason, code, error)
+    allocate (met(0))
+    n_added = 0
+    do
+      n = size(met)
+      code = exit_converged
+      call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, reason, code, &
+                     error)
+      if (reason /= reason_none) &
+        call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, reason, &
+                       code, error)
+      is_stopped = interrupted()
+      if (allocated(error) .and. n > 0 .and. .not. is_stopped) then
+        ! What supports prescribe, for example, no row keeps out: the results without them say where bodies are deep.
+        call monitor%log%line('  corners          no solution with these contact rows: '//error%message)
+        deallocate (error)
+        met = met(:0)
+        n_added = most_added
+        cycle
+      end if
+      if (size(met) == n) exit
+      n_added = n_added + 1
+    end do
   end subroutine run_case
 
   !> From the case to the results file.
-  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, has_shown, reason, code, error)
+  subroutine run_scene(arguments, input, chosen, may_split, may_add, threads, monitor, has_shown, met, reason, code, &
+                       error)
     type(arguments_t), intent(in) :: arguments  !! The command line.
     type(case_t), intent(in) :: input  !! The case.
     type(scheme_run_t), intent(in) :: chosen  !! Scheme and its settings.
     logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
+    logical, intent(in) :: may_add  !! Whether `met` may grow.
     integer, intent(in) :: threads  !! Number of threads.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     logical, intent(inout) :: has_shown  !! Whether the log has the tables of the scene.
+    !> Points at which bodies met beside their contact rows. Where it has grown, nothing is written: the scene is to be
+    !> built anew, with rows there (n).
+    type(met_point_t), allocatable, intent(inout) :: met(:)
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
@@ -73,7 +103,7 @@ contains
     case = input
     run = chosen
     ! Bodies that are split are computed once: load cases have factors.
-    call build_scene(case, run%scheme, may_split .and. case%n_cases() == 1, scene, monitor, reason, error)
+    call build_scene(case, run%scheme, may_split .and. case%n_cases() == 1, met, scene, monitor, reason, error)
     if (allocated(error) .or. reason /= reason_none) return
     call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of, has_shown)
@@ -88,7 +118,7 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_cases(arguments%restart, case, run, scene, threads, monitor, reason, code, error)
+    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, reason, code, error)
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene

@@ -4,6 +4,7 @@ module dotyk_driver_scene_building
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: peak_memory, set_stage
   use dotyk_base_text, only: text_t
+  use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_factorization, only: analyze_bodies
   use dotyk_control_response_choice, only: form_split
   use dotyk_driver_body_building, only: read_bodies
@@ -25,10 +26,11 @@ module dotyk_driver_scene_building
 contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
-  subroutine build_scene(case, scheme, may_split, scene, monitor, reason, error)
+  subroutine build_scene(case, scheme, may_split, met, scene, monitor, reason, error)
     type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
     class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
     logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
+    type(met_point_t), intent(in) :: met(:)  !! Points at which bodies met beside their contact rows before (n).
     type(scene_t), intent(out) :: scene  !! The scene: bodies, contact pairs, sizes of the factors.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> `reason_parts` where the ranks have parts of bodies that are not to be split: the scene is to be built anew,
@@ -80,7 +82,7 @@ contains
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('searching for contact')
-      call build_contact(case, surfaces, scene, error)
+      call build_contact(case, surfaces, met, scene, error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')

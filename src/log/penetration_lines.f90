@@ -9,7 +9,7 @@ module dotyk_log_penetration_lines
   use dotyk_elasticity_body, only: body_t
   implicit none
   private
-  public :: note_formulas, show_initial_overlap, show_penetration
+  public :: note_formulas, show_initial_overlap, show_met_points, show_penetration
 
   !> Greatest number of couples of bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20, most_touching = 5, most_unresolved = 10
@@ -48,6 +48,20 @@ contains
     if (size(check%touching) > most_touching) &
       call log%line('  no pair          '//counted(size(check%touching) - most_touching, 'more couple')//' of bodies')
   end subroutine show_penetration
+
+  !> Bodies that meet beside their contact rows, before the scene is solved again with rows there.
+  subroutine show_met_points(log, body, check)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(penetration_check_t), intent(in) :: check  !! Outcome of the check.
+    integer :: k
+    do k = 1, min(most_shown, size(check%found))
+      call log%line('  corners          '//line_of(body, check%found(k))//', where there is no contact row')
+    end do
+    if (size(check%found) > most_shown) &
+      call log%line('  corners          '//counted(size(check%found) - most_shown, 'more couple')//' of bodies')
+    call log%line('  corners          '//counted(size(check%met), 'contact row')//' added there; solving again')
+  end subroutine show_met_points
 
   !> Bodies that overlap before they are loaded, the deepest first.
   subroutine show_initial_overlap(log, body, found)

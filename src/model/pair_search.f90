@@ -4,6 +4,7 @@ module dotyk_model_pair_search
   use dotyk_base_formula, only: formula_t
   use dotyk_base_options, only: analysis_axisymmetric, gap_formula, scheme_auto, scheme_dual, theta_formula, &
     theta_mesh, theta_relative
+  use dotyk_contact_met_points, only: discretize_points, met_point_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
   use dotyk_elasticity_body, only: body_t
@@ -20,7 +21,7 @@ module dotyk_model_pair_search
 contains
 
   !> Discretize one contact pair.
-  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, division, pair, error)
+  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, division, pair, error, met)
     type(case_t), intent(in) :: case  !! The case.
     type(contact_input_t), intent(in) :: given  !! `&contact`.
     type(body_t), intent(in) :: body_a  !! Body of the slave side.
@@ -31,6 +32,8 @@ contains
     type(contact_pair_t), intent(out) :: pair  !! The contact pair.
     !> Allocated where the gap formula, the surfaces or theta cannot be used.
     type(error_t), allocatable, intent(out) :: error
+    !> Points that are its rows, in place of those that a search finds (n).
+    type(met_point_t), intent(in), optional :: met(:)
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
     settings%name = given%name
@@ -52,7 +55,11 @@ contains
     if (given%theta_kind == theta_relative .and. given%theta > 0) &
       settings%theta = given%theta* &
       (shortest_extent(body_a%mesh)/body_a%young() + shortest_extent(body_b%mesh)/body_b%young())
-    call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
+    if (present(met)) then
+      call discretize_points(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, met, pair)
+    else
+      call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
+    end if
     call formula%destroy()
     if (given%found .and. pair%n_points == 0 .and. allocated(error)) then
       deallocate (error)

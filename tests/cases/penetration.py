@@ -197,8 +197,9 @@ class Penetration(unittest.TestCase):
         self.assertNotIn("moves by", answer.log)
 
     def test_corners_on_corners(self):
-        """Grids of four boxes that close their gaps: where four corners meet there are no rows, and compression moves
-        them into each other by less than the facets there change in length."""
+        """Grids of four boxes that close their gaps: where four corners meet compression moves them into each other,
+        until they have contact rows there."""
+        added = 0
         for seed in range(1, 9):
             random = np.random.default_rng(seed)
             scene = Scene("3d", "theta=0, tolerance=1e-9")
@@ -222,6 +223,30 @@ class Penetration(unittest.TestCase):
                 scene.pair("up %d" % k, "box %d0:top" % k, "box %d1:bottom" % k)
             answer = scene.solve(seed)
             self.assertEqual(answer.code, 0, answer.log)
+            self.assertEqual(answer.summary["penetration_depth"], 0, answer.log)
+            added += " added there; solving again" in answer.log
+        self.assertGreater(added, 3)
+
+    def test_corner_meets_corner(self):
+        """A stiff block that is moved up by 0.2 is drawn by springs of stiffness 4 to 0.2 on the right as well. Its corner
+        meets that of a block at (0.1, 0.05) from it, comes through the face on the left, and stops: 4*(0.2 - 0.1)."""
+        for seed in SEEDS:
+            scene = Scene("plane_strain", "theta=0, tolerance=1e-9")
+            mesh = box("quad4", 2, (0, 0), (1, 1))
+            mesh.group("all", *mesh.patches)
+            scene.body("moving", mesh, 1e7).raw("&spring body='moving', surface='all', fix='xy', modulus=1")
+            scene.fix("moving", "bottom", "n", [0, -0.2]).fix("moving", "top", "n", [0, 0.2])
+            scene.load("moving", "left", traction=[0.8, 0])
+            held(scene, "still", box("quad4", 2, (1.1, 1.05), (2.1, 2.05)))
+            held(scene, "floor", box("quad4", 2, (0, -1.5), (1, -0.5)))
+            scene.pair("open", "moving:bottom", "floor:top")
+            answer = scene.solve(seed)
+            self.assertEqual(answer.code, 0, answer.log)
+            self.assertEqual(answer.summary["penetration_depth"], 0, answer.log)
+            names, force = re.search(r"(\w+ - \w+) \(corners\): .*contact force \((.*?)\)", answer.log).groups()
+            expected = [-0.4 if names.startswith("moving") else 0.4, 0, 0]
+            np.testing.assert_allclose(np.array(force.split(","), float),
+                                       rotation(seed, 2) @ expected, atol=1e-4, err_msg=answer.log)
 
     def test_bodies_behind_each_other(self):
         """A penalty by which three cubes in a row pass wholly through each other explains nothing."""

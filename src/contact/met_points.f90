@@ -1,0 +1,160 @@
+!> Points at which deformed bodies are in each other and have no contact row: corners and edges that meet by their motion.
+!> The check for penetration finds them; each becomes a row, node to facet (Hallquist, Goudreau and Benson, Comput.
+!> Methods Appl. Mech. Engrg. 51, 1985), with the gap and the normal before deformation, and the problem is solved again.
+module dotyk_contact_met_points
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_closest_point, only: closest_point_on_facet
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_pair_rows, only: replace_points, set_rows
+  use dotyk_contact_penetration_tolerance, only: are_corners
+  use dotyk_contact_point_contacts, only: point_contact_t
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
+  implicit none
+  private
+
+  type, public :: met_point_t  !! A point of body a that is in body b.
+    integer :: body_a = 0, body_b = 0  !! The bodies.
+    integer :: facet_a = 0, facet_b = 0  !! Facets of their boundaries; that of b is the one the point came through.
+    real(dp) :: xi_a(2) = 0, xi_b(2) = 0  !! Reference coordinates of the two points on them (2) [].
+  end type met_point_t
+
+  public :: add_met_point, discretize_points, is_same
+
+  !> A point is in front of a facet up to this fraction of its size.
+  real(dp), parameter :: in_front = 1.0e-6_dp
+  integer, parameter :: n_steps = 5  !! Newton steps to the closest point of a curved facet.
+
+contains
+
+  !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
+  !> started. One that started behind all of them, by interference, leaves through the one it was least behind.
+  subroutine add_met_point(a, f, nodes, x, b, only_corners, met)
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    integer, intent(in) :: f  !! Its facet.
+    integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
+    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+    type(solid_t), intent(in) :: b  !! The other part.
+    logical, intent(in) :: only_corners  !! Whether the point counts only at sharp edges of both.
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points so far (n).
+    type(met_point_t) :: new
+    real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3)
+    integer :: near, i, j, k, g
+    call closest_point_on_facet(a%set, f, x, new%xi_a, square)
+    x0 = x - a%displacement_at(f, new%xi_a)
+    call b%depth_of(x, 0, depth, near, xi)
+    if (only_corners) then
+      if (.not. are_corners(a, a%facets_around(nodes), b, near, x, norm2(x - x0 - b%displacement_at(near, xi)))) return
+    end if
+    behind = huge(behind)
+    least = huge(least)
+    do i = 1, b%set%corners(near)
+      associate (v => b%adjacency%vertex(i, near))
+        do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
+          g = b%adjacency%facet(k)
+          if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))])) cycle
+          call closest_point_on_facet(b%set, g, x, xi, square)
+          call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
+          if (dot_product(normal, at - x) < 0) cycle
+          gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
+          gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
+          if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
+          behind = gap
+          least = square
+          new%facet_b = g
+          new%xi_b = xi
+        end do
+      end associate
+    end do
+    if (only_corners .and. behind > 0) return
+    if (new%facet_b == 0) return
+    new%body_a = a%body
+    new%body_b = b%body
+    new%facet_a = a%facet(f)
+    new%facet_b = b%facet(new%facet_b)
+    met = [met, new]
+  end subroutine add_met_point
+
+  !> Whether two points are the same.
+  pure logical function is_same(p, q)
+    type(met_point_t), intent(in) :: p, q  !! The points.
+    is_same = p%body_a == q%body_a .and. p%body_b == q%body_b .and. p%facet_a == q%facet_a .and. &
+      p%facet_b == q%facet_b .and. .not. any(abs(p%xi_a - q%xi_a) > 0) .and. .not. any(abs(p%xi_b - q%xi_b) > 0)
+  end function is_same
+
+  !> A pair whose rows are such points, each by itself.
+  subroutine discretize_points(mesh_a, surface_a, mesh_b, surface_b, settings, met, pair)
+    type(body_mesh_t), intent(in) :: mesh_a  !! Mesh of body a.
+    type(surface_t), intent(in) :: surface_a  !! Its boundary.
+    type(body_mesh_t), intent(in) :: mesh_b  !! Mesh of body b.
+    type(surface_t), intent(in) :: surface_b  !! Its boundary.
+    type(pair_settings_t), intent(in) :: settings  !! Settings of the pair.
+    type(met_point_t), intent(in) :: met(:)  !! Points of the two bodies (n).
+    type(contact_pair_t), intent(out) :: pair  !! The pair.
+    type(point_contact_t) :: contact(size(met))
+    type(facet_set_t) :: set_a, set_b
+    integer :: i
+    call set_a%init_polynomials(mesh_a%x, surface_a)
+    call set_b%init_polynomials(mesh_b%x, surface_b)
+    do i = 1, size(met)
+      contact(i) = contact_before(set_a, set_b, met(i))
+      if (settings%axisymmetric) contact(i)%weight = 2*acos(-1.0_dp)*contact(i)%position(1)*contact(i)%weight
+    end do
+    pair%dimension = mesh_a%dimension
+    associate (d => pair%dimension)
+      allocate (pair%position(d, 0), pair%normal(d, 0), pair%xi_a(d - 1, 0), pair%xi_b(d - 1, 0), pair%weight(0), &
+                pair%gap(0), pair%facet_a(0), pair%facet_b(0))
+    end associate
+    call replace_points([logical ::], contact, pair)
+    pair%name = settings%name
+    pair%body_a = settings%body_a
+    pair%body_b = settings%body_b
+    pair%theta = settings%theta
+    call set_rows(division_t(), settings%axisymmetric, mesh_a, surface_a, spread(0.0_dp, 1, 3), size(met), pair)
+    allocate (pair%row_theta(pair%n_rows), source=pair%theta)
+  end subroutine discretize_points
+
+  !> The contact of a point before deformation: gap and normal at the closest point of the facet, or of its
+  !> continuation, so that the forces of both sides have one line of action.
+  function contact_before(set_a, set_b, met) result(contact)
+    type(facet_set_t), intent(in) :: set_a  !! Facets of body a.
+    type(facet_set_t), intent(in) :: set_b  !! Facets of body b.
+    type(met_point_t), intent(in) :: met  !! The point.
+    type(point_contact_t) :: contact
+    real(dp), dimension(3) :: x, y, n, xu, xv
+    real(dp) :: r(2), determinant
+    integer :: step
+    contact%facet_a = met%facet_a
+    contact%facet_b = met%facet_b
+    contact%xi_a = met%xi_a
+    contact%xi_b = met%xi_b
+    call facet_position_and_normal(set_a, met%facet_a, met%xi_a, x, n, xu, xv)
+    select case (set_a%corners(met%facet_a))
+    case (2)
+      contact%weight = norm2(xu)
+    case (3)
+      contact%weight = norm2(cross(xu, xv))/6
+    case default
+      contact%weight = norm2(cross(xu, xv))
+    end select
+    do step = 0, n_steps
+      call facet_position_and_normal(set_b, met%facet_b, contact%xi_b, y, n, xu, xv)
+      if (step == n_steps) exit
+      r = [dot_product(x - y, xu), dot_product(x - y, xv)]
+      if (set_b%corners(met%facet_b) == 2) then
+        contact%xi_b(1) = contact%xi_b(1) + r(1)/dot_product(xu, xu)
+      else
+        determinant = dot_product(xu, xu)*dot_product(xv, xv) - dot_product(xu, xv)**2
+        contact%xi_b = contact%xi_b + [dot_product(xv, xv)*r(1) - dot_product(xu, xv)*r(2), &
+                                       dot_product(xu, xu)*r(2) - dot_product(xu, xv)*r(1)]/determinant
+      end if
+    end do
+    contact%position = x
+    contact%normal = -n
+    contact%gap = dot_product(n, x - y)
+  end function contact_before
+end module dotyk_contact_met_points
