@@ -32,7 +32,7 @@ contains
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     logical, intent(in) :: is_below(:)  !! Nodes below the boundary (a%n_nodes).
     !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
     real(dp), intent(in) :: clear(:)
@@ -69,7 +69,7 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
-    call keep_segments(a, b, found, only_corners, depth, worst, met)
+    call keep_segments(a, b, found, tolerance%moved, only_corners, depth, worst, met)
 
   contains
 
@@ -202,13 +202,14 @@ contains
   end function edge_shape
 
   !> Add the segments that are too deep, or allowed though notable, to the deepest point, in the order of the facets.
-  subroutine keep_segments(a, b, found, only_corners, depth, worst, met)
+  subroutine keep_segments(a, b, found, moved, only_corners, depth, worst, met)
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     !> The segments: facet, ends, depth that is allowed, though notable, and its position, depth that is not, and its
     !> position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
-    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
+    real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
@@ -224,7 +225,7 @@ contains
         if (segment(8) > 0 .and. .not. any(inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
           depth(nodes) = max(depth(nodes), segment(8))
-          call add_met_point(a, nint(segment(1)), nodes, segment(9:11), b, only_corners, met)
+          call add_met_point(a, nint(segment(1)), nodes, segment(9:11), b, moved, only_corners, met)
         end if
         if (segment(8) > (1 + same_depth)*worst%depth) then
           worst%depth = segment(8)

@@ -7,8 +7,8 @@ module dotyk_contact_met_points
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_rows, only: replace_points, set_rows
-  use dotyk_contact_penetration_tolerance, only: are_corners
   use dotyk_contact_point_contacts, only: point_contact_t
+  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross
@@ -19,7 +19,9 @@ module dotyk_contact_met_points
 
   type, public :: met_point_t  !! A point of body a that is in body b.
     integer :: body_a = 0, body_b = 0  !! The bodies.
-    integer :: facet_a = 0, facet_b = 0  !! Facets of their boundaries; that of b is the one the point came through.
+    !> Facets of their boundaries; that of b is the one that the point came through, 0 where a row is of no use.
+    integer :: facet_a = 0, facet_b = 0
+    logical :: is_behind = .false.  !! Whether the point started behind that facet: interference.
     real(dp) :: xi_a(2) = 0, xi_b(2) = 0  !! Reference coordinates of the two points on them (2) [].
   end type met_point_t
 
@@ -32,24 +34,27 @@ module dotyk_contact_met_points
 contains
 
   !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
-  !> started. One that started behind all of them, by interference, leaves through the one it was least behind.
-  subroutine add_met_point(a, f, nodes, x, b, only_corners, met)
+  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Between
+  !> bodies without a contact pair only corners count; other points have no facet of b.
+  subroutine add_met_point(a, f, nodes, x, b, moved, only_corners, met)
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: f  !! Its facet.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
     real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
     type(solid_t), intent(in) :: b  !! The other part.
-    logical, intent(in) :: only_corners  !! Whether the point counts only at sharp edges of both.
+    real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points so far (n).
     type(met_point_t) :: new
     real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3)
     integer :: near, i, j, k, g
+    logical :: counts
     call closest_point_on_facet(a%set, f, x, new%xi_a, square)
     x0 = x - a%displacement_at(f, new%xi_a)
     call b%depth_of(x, 0, depth, near, xi)
-    if (only_corners) then
-      if (.not. are_corners(a, a%facets_around(nodes), b, near, x, norm2(x - x0 - b%displacement_at(near, xi)))) return
-    end if
+    counts = .not. only_corners
+    ! Each of the two may move by as much, against the other.
+    if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*moved)
     behind = huge(behind)
     least = huge(least)
     do i = 1, b%set%corners(near)
@@ -59,7 +64,8 @@ contains
           if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))])) cycle
           call closest_point_on_facet(b%set, g, x, xi, square)
           call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
-          if (dot_product(normal, at - x) < 0) cycle
+          ! Beside a face, as in a concave corner, the point is not below it.
+          if (2*dot_product(normal, at - x) < sqrt(square)) cycle
           gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
           gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
           if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
@@ -70,14 +76,49 @@ contains
         end do
       end associate
     end do
-    if (only_corners .and. behind > 0) return
-    if (new%facet_b == 0) return
+    new%is_behind = behind > 0
     new%body_a = a%body
     new%body_b = b%body
     new%facet_a = a%facet(f)
-    new%facet_b = b%facet(new%facet_b)
+    if (counts .and. new%facet_b > 0) then
+      new%facet_b = b%facet(new%facet_b)
+    else
+      new%facet_b = 0
+    end if
     met = [met, new]
   end subroutine add_met_point
+
+  !> Whether a point of a sharp edge of a is near a sharp edge of b.
+  pure logical function are_corners(a, around, b, facet, x, most) result(are)
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    integer, intent(in) :: around(:)  !! Its facets that share the point (n).
+    type(solid_t), intent(in) :: b  !! The other part.
+    integer, intent(in) :: facet  !! Its facet that is nearest.
+    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+    real(dp), intent(in) :: most  !! Greatest distance of the two [length].
+    real(dp) :: r(3), edge(3)
+    integer, allocatable :: near(:)
+    integer :: e, i, n, other
+    are = .false.
+    if (minval(matmul(transpose(a%normal0(:, around)), a%normal0(:, around))) > sharp_cosine) return
+    near = b%facets_around(b%surface%node(:b%set%corners(facet), facet))
+    do i = 1, size(near)
+      n = b%set%corners(near(i))
+      do e = 1, n
+        other = b%adjacency%neighbour(e, near(i))
+        if (other == 0) cycle
+        if (dot_product(b%normal0(:, near(i)), b%normal0(:, other)) > sharp_cosine) cycle
+        associate (first => b%x(:, b%surface%node(e, near(i))), &
+                   second => b%x(:, b%surface%node(modulo(e, n) + 1, near(i))))
+          r = x - first
+          edge = (second - first)/max(norm2(second - first), tiny(1.0_dp))
+          ! Edges of facets in the plane are their ends.
+          if (n > 2) r = r - dot_product(r, edge)*edge
+        end associate
+        are = are .or. norm2(r) <= most
+      end do
+    end do
+  end function are_corners
 
   !> Whether two points are the same.
   pure logical function is_same(p, q)

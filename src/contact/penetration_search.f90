@@ -29,7 +29,7 @@ contains
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
     type(penetration_t), intent(out) :: worst  !! The deepest point.
@@ -68,7 +68,8 @@ contains
       if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
-      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, only_corners, met)
+      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance%moved, &
+                         only_corners, met)
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)

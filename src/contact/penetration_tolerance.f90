@@ -13,7 +13,6 @@ module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
@@ -35,8 +34,6 @@ module dotyk_contact_penetration_tolerance
     procedure :: judge => tolerance_judge
     procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
-
-  public :: are_corners
 
   !> Depths that are allowed are notable from this fraction of the displacements on [].
   real(dp), parameter :: notable_fraction = 0.25_dp
@@ -162,31 +159,4 @@ contains
     real(dp), intent(in) :: d(3)  !! Unit vector (3) [].
     along = maxval(height*abs(matmul(d, part%normal(:, facets))))
   end function along
-
-  !> Whether a point of a sharp edge of a is near a sharp edge of b.
-  pure logical function are_corners(a, around, b, facet, x, most) result(are)
-    type(solid_t), intent(in) :: a  !! The part of the point.
-    integer, intent(in) :: around(:)  !! Its facets that share the point (n).
-    type(solid_t), intent(in) :: b  !! The other part.
-    integer, intent(in) :: facet  !! Its facet that is nearest.
-    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
-    real(dp), intent(in) :: most  !! Greatest distance of the two [length].
-    real(dp) :: r(3), edge(3)
-    integer :: e, n, other
-    are = .false.
-    if (minval(matmul(transpose(a%normal0(:, around)), a%normal0(:, around))) > sharp_cosine) return
-    n = b%set%corners(facet)
-    do e = 1, n
-      other = b%adjacency%neighbour(e, facet)
-      if (other == 0) cycle
-      if (dot_product(b%normal0(:, facet), b%normal0(:, other)) > sharp_cosine) cycle
-      associate (first => b%x(:, b%surface%node(e, facet)), second => b%x(:, b%surface%node(modulo(e, n) + 1, facet)))
-        r = x - first
-        edge = (second - first)/max(norm2(second - first), tiny(1.0_dp))
-        ! Edges of facets in the plane are their ends.
-        if (n > 2) r = r - dot_product(r, edge)*edge
-      end associate
-      are = are .or. norm2(r) <= most
-    end do
-  end function are_corners
 end module dotyk_contact_penetration_tolerance

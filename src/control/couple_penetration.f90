@@ -17,6 +17,7 @@ module dotyk_control_couple_penetration
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
@@ -86,7 +87,7 @@ contains
     type(nodal_field_t), intent(inout) :: depth(:)
     !> The deeper one of the two in the other; of depth 0 where neither is.
     type(body_penetration_t), intent(out) :: found
-    !> Points of the one in the other, where there is a contact pair of the two, or at sharp edges of both (n).
+    !> Points of the one in the other at which contact rows keep them apart; none where rows do not (n).
     type(met_point_t), allocatable, intent(out) :: met(:)
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
@@ -122,7 +123,10 @@ contains
       found = b_in_a
       call move_alloc(met_b, met)
     end if
-    if (a == b) met = met(:0)
+    if (found%worst%depth > 0) then
+      if (a == b .or. any(met%facet_b == 0)) met = met(:0)
+      if (.not. all(is_meant(problem, pairs%between(problem%pair, a, b), met))) met = met(:0)
+    end if
     if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
     if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
@@ -136,6 +140,49 @@ contains
       end do
     end do
   end subroutine check_bodies
+
+  !> Whether points may be kept out: interference is meant between the surfaces of a contact pair only.
+  function is_meant(problem, list, met) result(meant)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    integer, intent(in) :: list(:)  !! Contact pairs of the two bodies (n_pairs).
+    type(met_point_t), intent(in) :: met(:)  !! The points (n).
+    logical :: meant(size(met))
+    type(surface_t) :: boundary(2)
+    real(dp) :: shape(max_facet_nodes)
+    integer, allocatable :: node_a(:), node_b(:)
+    integer :: i, k, n
+    meant = .not. met%is_behind
+    if (all(meant)) return
+    call extract_boundary(problem%body(met(1)%body_a)%mesh, boundary(1))
+    call extract_boundary(problem%body(met(1)%body_b)%mesh, boundary(2))
+    do i = 1, size(met)
+      if (meant(i)) cycle
+      associate (p => met(i), of_a => boundary(1), of_b => boundary(2))
+        n = kind_nodes(of_a%kind(p%facet_a))
+        call shape_functions(of_a%kind(p%facet_a), p%xi_a(:of_a%dimension - 1), shape(:n))
+        ! The node, or the nodes that the point lies between.
+        node_a = pack(of_a%node(:n, p%facet_a), abs(shape(:n)) > sqrt(epsilon(shape)))
+        node_b = of_b%node(:kind_nodes(of_b%kind(p%facet_b)), p%facet_b)
+        do k = 1, size(list)
+          associate (pair => problem%pair(list(k)), slave => problem%surface_a(list(k)), &
+                     master => problem%surface_b(list(k)))
+            if (pair%body_a == p%body_a) meant(i) = meant(i) .or. (has(slave, node_a) .and. has(master, node_b))
+            if (pair%body_a == p%body_b) meant(i) = meant(i) .or. (has(slave, node_b) .and. has(master, node_a))
+          end associate
+        end do
+      end associate
+    end do
+
+  contains
+
+    !> Whether a surface has some nodes.
+    pure logical function has(surface, nodes)
+      type(surface_t), intent(in) :: surface  !! The surface.
+      integer, intent(in) :: nodes(:)  !! The nodes (n).
+      integer :: j
+      has = all([(any(surface%node(:, :surface%n_facets) == nodes(j)), j=1, size(nodes))])
+    end function has
+  end function is_meant
 
   !> How far two bodies move beside the rigid motion that is common to them: that of least squares of both boundaries.
   !> A common motion is no error of the one against the other.
@@ -192,7 +239,7 @@ contains
     type(solid_t), intent(in) :: q  !! The other part.
     type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether `met` gets points at sharp edges of both only.
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     real(dp), intent(inout) :: depth(:)  !! Depth at the nodes of the body (n_nodes) [length].
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst

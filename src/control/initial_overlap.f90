@@ -52,16 +52,13 @@ contains
     found = pack(check%found, [(is_gross(problem, check%found(k)), k=1, size(check%found))])
   end subroutine find_initial_overlap
 
-  !> Whether the log names the overlap of two bodies in other lines: they are in a contact pair, which has its smallest
-  !> gap there, or near each other in no pair.
+  !> Whether two bodies need no check: they are in a contact pair, which has its smallest gap where they overlap.
   pure logical function is_known(problem, a, b)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     integer, intent(in) :: a  !! Index of a body.
     integer, intent(in) :: b  !! Index of the other body, not lower.
     is_known = a == b .or. problem%are_tied(a, b) .or. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
                                max(problem%pair%body_a, problem%pair%body_b) == b)
-    if (is_known .or. .not. allocated(problem%found%unnamed)) return
-    is_known = any(problem%found%unnamed%body_a == a .and. problem%found%unnamed%body_b == b)
   end function is_known
 
   !> Whether an overlap is none that meshes of curved faces make.

@@ -102,11 +102,10 @@ contains
     integer :: i
     real(dp), parameter :: contact = 1.0e-9_dp  !! Distances below this fraction of the size of a body are contact [].
     text = '  in no pair       '//quoted(body(unnamed%body_a)%name)//' and '//quoted(body(unnamed%body_b)%name)
-    if (unnamed%distance < -contact*body(unnamed%body_a)%mesh%diameter()) then
-      text = text//' overlap by '//to_text(-unnamed%distance, 3)
-    else if (unnamed%distance > contact*body(unnamed%body_a)%mesh%diameter()) then
+    if (unnamed%distance > contact*body(unnamed%body_a)%mesh%diameter()) then
       text = text//' are '//to_text(unnamed%distance, 3)//' apart'
     else
+      ! Overlaps have lines of their own, by the check for penetration.
       text = text//' touch'
     end if
     text = text//' at ('

@@ -48,7 +48,8 @@ contains
         found(n)%body_a = a
         found(n)%body_b = b
         found(n)%in_pair = k > 0
-        least = minloc(near(i)%distance, 1, open)
+        ! Facets on the far sides of thin parts face each other as well: they are no overlap.
+        least = minloc(abs(near(i)%distance), 1, open)
         found(n)%distance = near(i)%distance(least)
         found(n)%position = faces(a)%centre(near(i)%facet_a(least))
         if (allocated(seen)) deallocate (seen)
