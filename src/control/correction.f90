@@ -6,7 +6,7 @@ module dotyk_control_correction
   use dotyk_control_body_solution, only: body_solution_t, recover_bodies
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_refinement, only: penetrations, refine_bodies
+  use dotyk_control_refinement, only: least_residual, penetrations, refine_bodies
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -18,8 +18,8 @@ module dotyk_control_correction
 
   integer, parameter :: most_corrections = 8  !! Corrections at most, and the least factor between two of them.
   real(dp), parameter :: least_contraction = 0.3_dp
-  !> Corrections below this fraction of the tolerance, and below this one of the solution, end the iteration.
-  real(dp), parameter :: small_correction = 0.01_dp, least_correction = 1.0e-15_dp
+  !> Corrections below this fraction of the tolerance end the iteration.
+  real(dp), parameter :: small_correction = 0.01_dp
 
 contains
 
@@ -77,7 +77,7 @@ contains
       end if
       rounding = (compliance%distance(qp, state%m - last%m, state%alpha - last%alpha) + left)/ &
                  max(tiny(left), qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale))
-      if (rounding <= max(least_correction, small_correction*run%settings%tolerance) .or. &
+      if (rounding <= max(least_residual, small_correction*run%settings%tolerance) .or. &
           .not. rounding < least_contraction*before) exit
       before = rounding
     end do

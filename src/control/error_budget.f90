@@ -16,7 +16,7 @@ module dotyk_control_error_budget
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_mesh_error, only: estimate_mesh_errors
-  use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
+  use dotyk_control_penalty_error, only: estimate_penalty_error, near_enough, penalty_reference_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -44,8 +44,6 @@ module dotyk_control_error_budget
 
   public :: estimate_errors
 
-  !> Other errors are estimated only where the iteration is nearer to its end than this [].
-  real(dp), parameter :: near_enough = 0.5_dp
 
 contains
 

@@ -46,6 +46,8 @@ module dotyk_control_factorization
 
   public :: analyze_bodies, check_memory, factorize_bodies
 
+  !> Memory beside a factor while it is made, as a fraction of it [].
+  real(dp), parameter, public :: beside_factor = 0.15_dp
   !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space; factors are
   !> read twice. The levels below the matrix, their factor and the interpolation take as much memory as it does.
   integer, parameter :: aggregated_products = 5
@@ -191,7 +193,6 @@ contains
     character(:), allocatable, intent(out) :: warning  !! Text of the warning; empty where there is none.
     !> Allocated where the memory does not suffice; says how much is available.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), parameter :: beside = 0.15_dp  !! Memory beside the factors, as a fraction of theirs.
     real(dp) :: factors, stiffnesses
     warning = ''
     if (.not. memory%is_known) return
@@ -206,7 +207,7 @@ contains
                      memory_text(memory%left)//' are available '//memory%limit//' (in use: '// &
                      memory_text(memory%used)//'); nothing was solved; use a machine with more memory, '// &
                      'a coarser mesh, or linear elements', exit_machine)
-    else if ((1 + beside)*factors - stiffnesses > memory%left) then
+    else if ((1 + beside_factor)*factors - stiffnesses > memory%left) then
       warning = 'memory is nearly exhausted: the factors need '//memory_text(factors)//', and '// &
                 memory_text(memory%left)//' are available '//memory%limit
     end if

@@ -8,7 +8,7 @@ module dotyk_control_mesh_error
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
   use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
+  use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t, most_of_memory
   use dotyk_control_residual_actions, only: collect_actions, join_actions
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_load_cases, only: take_case
@@ -22,8 +22,6 @@ module dotyk_control_mesh_error
 
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
   real(dp), parameter :: least_share = 0.01_dp
-  !> Fraction of the memory that is left which tractions of faces take at most [].
-  real(dp), parameter :: most_of_memory = 0.125_dp
 
 contains
 

@@ -5,6 +5,7 @@ module dotyk_control_nodal_pressures
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_smooth_sheets, only: sharp_cosine
   implicit none
   private
 
@@ -18,9 +19,6 @@ module dotyk_control_nodal_pressures
     procedure :: add => nodal_add
     procedure :: combine => nodal_combine
   end type nodal_pressures_t
-
-  !> Cosine between normals of two pairs at a node above which they are parts of one face.
-  real(dp), parameter :: one_face = 0.7_dp
 
 contains
 
@@ -80,7 +78,7 @@ contains
       associate (node => self%node(order(first)), entry => order(first:last))
         do i = 1, size(entry)
           j = 1
-          do while (dot_product(self%normal(:, entry(j)), self%normal(:, entry(i))) < one_face .and. j < i)
+          do while (dot_product(self%normal(:, entry(j)), self%normal(:, entry(i))) < sharp_cosine .and. j < i)
             j = j + 1
           end do
           group(entry(i)) = i

@@ -65,7 +65,7 @@ module dotyk_control_penalty_error
   real(dp), parameter :: assumed_order = 0.75_dp  !! The order that is assumed then: the mean of 1/2 and 1 [].
   real(dp), parameter :: accuracy = 1.0e-3_dp  !! Residual of the gaps of a reference over that at its start [].
   !> Bounds from which a solution is too far from its end for more accurate ones to follow it [].
-  real(dp), parameter :: near_enough = 0.5_dp
+  real(dp), parameter, public :: near_enough = 0.5_dp
   integer, parameter :: most_systems = 4  !! Linear systems of a reference at most.
 
 contains

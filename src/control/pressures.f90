@@ -3,6 +3,7 @@ module dotyk_control_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
   use dotyk_contact_pressure_projection, only: pressure_projection_t
@@ -34,9 +35,6 @@ module dotyk_control_pressures
   contains
     procedure :: is_rounding => pair_solution_is_rounding
   end type pair_solution_t
-
-  !> Contact forces below this fraction of all forces on the bodies are rounding [].
-  real(dp), parameter :: rounding = 1.0e-12_dp
 
   type, public :: nodal_field_t  !! One number per node of a body.
     real(dp), allocatable :: value(:)  !! (n_nodes).

@@ -28,7 +28,7 @@ module dotyk_control_refinement
 
   integer, parameter :: most_restarts = 4, most_steps = 8  !! Restarts with a true residual, and steps between them.
   !> Residuals below this fraction of the displacement, in the energy norm, are as small as they get.
-  real(dp), parameter :: enough = 1.0e-15_dp
+  real(dp), parameter, public :: least_residual = 1.0e-15_dp
   !> A displacement of which more than this fraction is rounding has no significant digit.
   real(dp), parameter :: no_digit = 0.1_dp
   !> The same of pressures: a mean error is several times as large in single elements.
@@ -217,7 +217,7 @@ contains
       left = now
       norm = sqrt(energy)
       best = x
-      if (left <= enough*norm) exit
+      if (left <= least_residual*norm) exit
       d = z
       do k = 1, most_steps
         call apply_stiffness(body, report, real(d, qp), .false., q, energy, error)
@@ -231,7 +231,7 @@ contains
         call response%solve(z)
         before = rz
         rz = dot_product(r, z)
-        if (.not. rz > (0.1_dp*enough*norm)**2) exit
+        if (.not. rz > (0.1_dp*least_residual*norm)**2) exit
         d = z + rz/before*d
       end do
     end do

@@ -2,6 +2,7 @@
 !> directions along which supports or contact hold a face.
 module dotyk_control_residual_actions
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -23,9 +24,6 @@ module dotyk_control_residual_actions
   !> Mean squared cosine between a direction and those that the nodes of a face hold, above which the face is held:
   !> normals of one curved face differ.
   real(dp), parameter :: is_held = 0.9_dp
-  !> Forces at contact points below this fraction of the largest one, and pressures below this fraction of the largest
-  !> stress, are rounding.
-  real(dp), parameter :: negligible = 1.0e-12_dp
 
   public :: collect_actions, join_actions
 
@@ -142,7 +140,7 @@ contains
     real(dp), intent(in) :: pressure(:)  !! Pressures of a pair (n_rows) [pressure].
     real(dp), intent(in) :: largest  !! Greatest pressure or stress [pressure].
     real(dp) :: p(size(pressure))
-    p = merge(pressure, 0.0_dp, pressure > negligible*largest)
+    p = merge(pressure, 0.0_dp, pressure > rounding*largest)
   end function significant
 
   !> Greatest contact pressure, or stress of a body where it is known [pressure].
@@ -301,7 +299,7 @@ contains
     real(dp) :: least
     integer :: e, f, q
     call pair%average%multiply_transposed(pair%row_weight*max(pressure, 0.0_dp), force)
-    least = negligible*maxval(abs(force))
+    least = rounding*maxval(abs(force))
     normal = 0
     do q = 1, pair%n_points
       if (abs(force(q)) > least) &

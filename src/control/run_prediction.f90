@@ -4,14 +4,13 @@
 module dotyk_control_run_prediction
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_auto, linear_solver_iterative
-  use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_factorization, only: beside_factor, factor_size_t
   use dotyk_control_response_choice, only: form_direct, form_multigrid
   use dotyk_scheme_linear_solver_choice, only: add_costs, takes_products
   implicit none
   private
   public :: predicted_memory
 
-  real(dp), parameter :: beside_factor = 0.15_dp  !! Memory beside a factor while it is made, as a fraction of it [].
   !> Vectors, low-precision copies and estimates of a body with p-multigrid beside its block rows, and of a body that is
   !> solved by its factor [byte/unknown].
   real(dp), parameter :: beside_rows = 200, beside_direct = 100

@@ -2,8 +2,9 @@
 module dotyk_control_scheme_run
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_control_parallel, only: set_blas_threads
-  use dotyk_scheme_active_set, only: foundation_stiffness, rounding
+  use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_history, only: history_t

@@ -4,6 +4,7 @@ module dotyk_control_slave_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: build_operator, contact_block_t, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_element, only: element_line2, element_quad4, element_tri3, kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: facet_geometry
@@ -14,8 +15,6 @@ module dotyk_control_slave_normals
   public :: find_deviations
 
   real(dp), parameter :: flat = 1.0e-8_dp  !! Deviations of normals below this are rounding errors [].
-  !> Facets at a vertex belong to one smooth surface if their normals differ by less than 40 degrees.
-  real(dp), parameter :: smooth_cosine = 0.766_dp
 
 contains
 
@@ -84,7 +83,7 @@ contains
             at_vertex(:, k) = 0
             do i = first(node(k)), first(node(k) + 1) - 1
               if (dot_product(of_facet(:, around(i)), of_facet(:, f)) <= &
-                  smooth_cosine*norm2(of_facet(:, around(i)))*norm2(of_facet(:, f))) cycle
+                  sharp_cosine*norm2(of_facet(:, around(i)))*norm2(of_facet(:, f))) cycle
               at_vertex(:, k) = at_vertex(:, k) + of_facet(:, around(i))
             end do
             normal = normal + shape(k)*at_vertex(:, k)/max(tiny(jacobian), norm2(at_vertex(:, k)))

@@ -19,10 +19,9 @@ module dotyk_control_slow_multigrid
   !> (`benchmark_multigrid table`).
   real(dp), parameter :: most_steps = 100
   real(dp), parameter :: usual_steps = 14  !! Iterations of a solve before the trial: those of compact elements.
-  !> Cycles of a contact problem over the iterations of one solve: trial, solution without contact, active sets.
-  real(dp), parameter :: cycles_per_step = 4
-  !> Operations of a factorization in the time of a cycle, per unknown of the body.
-  real(dp), parameter :: work_of_cycle = 1.0e4_dp
+  !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four cycles,
+  !> those of trial, solution without contact and active sets, of 1e4 operations each.
+  real(dp), parameter :: work_of_step = 4.0e4_dp
   !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that are so.
   real(dp), parameter :: dense_factors = 10, active = 0.5_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
@@ -69,7 +68,7 @@ contains
     real(dp), intent(in) :: n  !! Unknowns of the bodies that would share the factor.
     real(dp), intent(in) :: flops  !! Operations of the factorization; 0 where they are not known.
     is_better = steps > most_steps
-    if (flops > 0) is_better = is_better .or. flops < n_cases*cycles_per_step*steps*work_of_cycle*n
+    if (flops > 0) is_better = is_better .or. flops < n_cases*steps*work_of_step*n
   end function factor_is_better
 
   !> Replace the p-multigrids that converge slowly.

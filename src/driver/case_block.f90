@@ -7,6 +7,7 @@ module dotyk_driver_case_block
   use dotyk_base_timer, only: wall_time
   use dotyk_control_body_solution, only: displacements_t, recover_block
   use dotyk_control_contact_solution, only: first_tolerance, solution_goal_t
+  use dotyk_control_kept_estimates, only: most_of_memory
   use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_load_case, only: next_case, solved_case_t
@@ -38,7 +39,6 @@ module dotyk_driver_case_block
   real(dp), parameter :: bytes_of_node = 600, bytes_of_element = 350
   !> Fraction of the memory of the factors that cases take together at most, and what they may take in any case [bytes].
   real(dp), parameter :: of_factors = 0.25_dp, always = 64.0e6_dp
-  real(dp), parameter :: of_memory = 0.25_dp  !! Fraction of the memory that is left which they take at most [].
 
 contains
 
@@ -126,7 +126,7 @@ contains
     end do
     memory = memory_now()
     less = -huge(less)
-    if (memory%is_known) less = -of_memory*memory%left/n_local_ranks()
+    if (memory%is_known) less = -most_of_memory*memory%left/n_local_ranks()
     call greatest(less)
     allowed = min(max(always, of_factors*sum(real(scene%size_of%bytes, dp))), -less(1))
     rest = input%n_cases() - k + 1

@@ -4,6 +4,7 @@ module dotyk_linalg_dense
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
   use dotyk_linalg_blas, only: dtrsm
+  use dotyk_linalg_dense_cholesky, only: most_shift
   use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
@@ -50,7 +51,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: shift, largest
     integer :: i, n, failed
-    real(dp), parameter :: most_shift = 1.0e-8_dp
     n = size(a, 1)
     allocate (factor(n, n))
     if (n == 0) return

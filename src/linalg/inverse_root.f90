@@ -4,16 +4,13 @@ module dotyk_linalg_inverse_root
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_linalg_blas, only: dtrsm
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
   public :: find_inverse_root
-
-  !> Directions with eigenvalues below this fraction of the reference are null directions. A Schur complement loses a
-  !> few digits of 16 by cancellation; three to four are left to tell a soft direction from rounding.
-  real(dp), parameter :: least_eigenvalue = 1.0e-12_dp
 
 contains
 
@@ -43,7 +40,7 @@ contains
     call symmetric_eigen(full, values, root, error)
     if (allocated(error)) return
     failed = 0
-    associate (is_null => .not. (values > least_eigenvalue*reference .and. values > tiny(1.0_dp)))
+    associate (is_null => .not. (values > rounding*reference .and. values > tiny(1.0_dp)))
       null_space = root(:, pack([(i, i=1, n)], is_null))
       do i = 1, n
         if (is_null(i)) then

@@ -27,7 +27,7 @@ module dotyk_linalg_spectrum
 
   !> A remainder below this fraction of the largest image is rounding: that of the products and of two
   !> orthogonalizations.
-  real(dp), parameter :: rounding = 16*epsilon(1.0_dp)
+  real(dp), parameter, public :: rounding_of_products = 16*epsilon(1.0_dp)
 
   type :: group_t  !! A group of basis vectors.
     real(dp), allocatable :: v(:, :)  !! The vectors as columns (n, group_size).
@@ -69,7 +69,7 @@ contains
       call orthogonalize(basis, steps, w)
       length = norm(w)
       ! The basis spans an invariant subspace: the remainder is rounding.
-      if (length <= rounding*scale .or. steps == n) length = 0
+      if (length <= rounding_of_products*scale .or. steps == n) length = 0
       beta(steps) = length
       call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))

@@ -2,6 +2,7 @@
 module dotyk_model_boundary_patch
   use dotyk_base_kinds, only: dp
   use dotyk_contact_body_faces, only: body_faces_t
+  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -18,8 +19,6 @@ module dotyk_model_boundary_patch
 
   !> Rings of facets beyond those opposite the other body: normals of smooth surfaces depend on the neighbours.
   integer, parameter :: rings = 1
-  !> Cosine of the angle between neighbours of one smooth sheet: 40 degrees [].
-  real(dp), parameter :: sharp_cosine = 0.766_dp
   real(dp), parameter :: flat_angle = 1.0e-6_dp  !! Normals of a plane differ by less than this [].
   !> A planar side is the slave of a curved one where its mesh is finer by more than this factor [].
   real(dp), parameter :: much_finer = 2

@@ -5,6 +5,7 @@
 module dotyk_response_multigrid_response
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: golden
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
@@ -57,7 +58,6 @@ module dotyk_response_multigrid_response
   real(dp), parameter :: most_left = 1.0e-5_dp
   real(dp), parameter :: usual_reduction = 1.0e-8_dp  !! Reduction of the residual of a solve of `expected_steps`.
   real(dp), parameter :: near = 0.05_dp  !! Residual of a start that is kept, as a fraction of the right-hand side [].
-  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples have no order.
   !> Operations of a solve, as a multiple of the entries of the block rows.
   integer, parameter :: products_of_solve = 80
   integer, parameter :: bytes_of_rows = 730  !! Block rows of tet10 [bytes/unknown].

@@ -5,7 +5,7 @@ module dotyk_scheme_active_rows
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t, first_shift, most_shift
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_scheme_body_grids, only: body_grids_t
@@ -38,8 +38,6 @@ module dotyk_scheme_active_rows
     procedure :: destroy => rows_destroy
   end type active_rows_t
 
-  !> A shift of the diagonal, relative, where rounding has made a matrix indefinite.
-  real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
 
 contains
 

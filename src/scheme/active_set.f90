@@ -13,6 +13,7 @@ module dotyk_scheme_active_set
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
@@ -35,9 +36,6 @@ module dotyk_scheme_active_set
   public :: find_active_set, foundation_stiffness, rest_on_winkler_foundation, update_penetrations, reference_norm, &
     is_balanced
 
-  !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active
-  !> set.
-  real(dp), parameter, public :: rounding = 1.0e-12_dp
   !> Active sets after which the interior-point method finds a better one: Newton's method needs less than ten, or
   !> cycles.
   integer, parameter :: most_first_steps = 9

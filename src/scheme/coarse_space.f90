@@ -9,6 +9,7 @@ module dotyk_scheme_coarse_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_max_unbalanced
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_dense, only: solve_dense
   implicit none
@@ -80,7 +81,6 @@ module dotyk_scheme_coarse_space
 
   public :: multiply_blocks
 
-  real(dp), parameter :: rounding = 1.0e-12_dp  !! Entries of G below this are rounding errors: modes along a surface.
   !> Rounding errors of sums of forces over a body, as a fraction of the sum of their absolute values: errors have all
   !> signs, so that many add up to no more than one.
   real(dp), parameter :: rounding_of_sums = epsilon(1.0_dp)

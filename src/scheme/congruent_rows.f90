@@ -2,13 +2,11 @@
 !> compliances `B_b K_b^+ B_b^T` are one matrix.
 module dotyk_scheme_congruent_rows
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_operator, only: contact_block_t
   implicit none
   private
   public :: have_same_rows
-
-  !> Entries of B that differ by less, relative to the largest of their row, differ by the rounding of positions.
-  real(dp), parameter :: same_entry = 1.0e-12_dp
 
 contains
 
@@ -30,8 +28,8 @@ contains
       largest = 0
       call add_row(block_b, place_b(i), rotation_b, 1.0_dp, difference, largest)
       call add_row(block_c, place_c(i), rotation_c, -1.0_dp, difference, largest)
-      if (.not. is_small(block_b, place_b(i), difference, same_entry*largest)) return
-      if (.not. is_small(block_c, place_c(i), difference, same_entry*largest)) return
+      if (.not. is_small(block_b, place_b(i), difference, rounding*largest)) return
+      if (.not. is_small(block_c, place_c(i), difference, rounding*largest)) return
       call clear(block_b, place_b(i), difference)
       call clear(block_c, place_c(i), difference)
     end do

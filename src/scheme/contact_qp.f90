@@ -16,6 +16,7 @@
 !> sign, and their theta is 0. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_coarse_space, only: coarse_space_t
@@ -69,8 +70,6 @@ module dotyk_scheme_contact_qp
     procedure :: is_heap => qp_is_heap
   end type contact_qp_t
 
-  !> Penetrations below this fraction of the largest initial one are rounding [].
-  real(dp), parameter :: touching = 1.0e-12_dp
   !> A heap has more rigid body modes than this, and fewer rows for each.
   integer, parameter :: many_modes = 60, rows_per_mode = 30
 
@@ -233,7 +232,7 @@ contains
     real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp) :: penalty(size(y)), least
-    least = touching*maxval([0.0_dp, abs(self%initial_penetration)])
+    least = rounding*maxval([0.0_dp, abs(self%initial_penetration)])
     penalty = 0
     where (self%theta > 0 .and. y > least)
       penalty = self%weight*y**2/(2*self%theta)

@@ -14,12 +14,13 @@ module dotyk_scheme_dual
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
-    rounding, update_penetrations
+    update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
-  use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_scheme_bounds, only: duality_gap, largest_bound
   use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
   use dotyk_scheme_linear_solver_choice, only: choose_coupling, entries_fit
   use dotyk_scheme_compliance, only: compliance_t
@@ -35,7 +36,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
-  use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
+  use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, screen_rows
   implicit none
   private
 
@@ -49,15 +50,6 @@ module dotyk_scheme_dual
   end type dual_t
 
   integer, parameter :: most_rounds = 4  !! How often violated rows enter the working set; then all rows do.
-  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
-  real(dp), parameter :: not_worth_screening = 0.2_dp
-  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
-  real(dp), parameter :: largest_bound = 1.0e150_dp
-  !> A relative bound above this fraction of `largest_bound` was cut there, but for the rounding of the quotient.
-  real(dp), parameter :: cut_fraction = 0.99_dp
-  !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
-  !> solution closes gaps by about as much.
-  real(dp), parameter :: near_violation = 2
 
 contains
 
@@ -145,7 +137,7 @@ contains
       end if
       if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (.not. system%needs_entries() .or. round == most_rounds .or. qp%n_rows < few_rows .or. &
-          count(.not. working) < not_worth_screening*qp%n_rows) working = .true.
+          .not. is_worth_screening(working)) working = .true.
       call compliance%mark_formed(working)
       if (all(working)) then
         call solve_working_set(qp, compliance, left, monitor, system, warm, state, error)
@@ -178,7 +170,7 @@ contains
         state%error_bound = huge(state%error_bound)
         exit
       end if
-      working = working .or. state%y > -near_violation*maxval(state%y, mask=violated)
+      call add_violated(state%y, violated, working)
       earlier = state%history
       ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to
       ! find.
@@ -394,8 +386,13 @@ contains
       state%error_bound = min(state%error_bound, admissible)
       call qp%coarse%rounding(qp%block, now%lambda, rounded)
       state%error_bound = state%error_bound + rounded
-      if (norm > 0) state%error_bound = min(state%error_bound, largest_bound*norm)/norm
-      if (state%error_bound >= cut_fraction*largest_bound) state%error_bound = huge(norm)
+      if (norm > 0) then
+        if (state%error_bound <= largest_bound*norm) then
+          state%error_bound = state%error_bound/norm
+        else
+          state%error_bound = huge(norm)
+        end if
+      end if
     end if
     ! There is none for loads whose squares overflow either.
     if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)

@@ -17,7 +17,7 @@ module dotyk_scheme_gap_closing
   !> Improvements at most, and the fraction of what one leaves that the next one must not exceed: rows that depend on
   !> each other leave something for ever.
   integer, parameter :: most_passes = 8
-  real(dp), parameter :: least_gain = 0.5_dp
+  real(dp), parameter, public :: least_gain = 0.5_dp
   !> Fraction of the diagonal that is added at most where rounding has made the matrix indefinite [].
   real(dp), parameter :: most_shift = 0.1_dp
   real(dp), parameter :: rounding = 1.0e-8_dp  !! Gaps below this fraction of those that are closed are rounding [].

@@ -2,7 +2,7 @@
 module dotyk_scheme_mode_factor
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t, first_shift, most_shift
   use dotyk_scheme_coarse_space, only: mode_block_t
   implicit none
   private
@@ -15,9 +15,6 @@ module dotyk_scheme_mode_factor
     procedure :: init => factor_init
     procedure :: solve => factor_solve
   end type mode_factor_t
-
-  !> A shift of the diagonal, relative, where rounding has made the matrix indefinite.
-  real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
 
 contains
 

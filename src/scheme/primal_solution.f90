@@ -8,11 +8,14 @@
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_base_timer, only: wall_time
-  use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm, rounding
+  use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm
+  use dotyk_scheme_bounds, only: largest_bound
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
+  use dotyk_scheme_gap_closing, only: least_gain
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_bound, only: balance, error_bound, slack
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
@@ -22,7 +25,7 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
-  use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
+  use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, screen_rows
   implicit none
   private
   public :: presses_rigid_rows, solve_by_displacements
@@ -31,19 +34,10 @@ module dotyk_scheme_primal_solution
   !> How often a bound above the tolerance is followed by a more accurate solution.
   integer, parameter :: most_attempts = 5
   integer, parameter :: most_sets = 100  !! Active sets at most: where it converges, it takes a third of them.
-  !> Rows enter the working set with the violated ones whose gaps are smaller than this multiple of the largest
-  !> violation.
-  real(dp), parameter :: near_violation = 4
   !> Accuracy of the displacements that is asked for first, as a fraction of the tolerance; factor of the next one [].
   real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
   !> Accuracy that is asked for at least: forces of floating bodies balance their loads then [].
   real(dp), parameter :: least_accuracy = 1.0e-4_dp
-  !> A more accurate solution whose bound is not below this fraction of the last one ends the attempts [].
-  real(dp), parameter :: least_gain = 0.5_dp
-  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
-  real(dp), parameter :: largest_bound = 1.0e150_dp
-  !> Working sets of more than this fraction of the rows become all rows.
-  real(dp), parameter :: not_worth_screening = 0.8_dp
 
 contains
 
@@ -87,8 +81,7 @@ contains
     if (warm) then
       m(:) = state%m
       working = m > 0 .or. qp%is_tied
-      if (allocated(state%y)) working = working .or. &
-        state%y > -near_violation*maxval([0.0_dp, pack(state%y, .not. qp%is_tied)])
+      if (allocated(state%y)) call add_violated(state%y, .not. qp%is_tied, working)
     else
       call screen_rows(qp, working)
     end if
@@ -99,7 +92,7 @@ contains
     accuracy = min(first_share*tolerance, least_accuracy)
     rounds: do round = 1, most_rounds
       if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
-      if (round == most_rounds .or. count(working) > not_worth_screening*qp%n_rows) working = .true.
+      if (round == most_rounds .or. .not. is_worth_screening(working)) working = .true.
       working = working .and. .not. is_rigid
       call restrict_qp(qp, working, part)
       call system%take_rows(part)
@@ -149,7 +142,7 @@ contains
         call monitor%step(state%history, tolerance, state%error_bound)
       end do
       if (.not. any(violated)) exit rounds
-      working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
+      call add_violated(now%y, violated, working)
     end do rounds
     call motion%find_undetermined(qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)

@@ -19,6 +19,7 @@
 module dotyk_scheme_proximal_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: golden, rounding
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -63,12 +64,9 @@ module dotyk_scheme_proximal_active_set
   !> Errors that fall by less than this factor, with the same active set, have reached rounding.
   real(dp), parameter :: least_gain = 0.7_dp
   integer, parameter :: least_steps = 5  !! Linear systems before which errors that do not fall are no reason to end.
-  !> Rows without free unknowns that penetrate by less, relative to the largest gap, touch.
-  real(dp), parameter :: rounding = 1.0e-12_dp
   !> Residuals that are smaller, relative to the forces that balance, are rounding.
   real(dp), parameter :: no_residual = 1.0e-9_dp
   integer, parameter :: most_iterations = 500  !! Iterations of one linear system at most.
-  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples tell sets of rows apart.
 
 contains
 

@@ -4,6 +4,7 @@
 !> one row: weighted mean gap and displacement of its rows, one force distributed over them by weight.
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
@@ -20,7 +21,6 @@ module dotyk_scheme_restriction
     integer, allocatable :: value(:)  !! Their numbers.
   end type index_list_t
 
-  real(dp), parameter :: rounding_of_means = 1.0e-13_dp  !! Means of rows below this fraction of these are rounding [].
 
 contains
 
@@ -118,7 +118,7 @@ contains
     do b = 1, size(joined%block)
       associate (mean => joined%coarse%block(b)%value, each => qp%coarse%block(b)%value)
         do k = 1, size(mean, 2)
-          where (abs(mean(:, k)) < rounding_of_means*maxval(abs(each(:, k)))) mean(:, k) = 0
+          where (abs(mean(:, k)) < rounding*maxval(abs(each(:, k)))) mean(:, k) = 0
         end do
       end associate
     end do

@@ -44,9 +44,6 @@ module dotyk_scheme_robin
     real(dp), allocatable :: y(:)
   end type two_sides_t
 
-  !> Entries of the matrices from which on bodies are worked on side by side: below, waiting for threads costs more [].
-  real(dp), parameter :: worth_a_region = 1.0e5_dp
-
 contains
 
   !> The scheme forms the entries of the compliance.
@@ -173,11 +170,9 @@ contains
     type(solver_state_t), intent(inout) :: state  !! Gets the mean of both sides, without tension.
     real(dp), allocatable :: force(:), mean(:)
     type(vector_t) :: z(size(now%side))
-    logical :: side_by_side
     integer :: b
-    side_by_side = sum([(real(size(qp%block(b)%row), dp)**2, b=1, size(now%side))]) > worth_a_region
     force = qp%weight*max(0.0_dp, now%y)/qp%theta
-    !$omp parallel do default(none) shared(qp, now, force, gamma) schedule(dynamic, 1) if (side_by_side)
+    !$omp parallel do default(none) shared(qp, now, force, gamma) schedule(dynamic, 1)
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row)
         call now%side(b)%advance(force(row), now%spring(row), gamma)
@@ -193,7 +188,7 @@ contains
       end associate
     end do
     mean = max(0.0_dp, mean)
-    !$omp parallel do default(none) shared(qp, now, mean, z) schedule(dynamic, 1) if (side_by_side)
+    !$omp parallel do default(none) shared(qp, now, mean, z) schedule(dynamic, 1)
     do b = 1, size(now%side)
       call now%side(b)%compare(mean(qp%block(b)%row), z(b)%value)
     end do

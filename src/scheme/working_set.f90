@@ -1,4 +1,5 @@
-!> The first working set of the dual scheme: the rows that may be active, and enough of them to carry floating bodies.
+!> Working sets: the rows that may be active, enough of them to carry floating bodies, and those that turn out to be
+!> violated.
 module dotyk_scheme_working_set
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
@@ -7,7 +8,7 @@ module dotyk_scheme_working_set
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
   private
-  public :: screen_rows, keep_what_carries
+  public :: add_violated, is_worth_screening, keep_what_carries, screen_rows
 
   !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
   real(dp), parameter :: touching = 1.0e-9_dp
@@ -15,6 +16,11 @@ module dotyk_scheme_working_set
   integer, parameter :: most_widenings = 10
   !> Rows enter it that this direction closes by more than this fraction of the most.
   real(dp), parameter :: closing = 1.0e-3_dp
+  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
+  real(dp), parameter :: not_worth_screening = 0.2_dp
+  !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
+  !> solution closes gaps by about as much.
+  real(dp), parameter :: near_violation = 4
 
 contains
 
@@ -30,6 +36,20 @@ contains
     if (qp%coarse%n > 0) working = now%y > -maxval(now%y, mask=.not. qp%is_tied)
     working = working .or. abs(now%y) < touching*maxval(abs(now%y)) .or. qp%is_tied
   end subroutine screen_rows
+
+  !> Whether so many rows are outside of a working set that a solution without them is worth looking at these again.
+  pure logical function is_worth_screening(working)
+    logical, intent(in) :: working(:)  !! Working set (n_rows).
+    is_worth_screening = count(.not. working) >= not_worth_screening*size(working)
+  end function is_worth_screening
+
+  !> Add rows that are violated to a working set, and those that the next solution may close.
+  pure subroutine add_violated(y, violated, working)
+    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    logical, intent(in) :: violated(:)  !! Rows of which the greatest penetration counts (n_rows).
+    logical, intent(inout) :: working(:)  !! Working set (n_rows).
+    working = working .or. y > -near_violation*maxval([0.0_dp, pack(y, violated)])
+  end subroutine add_violated
 
   !> Add rows to a working set that cannot carry the floating bodies.
   subroutine keep_what_carries(qp, working)
