@@ -4,8 +4,8 @@ module dotyk_base_thresholds
   implicit none
   private
 
-  !> A number below this fraction of the largest one of its kind is what rounding leaves of zero, after solves and sums in
-  !> double precision that lose up to four digits [].
+  !> A number below this fraction of the largest one of its kind is what rounding leaves of zero, after solves and sums
+  !> in double precision that lose up to four digits [].
   real(dp), parameter, public :: rounding = 1.0e-12_dp
   !> Fractions of its multiples have no order: they serve as numbers that look random and are the same in each run [].
   real(dp), parameter, public :: golden = 0.6180339887498949_dp

@@ -29,7 +29,8 @@ module dotyk_control_kept_estimates
 
   !> Patches take one of so many parts of the memory, at most; factors of element residuals the rest.
   integer, parameter :: part_of_patches = 4
-  real(dp), parameter, public :: most_of_memory = 0.25_dp  !! Fraction of the memory that is left which is taken at most [].
+  !> Fraction of the memory that is left which estimates, or load cases together, take at most [].
+  real(dp), parameter, public :: most_of_memory = 0.25_dp
 
 contains
 

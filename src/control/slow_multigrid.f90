@@ -19,8 +19,8 @@ module dotyk_control_slow_multigrid
   !> (`benchmark_multigrid table`).
   real(dp), parameter :: most_steps = 100
   real(dp), parameter :: usual_steps = 14  !! Iterations of a solve before the trial: those of compact elements.
-  !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four cycles,
-  !> those of trial, solution without contact and active sets, of 1e4 operations each.
+  !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four
+  !> cycles, those of trial, solution without contact and active sets, of 1e4 operations each.
   real(dp), parameter :: work_of_step = 4.0e4_dp
   !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that are so.
   real(dp), parameter :: dense_factors = 10, active = 0.5_dp
