@@ -61,6 +61,8 @@ module dotyk_linalg_cholesky
     procedure :: is_factorized => cholesky_is_factorized
     procedure :: solve => cholesky_solve
     procedure :: solve_block => cholesky_solve_block
+    procedure :: solve_forward => cholesky_solve_forward
+    procedure :: solve_back => cholesky_solve_back
     procedure :: trailing => cholesky_trailing
     procedure :: supernodes => cholesky_supernodes
     procedure :: solve_trailing => cholesky_solve_trailing
@@ -258,20 +260,36 @@ contains
   subroutine cholesky_solve(self, x)
     class(cholesky_t), intent(in) :: self
     real(dp), intent(inout), contiguous :: x(:)  !! Right-hand side b [any], then solution x (n) [b/K].
-    call solve_columns(self, 1, x)
+    call solve_columns(self, 1, .true., .true., x)
   end subroutine cholesky_solve
 
   !> Solve K X = B, four to six times cheaper per column than one by one. NaN as in `solve`.
   subroutine cholesky_solve_block(self, x)
     class(cholesky_t), intent(in) :: self
     real(dp), intent(inout), contiguous :: x(:, :)  !! Right-hand sides B [any], then solutions X (n, m) [B/K].
-    call solve_columns(self, size(x, 2), x)
+    call solve_columns(self, size(x, 2), .true., .true., x)
   end subroutine cholesky_solve_block
 
+  !> The first half of a solve, L^{-1} by the equations of K: X := P^T L^{-1} P B. X^T X is B^T K^{-1} B. NaN as in
+  !> `solve`.
+  subroutine cholesky_solve_forward(self, x)
+    class(cholesky_t), intent(in) :: self
+    real(dp), intent(inout), contiguous :: x(:, :)  !! B, then X (n, m) [any].
+    call solve_columns(self, size(x, 2), .true., .false., x)
+  end subroutine cholesky_solve_forward
+
+  !> The second half of a solve, X := P^T L^{-T} P B. NaN as in `solve`.
+  subroutine cholesky_solve_back(self, x)
+    class(cholesky_t), intent(in) :: self
+    real(dp), intent(inout), contiguous :: x(:, :)  !! B, then X (n, m) [any].
+    call solve_columns(self, size(x, 2), .false., .true., x)
+  end subroutine cholesky_solve_back
+
   !> Solve for blocks of columns.
-  subroutine solve_columns(self, m, x)
+  subroutine solve_columns(self, m, forward, back, x)
     class(cholesky_t), intent(in) :: self
     integer, intent(in) :: m  !! Number of columns.
+    logical, intent(in) :: forward, back  !! Whether to solve with L, and with L^T.
     real(dp), intent(inout) :: x(self%n, m)  !! Right-hand sides [any], then solutions (n, m) [those over K].
     integer :: first, last
     integer(c_int) :: code
@@ -280,7 +298,7 @@ contains
       last = min(m, first + block_size - 1)
       code = code_out_of_memory
       if (self%factorized) code = dotyk_cholmod_solve(self%handle, int(self%n, c_int64_t), &
-        int(last - first + 1, c_int64_t), x(:, first:last))
+        int(last - first + 1, c_int64_t), merge(1_c_int, 0_c_int, forward), merge(1_c_int, 0_c_int, back), x(:, first:last))
       if (code /= code_ok) x(:, first:last) = not_a_number()
     end do
   end subroutine solve_columns

@@ -63,12 +63,13 @@ module dotyk_linalg_cholmod
       integer(c_int64_t), intent(out) :: failed
     end function dotyk_cholmod_factorize
 
-    !> Solve K X = B.
-    integer(c_int) function dotyk_cholmod_solve(handle, n, m, x) bind(c)
+    !> Solve K X = B, or with one of the factors P^T L P and P^T L^T P in place of K.
+    integer(c_int) function dotyk_cholmod_solve(handle, n, m, forward, back, x) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
       type(c_ptr), value :: handle  !! Handle of the factor.
       integer(c_int64_t), value :: n  !! Order of K.
       integer(c_int64_t), value :: m  !! Number of right-hand sides.
+      integer(c_int), value :: forward, back  !! Whether to solve with L, and with L^T; both: with K.
       real(c_double), intent(inout) :: x(*)  !! Right-hand sides [any], then solutions (n, m) [those over K].
     end function dotyk_cholmod_solve
 

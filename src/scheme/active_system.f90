@@ -27,7 +27,7 @@ module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_blas, only: dgemv
+  use dotyk_linalg_blas, only: dgemv, dsyrk
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_clique_matrix, only: clique_t, assemble_cliques
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -67,9 +67,9 @@ module dotyk_scheme_active_system
     !> C with the couplings that M_p has; and the factor of M_p [length/force].
     type(sparse_symmetric_t), private :: matrix
     type(cholesky_t), private :: factor
-    !> M_p^{-1} G: columns of all modes where all rows couple, of the modes of the two bodies of the pair of each row
-    !> elsewhere (n, number of columns) [force/length].
-    real(dp), allocatable, private :: spread(:, :)
+    !> L^{-1} G with the factor L of M_p: columns of all modes where all rows couple, of the modes of the two bodies of
+    !> the pair of each row elsewhere (n, number of columns) [sqrt(force/length)].
+    real(dp), allocatable, private :: half(:, :)
     type(mode_stiffness_t), private :: network  !! H.
   contains
     procedure :: init => system_init
@@ -318,55 +318,49 @@ contains
     end do
   end subroutine couple_pairs
 
-  !> M_p^{-1} G, and H.
+  !> L^{-1} G, and H.
   subroutine form_network(self, qp)
-    type(active_system_t), intent(inout) :: self  !! M_p is factorized; sets `spread` and `network`.
+    type(active_system_t), intent(inout) :: self  !! M_p is factorized; sets `half` and `network`.
     type(contact_qp_t), intent(in) :: qp  !! With the coarse space.
-    real(dp), allocatable :: g(:, :), h(:, :)
-    integer :: b, c, p, k, l, at, before
+    real(dp), allocatable :: h(:, :)
+    integer :: b, c, p, k, l, n, n_columns
     call self%network%clear()
+    n = size(self%row)
+    n_columns = qp%coarse%n
+    if (self%coupling /= coupling_all) n_columns = maxval([0, (sum(self%pair(p)%n_modes), p=1, size(self%pair))])
+    if (allocated(self%half)) then
+      if (any(shape(self%half) /= [n, n_columns])) deallocate (self%half)
+    end if
+    if (.not. allocated(self%half)) allocate (self%half(n, n_columns))
+    if (self%coupling == coupling_all) then
+      call qp%coarse%rows(self%row, self%half)
+    else
+      call rows_of_pairs(self, qp, self%half)
+    end if
+    if (size(self%half) > 0) call self%factor%solve_forward(self%half)
     associate (first => qp%coarse%first, n_bodies => size(qp%block))
-      allocate (g(size(self%row), maxval([0, (sum(self%pair(p)%n_modes), p=1, size(self%pair))])))
-      call rows_of_pairs(self, qp, g)
       if (self%coupling == coupling_all) then
-        if (allocated(self%spread)) deallocate (self%spread)
-        allocate (self%spread(size(self%row), qp%coarse%n))
-        call qp%coarse%rows(self%row, self%spread)
-        allocate (h(qp%coarse%n, qp%coarse%n), source=0.0_dp)
-      else
-        self%spread = g
-      end if
-      if (size(self%spread) > 0) call self%factor%solve_block(self%spread)
-      do p = 1, size(self%pair)
-        at = 0
-        do k = 1, size(self%pair(p)%body)
-          associate (rows => self%pair(p)%first, last => self%pair(p)%last, b_k => self%pair(p)%body(k), &
-                     n => self%pair(p)%n_modes(k))
-            if (n == 0) cycle
-            associate (of_body => transpose(g(rows:last, at + 1:at + n)))
-              if (self%coupling == coupling_all) then
-                h(first(b_k):first(b_k + 1) - 1, :) = h(first(b_k):first(b_k + 1) - 1, :) + &
-                  matmul(of_body, self%spread(rows:last, :))
-              else
-                before = 0
-                do l = 1, k
-                  associate (n_l => self%pair(p)%n_modes(l))
-                    if (n_l > 0) call self%network%add(b_k, self%pair(p)%body(l), &
-                                                       matmul(of_body, self%spread(rows:last, before + 1:before + n_l)))
-                    before = before + n_l
-                  end associate
-                end do
-              end if
-            end associate
-            at = at + n
-          end associate
-        end do
-      end do
-      if (self%coupling == coupling_all) then
+        allocate (h(n_columns, n_columns), source=0.0_dp)
+        if (size(self%half) > 0) &
+          call dsyrk('L', 'T', n_columns, n, 1.0_dp, self%half, n, 0.0_dp, h, n_columns)
         do b = 1, n_bodies
           do c = 1, b
             call self%network%add(b, c, h(first(b):first(b + 1) - 1, first(c):first(c + 1) - 1))
           end do
+        end do
+      else
+        do p = 1, size(self%pair)
+          associate (of_pair => self%half(self%pair(p)%first:self%pair(p)%last, :sum(self%pair(p)%n_modes)), &
+                     m => self%pair(p)%n_modes)
+            h = matmul(transpose(of_pair), of_pair)
+            do k = 1, size(m)
+              do l = 1, k
+                if (m(k)*m(l) > 0) call self%network%add(self%pair(p)%body(k), self%pair(p)%body(l), &
+                  h(sum(m(:k - 1)) + 1:sum(m(:k)), sum(m(:l - 1)) + 1:sum(m(:l))))
+              end do
+            end do
+          end associate
+          deallocate (h)
         end do
       end if
       if (.not. allocated(qp%coarse%stiffness)) return
@@ -397,7 +391,7 @@ contains
     end do
   end subroutine rows_of_pairs
 
-  !> Solve `M_p x - G alpha = r`, `G^T x + S alpha = e`.
+  !> Solve `M_p x - G alpha = r`, `G^T x + S alpha = e`: the modes between both halves of a solution with M_p.
   subroutine apply_preconditioner(self, qp, r, e, x, alpha)
     class(active_system_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for.
@@ -405,30 +399,49 @@ contains
     real(dp), intent(in), optional :: e(:)  !! On the modes; 0 if absent (coarse%n) [force].
     real(dp), intent(out), contiguous :: x(:)  !! Forces (n) [force].
     real(dp), intent(out), contiguous :: alpha(:)  !! Amplitudes (coarse%n) [length].
-    integer :: p, k, j, at
-    x = r
-    if (size(x) > 0) call self%factor%solve(x)
-    if (size(alpha) == 0) return
-    call resultants_of(self, qp, x, alpha)
-    alpha = -alpha
-    if (present(e)) alpha = alpha + e
+    real(dp) :: half(size(r), 1)
+    integer :: p, k, j, at, mode
+    half(:, 1) = r
+    if (size(r) > 0) call self%factor%solve_forward(half)
+    alpha = 0
+    if (present(e)) alpha = e
+    if (self%coupling == coupling_all) then
+      if (size(self%half) > 0) &
+        call dgemv('T', size(r), size(alpha), -1.0_dp, self%half, size(r), half, 1, 1.0_dp, alpha, 1)
+    else
+      do p = 1, size(self%pair)
+        associate (first => self%pair(p)%first, last => self%pair(p)%last)
+          at = 0
+          do k = 1, size(self%pair(p)%body)
+            do j = 1, self%pair(p)%n_modes(k)
+              mode = qp%coarse%first(self%pair(p)%body(k)) + j - 1
+              alpha(mode) = alpha(mode) - dot_product(self%half(first:last, at + j), half(first:last, 1))
+            end do
+            at = at + self%pair(p)%n_modes(k)
+          end do
+        end associate
+      end do
+    end if
     call self%network%solve(alpha)
     if (self%coupling == coupling_all) then
-      if (size(x) > 0) call dgemv('N', size(x), size(alpha), 1.0_dp, self%spread, size(x), alpha, 1, 1.0_dp, x, 1)
-      return
-    end if
-    do p = 1, size(self%pair)
-      associate (first => self%pair(p)%first, last => self%pair(p)%last)
-        at = 0
-        do k = 1, size(self%pair(p)%body)
-          do j = 1, self%pair(p)%n_modes(k)
-            x(first:last) = x(first:last) + &
-              alpha(qp%coarse%first(self%pair(p)%body(k)) + j - 1)*self%spread(first:last, at + j)
+      if (size(self%half) > 0) &
+        call dgemv('N', size(r), size(alpha), 1.0_dp, self%half, size(r), alpha, 1, 1.0_dp, half, 1)
+    else
+      do p = 1, size(self%pair)
+        associate (first => self%pair(p)%first, last => self%pair(p)%last)
+          at = 0
+          do k = 1, size(self%pair(p)%body)
+            do j = 1, self%pair(p)%n_modes(k)
+              mode = qp%coarse%first(self%pair(p)%body(k)) + j - 1
+              half(first:last, 1) = half(first:last, 1) + alpha(mode)*self%half(first:last, at + j)
+            end do
+            at = at + self%pair(p)%n_modes(k)
           end do
-          at = at + self%pair(p)%n_modes(k)
-        end do
-      end associate
-    end do
+        end associate
+      end do
+    end if
+    if (size(r) > 0) call self%factor%solve_back(half)
+    x = half(:, 1)
   end subroutine apply_preconditioner
 
   !> G^T x.
@@ -616,7 +629,7 @@ contains
     call self%matrix%destroy()
     if (allocated(self%parent)) deallocate (self%parent)
     if (allocated(self%pair)) deallocate (self%pair, self%diagonal)
-    if (allocated(self%spread)) deallocate (self%spread)
+    if (allocated(self%half)) deallocate (self%half)
     if (allocated(self%layer)) deallocate (self%layer)
     if (associated(self%n_iterations)) deallocate (self%n_iterations, self%n_solutions)
   end subroutine system_destroy

@@ -67,11 +67,8 @@ module dotyk_scheme_contact_qp
     procedure :: load_work => qp_load_work
     procedure :: body_force => qp_body_force
     procedure :: of_vertices => qp_of_vertices
-    procedure :: is_heap => qp_is_heap
   end type contact_qp_t
 
-  !> A heap has more rigid body modes than this, and fewer rows for each.
-  integer, parameter :: many_modes = 60, rows_per_mode = 30
 
 contains
 
@@ -268,17 +265,6 @@ contains
     ! Prescribed displacements do work on near-null-space modes, which is none of the loads.
     if (allocated(self%coarse%lift)) work = work - dot_product(self%coarse%lift, alpha)
   end function qp_load_work
-
-  !> Whether the bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies
-  !> tell, active sets cycle, and all rows cost little. Ties hold their bodies.
-  pure logical function qp_is_heap(self) result(is_heap)
-    class(contact_qp_t), intent(in) :: self
-    logical :: is_loose(size(self%block))
-    integer :: b, n_modes
-    is_loose = [(.not. any(self%is_tied(self%block(b)%row)), b=1, size(self%block))]
-    n_modes = sum(self%coarse%first(2:) - self%coarse%first(:size(is_loose)), mask=is_loose)
-    is_heap = n_modes > many_modes .and. count(.not. self%is_tied) < rows_per_mode*n_modes
-  end function qp_is_heap
 
   !> Penetrations in which the rows of one vertex have their mean (n_rows) [length].
   pure function qp_of_vertices(self, y) result(mean)

@@ -22,7 +22,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap, largest_bound
   use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
-  use dotyk_scheme_linear_solver_choice, only: choose_coupling, entries_fit
+  use dotyk_scheme_linear_solver_choice, only: choose_coupling, entries_fit, is_heap
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
@@ -113,7 +113,7 @@ contains
     end if
     warm = allocated(state%m)
     ! A state with a history is one of this problem; the loads may have changed since any other.
-    explains = state%history%n == 0 .and. qp%is_heap()
+    explains = state%history%n == 0 .and. is_heap(qp)
     if (state%history%n == 0 .and. .not. explains) then
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
@@ -308,14 +308,14 @@ contains
     end if
     foundation = foundation_stiffness(qp)
     with_springs = qp
-    starts_inside = .not. warm .and. qp%is_heap()
+    starts_inside = .not. warm .and. is_heap(qp)
     call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
     call motion%apply(qp, with_springs)
     call find_held_rows(qp, with_springs, compliance, system, state, is_held, error)
     if (allocated(error) .or. state%ended == ended_rigid_constraint) return
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
-      if (qp%is_heap()) then
+      if (starts_inside) then
         call begin_without_contact(qp, now)
         if (allocated(guess)) call begin_on_foundation(qp, guess, now)
       else

@@ -3,25 +3,33 @@
 !>
 !> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium `G^T lambda =
 !> e`, Newton's method follows the central path `lambda_i s_i = mu w_i` towards mu = 0: Mehrotra's predictor and
-!> corrector (SIAM J. Optim. 2, 1992), and Gondzio's centrality correctors (Comput. Optim. Appl. 6, 1996), since
-!> solutions are cheap against factorizations. It takes ten to forty linear systems, whatever the number of points: each
-!> is that of the active set of all points, their Winkler layers softened by `s_i/lambda_i`. In the end either the force
-!> or the gap of each point is next to nothing, which gives the active set. Rows of ties have forces of any sign, and
-!> neither gaps nor softer layers.
+!> corrector (SIAM J. Optim. 2, 1992). It takes ten to forty linear systems, whatever the number of points: each is that
+!> of the active set of all points, their Winkler layers softened by `s_i/lambda_i`. In the end either the force or the
+!> gap of each point is next to nothing, which gives the active set. Rows of ties have forces of any sign, and neither
+!> gaps nor softer layers.
 module dotyk_scheme_interior_point
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_centrality, only: correct_and_shorten, correct_centrality, fraction_to_boundary, least_centring, &
-    newton_step, point_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: interior_point_method
 
-  integer, parameter :: most_steps = 60  !! Linear systems at most.
+  type :: point_t  !! An iterate, or a step.
+    real(dp), allocatable :: lambda(:)  !! Contact forces (n) [force].
+    real(dp), allocatable :: s(:)  !! Gaps (n) [length].
+    real(dp), allocatable :: alpha(:)  !! Amplitudes of the rigid body modes (coarse%n) [length].
+    !> Of an iterate: rows of ties, whose forces may have any sign, without gaps (n).
+    logical, allocatable :: is_tied(:)
+  contains
+    procedure :: over_force => point_over_force
+    procedure :: longest_step => point_longest_step
+  end type point_t
+
+  integer, parameter :: most_steps = 200  !! Linear systems at most.
   !> The method ends where the complementarity products are this fraction of the energy, unless asked otherwise, and
   real(dp), parameter :: least_product = 1.0e-14_dp
   real(dp), parameter :: balanced = 1.0e-9_dp  !! the imbalance is this fraction of the loads.
@@ -36,7 +44,10 @@ module dotyk_scheme_interior_point
   real(dp), parameter :: shortest_step = 1.0e-8_dp  !! A shorter step than this is stopped by rounding errors.
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
   real(dp), parameter :: step_reduction = 0.01_dp
-  integer, parameter :: many_modes = 300  !! So many modes make factors expensive against solutions.
+  !> Fraction of the distance to the boundary that a step goes.
+  real(dp), parameter :: fraction_to_boundary = 0.995_dp
+  !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
+  real(dp), parameter :: least_centring = 1.0e-6_dp
 
 contains
 
@@ -138,13 +149,8 @@ contains
       length = now%longest_step(step)
       mu_ahead = sum((now%lambda + length*step%lambda)*(now%s + length*step%s))
       sigma = min(1.0_dp, max(least_centring, (mu_ahead/mu)**3))
-      if (qp%coarse%n < many_modes) then
-        product = sigma*mu*fraction - now%lambda*now%s - step%lambda*step%s
-        call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
-        call correct_centrality(qp, compliance, system, now, sigma*mu*fraction, step)
-      else
-        call correct_and_shorten(qp, compliance, system, now, mu*fraction, sigma, step)
-      end if
+      product = sigma*mu*fraction - now%lambda*now%s - step%lambda*step%s
+      call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
       length = now%longest_step(step)
       length = min(1.0_dp, fraction_to_boundary*length)
       now%lambda = now%lambda + length*step%lambda
@@ -282,4 +288,38 @@ contains
     is_balanced = .not. any(abs(r_balance) > balanced*largest)
   end function is_balanced
 
+  !> Newton's step for given changes of the complementarity products.
+  subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
+    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
+    class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
+    type(active_system_t), intent(in) :: system  !! Layers softened by s/lambda.
+    type(point_t), intent(in) :: now  !! The iterate.
+    real(dp), intent(in) :: r_dual(:)  !! Residual of the contact rows (n) [length].
+    real(dp), intent(in) :: r_balance(:)  !! Residual of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: product(:)  !! Changes of `lambda_i s_i`, to first order (n) [force*length].
+    type(point_t), intent(inout) :: step  !! The step.
+    step%lambda = 0
+    call system%solve(qp, compliance, now%over_force(product) - r_dual, -r_balance, step%lambda, step%alpha)
+    step%s = now%over_force(product - now%s*step%lambda)
+  end subroutine newton_step
+
+  !> A product divided by the force; 0 for ties.
+  pure function point_over_force(self, product) result(quotient)
+    class(point_t), intent(in) :: self
+    real(dp), intent(in) :: product(:)  !! (n) [force*length].
+    real(dp) :: quotient(size(product))  !! (n) [length].
+    quotient = 0
+    where (.not. self%is_tied) quotient = product/self%lambda
+  end function point_over_force
+
+  !> Length of a step to the boundary, at most 1/fraction_to_boundary.
+  pure real(dp) function point_longest_step(self, step) result(length)
+    class(point_t), intent(in) :: self
+    type(point_t), intent(in) :: step  !! The step.
+    length = 1/fraction_to_boundary
+    associate (closes => step%lambda < 0 .and. .not. self%is_tied)
+      if (any(closes)) length = min(length, minval(-self%lambda/step%lambda, mask=closes))
+    end associate
+    if (any(step%s < 0)) length = min(length, minval(-self%s/step%s, mask=step%s < 0))
+  end function point_longest_step
 end module dotyk_scheme_interior_point

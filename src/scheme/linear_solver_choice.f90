@@ -14,7 +14,7 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: add_costs, choose_coupling, entries_fit, room_for_matrices, takes_products
+  public :: add_costs, choose_coupling, is_heap, entries_fit, room_for_matrices, takes_products
 
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set, 470
   !> to 575 for ties between blocks.
@@ -29,6 +29,8 @@ module dotyk_scheme_linear_solver_choice
   !> Bytes that compliances, forward substitutions and the factor may take,
   real(dp), parameter :: most_bytes = 8.0e9_dp
   real(dp), parameter :: most_of_memory = 0.5_dp  !! also as a fraction of the available memory.
+  !> A heap has more rigid body modes than this, and fewer rows for each.
+  integer, parameter :: many_modes = 60, rows_per_mode = 30
 
 contains
 
@@ -39,21 +41,34 @@ contains
     integer, intent(in) :: wish  !! One of `linear_solver_*` of dotyk_base_options.
     logical, intent(in) :: rows(:)  !! The rows whose entries will be needed (n_rows).
     type(active_system_t), intent(inout) :: system  !! Not prepared; gets its coupling.
-    type(memory_t) :: memory
     logical :: matrix_free
-    system%coupling = merge(coupling_pairs, coupling_all, qp%is_heap())
-    memory = memory_now()
-    associate (n_modes => real(qp%coarse%n, dp))
-      system%may_couple_all = 8*(n_modes + count(rows))*n_modes < room_for_matrices(memory)
-    end associate
-    ! Ties couple their components, and bodies with each other.
-    if (any(qp%is_tied) .and. system%may_couple_all) system%coupling = coupling_all
+    system%coupling = merge(coupling_pairs, coupling_all, is_heap(qp))
+    system%may_couple_all = modes_fit(qp, rows)
     matrix_free = wish == linear_solver_iterative
     if (wish == linear_solver_auto .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
     ! Near-null-space modes are softer than contact by many orders of magnitude, and take entries.
     if (matrix_free .and. .not. allocated(qp%coarse%lift)) system%coupling = coupling_none
   end subroutine choose_coupling
+
+  !> Whether bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell,
+  !> active sets cycle, and all rows cost little. Ties couple their components, and bodies with each other.
+  logical function is_heap(qp)
+    type(contact_qp_t), intent(in) :: qp  !! The rows.
+    is_heap = qp%coarse%n > many_modes .and. count(.not. qp%is_tied) < rows_per_mode*qp%coarse%n
+    if (is_heap .and. any(qp%is_tied)) is_heap = .not. modes_fit(qp, spread(.true., 1, qp%n_rows))
+  end function is_heap
+
+  !> Whether dense columns of all modes at some rows fit into the memory.
+  logical function modes_fit(qp, rows)
+    type(contact_qp_t), intent(in) :: qp  !! With the modes.
+    logical, intent(in) :: rows(:)  !! As in `choose_coupling` (n_rows).
+    type(memory_t) :: memory
+    memory = memory_now()
+    associate (n_modes => real(qp%coarse%n, dp))
+      modes_fit = 8*(n_modes + count(rows))*n_modes < room_for_matrices(memory)
+    end associate
+  end function modes_fit
 
   !> Whether products cost less than entries and factorizations, or these take too much memory.
   logical function is_matrix_free_cheaper(qp, compliance, rows) result(cheaper)

@@ -6,13 +6,13 @@
 !> with alpha_k moved up. A motion that contact resists by the stiffness k converges like `(T/(T + k))^n`; one that
 !> nothing resists keeps the least motion within all inequalities. Where a body goes on moving, its springs are
 !> weakened along that motion: it travels until it touches, or contact resists it more weakly than the springs did.
-!> When rows become active that stop it, the springs are as strong as before.
+!> When more rows than ever become active, the springs are as strong as before.
 !>
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
-!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become as stiff as
-!> the contact there.
+!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become nearly as
+!> stiff as the contact there.
 !>
 !> Bodies that ties join are one: they have no springs where ties, springs and supports resist all their motions, and
 !> what resists one of them is what resists all together. Shortenings of bolts have none.
@@ -46,7 +46,7 @@ module dotyk_scheme_proximal_motion
     type(mode_block_t), allocatable, private :: loaded(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
-    integer, allocatable, private :: n_active(:)  !! Active rows of each body in the last step (n_bodies).
+    integer, allocatable, private :: n_active(:)  !! Most active rows of each body so far (n_bodies).
     !> Group of bodies that ties join, of each body (n_bodies); those that ties hold (n_groups).
     integer, allocatable, private :: group(:)
     logical, allocatable, private :: is_held(:)
@@ -57,9 +57,12 @@ module dotyk_scheme_proximal_motion
     procedure :: find_undetermined => motion_find_undetermined
   end type proximal_motion_t
 
-  real(dp), parameter :: fraction = 1.0e-5_dp  !! Stiffness of the springs as a fraction of that of the contact.
+  real(dp), parameter :: fraction = 1.0e-7_dp  !! Stiffness of the springs as a fraction of that of the contact.
   !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
-  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-10_dp
+  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-8_dp
+  !> Stiffness of the springs of a body that is brought back, as a fraction of that of the contact: what contact
+  !> resists converges a hundredfold in each step.
+  real(dp), parameter :: brought_back = 0.01_dp
   !> A motion goes on if its imbalance does not fall to this fraction in a step: contact resists it by less than the
   !> springs do.
   real(dp), parameter :: slow = 0.5_dp
@@ -134,8 +137,8 @@ contains
     end associate
   end function springs_of
 
-  !> Rotations of a body of a heap that all its rows together resist by no more than they are uncertain: the spins of a
-  !> ball. Springs against them carry moments alone. Where bodies are few they settle among the facets.
+  !> Rotations that all rows of a body together resist by no more than they are uncertain: the spins of a ball, of a
+  !> shaft in its bore. Springs against them carry moments alone.
   subroutine find_uncertain(qp, b, foundation, springs, direction, loaded)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
     integer, intent(in) :: b  !! The body.
@@ -150,7 +153,7 @@ contains
     integer :: k, n, n_translations, rank
     n = size(springs, 1)
     allocate (direction(n, 0), loaded(n, 0))
-    if (n == 0 .or. .not. (allocated(qp%coarse%deviation) .and. qp%is_heap())) return
+    if (n == 0 .or. .not. allocated(qp%coarse%deviation)) return
     associate (first => qp%coarse%first(b), row => qp%block(b)%row)
       if (size(row) == 0 .or. size(qp%coarse%translation(b)%value, 1) /= n) return
       if (size(qp%coarse%translation(b)%value, 2) == 0) return
@@ -285,7 +288,7 @@ contains
           self%last(b) = -1
           self%has_changed = .true.
         end if
-        self%n_active(b) = n_active
+        self%n_active(b) = max(self%n_active(b), n_active)
       end associate
     end do
     if (self%n_steps >= most_steps) done = .true.
@@ -365,8 +368,8 @@ contains
       end do
     end subroutine measure_groups
 
-    !> Make the springs of the body weaker along its step; or bring it back, and make them as stiff as the contact is.
-    !> False where they are so already.
+    !> Make the springs of the body weaker along its step; or bring it back, and make them nearly as stiff as the
+    !> contact is. False where they are so already.
     logical function may_change(stiffer) result(may)
       logical, intent(in) :: stiffer  !! Whether they become stiffer.
       real(dp), allocatable :: first_springs(:, :)
@@ -376,15 +379,19 @@ contains
         first_springs = springs_of(qp, b, foundation, active)
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
         if (stiffer) then
-          may = fraction*along < slow*at_first
-          next = at_first/fraction
+          next = brought_back*at_first/fraction
+          may = along < slow*next
         else
           may = along > weakest*at_first
           next = weakening*along
         end if
         if (.not. may) return
-        if (stiffer) self%centre(first:last) = self%centre(first:last) - &
-          step(first:last)*(dot_product(force(first:last), self%centre(first:last))/along)
+        if (stiffer) then
+          self%centre(first:last) = self%centre(first:last) - &
+            step(first:last)*(dot_product(force(first:last), self%centre(first:last))/along)
+          ! Rows that it comes back to are no reason to let it go again.
+          self%n_active(b) = size(qp%block(b)%row)
+        end if
         springs = springs + (next - along)/along**2*matmul(reshape(force(first:last), [last - first + 1, 1]), &
                                                            reshape(force(first:last), [1, last - first + 1]))
         self%last(b) = -1

@@ -4,6 +4,7 @@ module dotyk_scheme_working_set
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_linear_solver_choice, only: is_heap
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
@@ -30,7 +31,7 @@ contains
     logical, allocatable, intent(out) :: working(:)  !! Working set (n_rows).
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
-    if (qp%n_rows == 0 .or. qp%is_heap()) return
+    if (qp%n_rows == 0 .or. is_heap(qp)) return
     call rest_on_winkler_foundation(qp, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.
     if (qp%coarse%n > 0) working = now%y > -maxval(now%y, mask=.not. qp%is_tied)
