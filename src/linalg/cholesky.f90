@@ -298,7 +298,8 @@ contains
       last = min(m, first + block_size - 1)
       code = code_out_of_memory
       if (self%factorized) code = dotyk_cholmod_solve(self%handle, int(self%n, c_int64_t), &
-        int(last - first + 1, c_int64_t), merge(1_c_int, 0_c_int, forward), merge(1_c_int, 0_c_int, back), x(:, first:last))
+        int(last - first + 1, c_int64_t), merge(1_c_int, 0_c_int, forward), merge(1_c_int, 0_c_int, back), &
+        x(:, first:last))
       if (code /= code_ok) x(:, first:last) = not_a_number()
     end do
   end subroutine solve_columns

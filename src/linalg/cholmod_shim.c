@@ -248,7 +248,8 @@ int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns,
   return OK;
 }
 
-/* Solve K X = B by forward and back substitution, or one of both alone: P^T L P X = B, P^T L^T P X = B; in place on x (n,m). */
+/* Solve K X = B by forward and back substitution, or by one of both alone, P^T L P X = B or P^T L^T P X = B; in place
+ * on x (n,m). */
 int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, int forward, int back, double *x) {
   const handle_t *h = handle;
   cholmod_factor *L = h->L; /* the solves read it only */
@@ -265,7 +266,8 @@ int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, int forward, i
     for (int64_t k = 0; k < n; k++) work[k + j * n] = x[permutation[k] + j * n];
   }
   int levels = forbid_threads();
-  int good = (!forward || cholmod_l_super_lsolve(L, &y, &e, &common)) && (!back || cholmod_l_super_ltsolve(L, &y, &e, &common));
+  int good = !forward || cholmod_l_super_lsolve(L, &y, &e, &common);
+  good = good && (!back || cholmod_l_super_ltsolve(L, &y, &e, &common));
   omp_set_max_active_levels(levels);
   for (int64_t j = 0; j < m; j++) {
     for (int64_t k = 0; k < n; k++) x[permutation[k] + j * n] = work[k + j * n];
