@@ -1,6 +1,9 @@
-!> Points at which deformed bodies are in each other and have no contact row: corners and edges that meet by their motion.
-!> The check for penetration finds them; each becomes a row, node to facet (Hallquist, Goudreau and Benson, Comput.
-!> Methods Appl. Mech. Engrg. 51, 1985), with the gap and the normal before deformation, and the problem is solved again.
+!> Points at which deformed bodies are in each other and have no contact row: corners and edges that meet by their
+!> motion.
+!>
+!> The check for penetration finds them. Each becomes a row, node to facet (Hallquist, Goudreau and Benson, Comput.
+!> Methods Appl. Mech. Engrg. 51, 1985), with the gap and the normal before deformation, and the problem is solved
+!> again.
 module dotyk_contact_met_points
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: closest_point_on_facet

@@ -25,7 +25,7 @@ module dotyk_control_contact_solution
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
+  use dotyk_scheme_solver_state, only: solver_state_t, solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
     ended_solves, ended_stalled, ended_time
   implicit none
   private
@@ -177,11 +177,13 @@ contains
       solution%bending = 0*qp%gap
       is_solved = allocated(solution%displacements%body)
       ! A guess: the contact spans what it did before, or else what overlaps without contact.
-      if (allocated(solution%state%m)) then
+      if (allocated(solution%state%m) .and. .not. is_solved) then
         is_bent = has_bent(problem, solution%state%m, solution)
-        is_solved = is_solved .and. .not. is_bent
       else
         is_bent = has_bent(problem, qp%initial_penetration, solution)
+        ! What a block of load cases has solved is without it.
+        if (is_bent .and. is_solved) call begin_anew(solution)
+        is_solved = is_solved .and. .not. is_bent
       end if
     end if
     n_bendings = 0
@@ -197,6 +199,7 @@ contains
         is_bent = has_bent(problem, solution%state%m, solution)
         if (is_bent) then
           n_bendings = n_bendings + 1
+          call begin_anew(solution)
           is_solved = .false.
           cycle
         end if
@@ -225,6 +228,13 @@ contains
     solution%tolerance = now%settings%tolerance
     call monitor%begin_phase(phase_recover)
   end subroutine solve_contact
+
+  !> Forget the solution of other gaps: schemes that continue from it bound their errors less well.
+  subroutine begin_anew(solution)
+    type(contact_solution_t), intent(inout) :: solution  !! The solution.
+    solution%state = solver_state_t()
+    call solution%displacements%forget()
+  end subroutine begin_anew
 
   !> Whether the gaps of the QP change, on facets that the contact bends.
   logical function has_bent(problem, pressure, solution)

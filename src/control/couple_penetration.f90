@@ -111,7 +111,8 @@ contains
           tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node), left_a%given)
           tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node), left_b%given)
           if (.not. problem%body(b)%mesh%is_open) &
-            call check_parts(division, p, q, parts_b%swept(j), tolerance, only_corners, depth(a)%value, a_in_b%worst, met)
+            call check_parts(division, p, q, parts_b%swept(j), tolerance, only_corners, depth(a)%value, &
+                             a_in_b%worst, met)
           if (.not. problem%body(a)%mesh%is_open) &
             call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), only_corners, depth(b)%value, &
                              b_in_a%worst, met_b)

@@ -59,8 +59,8 @@ contains
     do
       n = size(met)
       code = exit_converged
-      call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, reason, code, &
-                     error)
+      call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, reason, &
+                     code, error)
       if (reason /= reason_none) &
         call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, reason, &
                        code, error)

@@ -69,7 +69,6 @@ module dotyk_scheme_contact_qp
     procedure :: of_vertices => qp_of_vertices
   end type contact_qp_t
 
-
 contains
 
   !> Make the QP.

@@ -57,9 +57,9 @@ module dotyk_scheme_proximal_motion
     procedure :: find_undetermined => motion_find_undetermined
   end type proximal_motion_t
 
-  real(dp), parameter :: fraction = 1.0e-7_dp  !! Stiffness of the springs as a fraction of that of the contact.
+  real(dp), parameter :: fraction = 1.0e-6_dp  !! Stiffness of the springs as a fraction of that of the contact.
   !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
-  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-8_dp
+  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-9_dp
   !> Stiffness of the springs of a body that is brought back, as a fraction of that of the contact: what contact
   !> resists converges a hundredfold in each step.
   real(dp), parameter :: brought_back = 0.01_dp
