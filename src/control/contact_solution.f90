@@ -25,8 +25,8 @@ module dotyk_control_contact_solution
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
-  use dotyk_scheme_solver_state, only: solver_state_t, solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
-    ended_solves, ended_stalled, ended_time
+  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_rounds, ended_solves, ended_stalled, &
+    ended_time, solver_state_t
   implicit none
   private
   public :: first_tolerance, solve_contact

@@ -143,7 +143,7 @@ def ball_in_grooves(size=0.4):
         drift = np.abs(u - [0, 0, u[:, 2].mean()]).max()
         right = PRESS * 2.4 * 1.2
         return [Row("force in the low groove", answer.pairs["in low"]["force"][2] / right, 1.0, 1e-2),
-                Row("drift of the ball over the size of its facets", drift / size, 0.0, 0.5)]
+                Row("drift of the ball over the size of its facets", drift / size, 0.0, 0.2)]
     return run
 
 
