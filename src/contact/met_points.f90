@@ -39,7 +39,7 @@ contains
   !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
   !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Between
   !> bodies without a contact pair only corners count; other points have no facet of b.
-  subroutine add_met_point(a, f, nodes, x, b, moved, only_corners, met)
+  subroutine add_met_point(a, f, nodes, x, b, moved, only_corners, met, entered)
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: f  !! Its facet.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
@@ -48,6 +48,8 @@ contains
     real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points so far (n).
+    !> The facet that it came through where that is known: it has passed through b.
+    integer, intent(in), optional :: entered
     type(met_point_t) :: new
     real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3)
     integer :: near, i, j, k, g
@@ -64,7 +66,7 @@ contains
       associate (v => b%adjacency%vertex(i, near))
         do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
           g = b%adjacency%facet(k)
-          if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))])) cycle
+          if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))]) .or. present(entered)) cycle
           call closest_point_on_facet(b%set, g, x, xi, square)
           call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
           ! Beside a face, as in a concave corner, the point is not below it.
@@ -79,6 +81,11 @@ contains
         end do
       end associate
     end do
+    if (present(entered)) then
+      new%facet_b = entered
+      call closest_point_on_facet(b%set, entered, x, new%xi_b, square)
+      behind = 0
+    end if
     new%is_behind = behind > 0
     new%body_a = a%body
     new%body_b = b%body

@@ -100,24 +100,27 @@ contains
   end subroutine share_depths
 
   !> Nodes of a part that have passed wholly through another one.
-  subroutine find_passages(division, a, b, swept, tolerance, clear, depth, worst)
+  subroutine find_passages(division, a, b, swept, tolerance, only_corners, clear, depth, worst, met)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     real(dp), intent(in) :: clear(:)  !! Least distance of each node from b after deformation (a%n_nodes) [length].
     !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
     !> that they entered through (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point; nodes are added.
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that have passed through are added (n).
     type(passage_t) :: passage
     real(dp) :: allowed, left, arcs, centre(2), passed(a%n_nodes)
-    integer :: i, first, last
+    integer :: entered(a%n_nodes), i, first, last
     passed = 0
+    entered = 0
     call division%portion(a%n_nodes, first, last)
     !$omp parallel do default(none) private(passage, allowed, left, arcs, centre) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, swept, tolerance, clear, depth, passed, first, last) if (a%n_nodes > least_shared)
+    !$omp& shared(a, b, swept, tolerance, clear, depth, passed, entered, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
       ! Farther from b than the two have moved.
@@ -128,8 +131,9 @@ contains
       call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
                                   a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
       ! Penalty moves nothing to the other side, a given gap may.
-      if (passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) &
-        passed(i) = -passage%depth
+      if (.not. passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) cycle
+      passed(i) = -passage%depth
+      entered(i) = passage%facet
     end do
     !$omp end parallel do
     call division%fill(passed, first, last)
@@ -138,6 +142,8 @@ contains
       if (.not. depth(i) < 0) cycle
       depth(i) = -depth(i)
       worst%n_passed = worst%n_passed + 1
+      if (entered(i) > 0) call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance%moved, &
+                                             only_corners, met, entered(i))
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)

@@ -258,7 +258,8 @@ contains
     end associate
     ! Facets are no guide to the thickness of a part, but none is thinner than a small fraction of them.
     if (maxval(norm2(p%x - p%x0 - spread(swept%shift, 2, p%n_nodes), 1)) + swept%farthest > &
-        least_thickness*minval(q%set%size)) call find_passages(division, p, q, swept, tolerance, clear, own, here)
+        least_thickness*minval(q%set%size)) &
+      call find_passages(division, p, q, swept, tolerance, only_corners, clear, own, here, met)
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)

@@ -1,11 +1,11 @@
 !> Contact that goes on across a tie: where tied surfaces meet the same third surface, as bodies that lie side by side
 !> on a plate do, or the cut of a cyclic sector that is in contact across the cut.
 !>
-!> At such a seam each side has contact rows of its own, whose pressures would be divided at will, as the tie makes the
-!> displacements equal. The pressure is one function on both sides: at the seam it has its values in the vertices of the
-!> master side of the tie, and in those of the slave side it is interpolated between them, whatever meshes meet. (Mortar
-!> methods have no multipliers in such cross points either.) Where the third surface is the slave, its vertices at the
-!> edge of the tie have a row in the pair of each side, which are one alike.
+!> At such a seam each side has contact rows of its own. As the tie makes the displacements equal, only the sum of their
+!> pressures would be determined. The pressure is one function on both sides: at the seam it has its values in the
+!> vertices of the master side of the tie, and in those of the slave side it is interpolated between them, whatever
+!> meshes meet. (Mortar methods have no multipliers in such cross points either.) Where the third surface is the slave,
+!> its vertices at the edge of the tie have a row in the pair of each side; these are one row as well.
 module dotyk_control_seams
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order

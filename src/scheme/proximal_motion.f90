@@ -389,7 +389,7 @@ contains
         if (stiffer) then
           self%centre(first:last) = self%centre(first:last) - &
             step(first:last)*(dot_product(force(first:last), self%centre(first:last))/along)
-          ! Rows that it comes back to are no reason to let it go again.
+          ! Rows that become active again do not restore its springs.
           self%n_active(b) = size(qp%block(b)%row)
         end if
         springs = springs + (next - along)/along**2*matmul(reshape(force(first:last), [last - first + 1, 1]), &
