@@ -13,9 +13,12 @@ module dotyk_base_log
     logical, private :: live = .false.  !! Whether the last line is a live line, which the next one replaces.
     real(dp), private :: drawn = -huge(1.0_dp)  !! Wall time of the last live line [s].
     real(dp), private :: pause = 2  !! Time to the next line of progress where standard output is no terminal [s].
+    character(:), allocatable, private :: held  !! Lines to be printed later; not allocated where lines are printed.
   contains
     procedure :: init => log_init
     procedure :: line => log_line
+    procedure :: hold => log_hold
+    procedure :: take => log_take
     procedure :: due => log_due
     procedure :: progress => log_progress
     procedure :: end_progress => log_end_progress
@@ -54,10 +57,30 @@ contains
     character(*), intent(in) :: text  !! The line.
     integer :: status
     if (self%quiet) return
-    call self%end_progress()
-    call print_text(trim(text)//new_line('a'), status)
-    call look(self, status)
+    if (allocated(self%held)) then
+      self%held = self%held//trim(text)//new_line('a')
+    else
+      call self%end_progress()
+      call print_text(trim(text)//new_line('a'), status)
+      call look(self, status)
+    end if
   end subroutine log_line
+
+  !> Hold the lines that follow.
+  subroutine log_hold(self)
+    class(log_t), intent(inout) :: self
+    self%held = ''
+  end subroutine log_hold
+
+  !> Take the lines that were held, and print the next ones.
+  subroutine log_take(self, lines)
+    class(log_t), intent(inout) :: self
+    character(:), allocatable, intent(out) :: lines  !! One after the other; empty where there are none.
+    lines = ''
+    if (.not. allocated(self%held)) return
+    if (len(self%held) > 0) lines = self%held(:len(self%held) - 1)
+    deallocate (self%held)
+  end subroutine log_take
 
   !> Turn the log off where it cannot be written (full disk, closed terminal): the run goes on.
   subroutine look(self, status)
@@ -68,11 +91,12 @@ contains
     call print_error('warning: the log cannot be written; the run continues without it')
   end subroutine look
 
-  !> Whether the next line of progress is due; callers ask before they make its text.
+  !> Whether the next line of progress is due; callers ask before they make its text. A line that stays belongs below
+  !> the lines that are held.
   logical function log_due(self) result(due)
     class(log_t), intent(in) :: self
     due = .false.
-    if (self%quiet) return
+    if (self%quiet .or. (allocated(self%held) .and. .not. self%terminal)) return
     due = wall_time() - self%drawn >= merge(redraw, self%pause, self%terminal)
   end function log_due
 

@@ -29,7 +29,7 @@ module dotyk_control_contact_solution
     ended_time, solver_state_t
   implicit none
   private
-  public :: first_tolerance, solve_contact
+  public :: begin_contact, complete_contact, solve_contact
 
   type, public :: solution_goal_t  !! What is asked of a solution.
     logical :: by_budget = .false.  !! Whether the iteration ends by the error budget.
@@ -63,8 +63,10 @@ module dotyk_control_contact_solution
     real(dp), allocatable :: theta_factor(:)  !! Factor of its theta over those that it began with (n_pairs) [].
     real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
     integer :: round = 0  !! How often the QP has been solved, the present time included.
+    real(dp) :: began = 0  !! When its solution began, or continued after the time limit: wall time [s].
     !> What the gaps of `qp` have more than the given one, on facets that the contact bends (n_rows) [length].
     real(dp), allocatable :: bending(:)
+    integer :: n_bendings = 0  !! How often solutions have changed it.
     type(displacements_t) :: displacements  !! Displacements and stresses.
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
     type(error_budget_t) :: budget  !! Errors of the last round.
@@ -95,13 +97,6 @@ module dotyk_control_contact_solution
   real(dp), parameter :: no_error = 1.0e-8_dp  !! Errors below this count as none.
 
 contains
-
-  !> Tolerance of the first round [].
-  pure real(dp) function first_tolerance(goal, tolerance)
-    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
-    real(dp), intent(in) :: tolerance  !! That of the user [].
-    first_tolerance = merge(rough, tolerance, goal%by_budget)
-  end function first_tolerance
 
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
@@ -144,97 +139,95 @@ contains
     needs = self%displacement .or. self%stress .or. self%needs_mesh_error()
   end function goal_needs_displacements
 
-  !> Solve. A solution that ended with `ended_time` is continued; one with displacements, of a load case in a block, has
-  !> been solved once.
-  subroutine solve_contact(problem, qp, compliance, run, goal, kept, monitor, solution, error)
-    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+  !> Begin the solution of a QP, from the pressures of the state if it has any.
+  subroutine begin_contact(problem, qp, tolerance, goal, solution)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    !> Its compliance operator; entries that schemes form stay there.
+    real(dp), intent(in) :: tolerance  !! That of the user [].
+    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
+    type(contact_solution_t), intent(inout) :: solution  !! Nothing, or a state to begin with.
+    logical :: is_bent
+    solution%qp = qp
+    allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
+    call collect_conditioning(problem%classes, problem%report, solution%conditioning)
+    solution%tolerance = merge(rough, tolerance, goal%by_budget)
+    solution%round = 1
+    solution%bending = 0*qp%gap
+    ! A guess: the contact spans what it did before, or else what overlaps without contact.
+    if (allocated(solution%state%m)) then
+      is_bent = has_bent(problem, solution%state%m, solution)
+    else
+      is_bent = has_bent(problem, qp%initial_penetration, solution)
+    end if
+  end subroutine begin_contact
+
+  !> Solve the contact of a solution that was begun, or continue where the time limit stopped it.
+  subroutine solve_contact(problem, compliance, run, monitor, solution, error)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
+    !> The compliance operator; entries that schemes form stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    type(scheme_run_t), intent(in) :: run  !! The scheme, and its settings with the tolerance that the user gave.
+    type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
+    class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
+    type(contact_solution_t), intent(inout) :: solution  !! Begun; without displacements on return.
+    type(error_t), allocatable, intent(out) :: error  !! The scheme fails.
+    type(scheme_run_t) :: now
+    if (solution%round == 1 .or. solution%state%ended == ended_time) solution%began = wall_time()
+    now = run
+    now%settings%tolerance = solution%tolerance
+    do
+      call monitor%begin_phase(phase_iterate)
+      call now%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
+      if (allocated(error)) return
+      if (.not. allocated(solution%state%m)) return
+      call solution%displacements%forget()
+      if (solution%n_bendings == most_bendings .or. all(solution%state%ended /= [ended_converged, ended_stalled])) return
+      if (.not. has_bent(problem, solution%state%m, solution)) return
+      ! Schemes that continue from the solution of other gaps bound their errors less well.
+      solution%n_bendings = solution%n_bendings + 1
+      solution%state = solver_state_t()
+    end do
+  end subroutine solve_contact
+
+  !> Displacements and errors of a contact that is solved, where they are not known; and the contact again, with a
+  !> smaller theta or to another tolerance, until the errors are those that were asked for.
+  subroutine complete_contact(problem, compliance, run, goal, kept, monitor, solution, error)
+    type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
+    type(body_compliance_t), intent(inout) :: compliance  !! As in `solve_contact`.
+    type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
     type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep between rounds and load cases.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
-    !> Has a state if there is one to begin with, or is to be continued.
+    !> Solved. Where it ends with `ended_time`, `solve_contact` and this continue it.
     type(contact_solution_t), intent(inout) :: solution
     !> As in `find_displacements` and `estimate_errors`, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
-    real(dp) :: began
-    integer :: n_bendings
-    logical :: is_solved, is_bent
-    began = wall_time()
     now = run
-    if (solution%state%ended == ended_time) then
+    do while (allocated(solution%state%m))
       now%settings%tolerance = solution%tolerance
-      is_solved = .false.
-    else
-      solution%qp = qp
-      allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
-      call collect_conditioning(problem%classes, problem%report, solution%conditioning)
-      now%settings%tolerance = first_tolerance(goal, now%settings%tolerance)
-      solution%round = 1
-      solution%bending = 0*qp%gap
-      is_solved = allocated(solution%displacements%body)
-      ! A guess: the contact spans what it did before, or else what overlaps without contact.
-      if (allocated(solution%state%m) .and. .not. is_solved) then
-        is_bent = has_bent(problem, solution%state%m, solution)
-      else
-        is_bent = has_bent(problem, qp%initial_penetration, solution)
-        ! What a block of load cases has solved is without it.
-        if (is_bent .and. is_solved) call begin_anew(solution)
-        is_solved = is_solved .and. .not. is_bent
-      end if
-    end if
-    n_bendings = 0
-    do
-      if (.not. is_solved) then
-        call monitor%begin_phase(phase_iterate)
-        call now%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
-        if (allocated(error)) return
-        if (.not. allocated(solution%state%m)) return
-        call solution%displacements%forget()
-      end if
-      if (n_bendings < most_bendings .and. any(solution%state%ended == [ended_converged, ended_stalled])) then
-        is_bent = has_bent(problem, solution%state%m, solution)
-        if (is_bent) then
-          n_bendings = n_bendings + 1
-          call begin_anew(solution)
-          is_solved = .false.
-          cycle
-        end if
-      end if
       call find_displacements(problem, solution%qp, compliance, now, monitor, goal%needs_displacements(), goal%stress, &
                               solution%conditioning, solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
-      call estimate_errors(problem, solution%qp, compliance, now%settings%linear_solver, now%scheme, &
+      call estimate_errors(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, &
                            goal%needs_mesh_error(), goal%needs_penalty_error(), solution%displacements, kept, &
                            solution%state, solution%budget, error)
       if (allocated(error)) return
-      ! A load case of a block is not lost because others were interrupted.
-      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged .and. .not. is_solved) then
+      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, solution%round == most_rounds, problem, now%scheme%allows_zero_theta(), monitor, &
-                              solution, now%settings%tolerance)) exit
+      if (.not. asks_for_more(goal, problem, run%scheme%allows_zero_theta(), monitor, solution)) exit
       solution%round = solution%round + 1
-      is_solved = .false.
-      if (.not. on_any_rank(wall_time() - began >= now%settings%time_limit)) cycle
-      solution%state%ended = ended_time
-      exit
+      if (on_any_rank(wall_time() - solution%began >= run%settings%time_limit)) then
+        solution%state%ended = ended_time
+        exit
+      end if
+      call solve_contact(problem, compliance, run, monitor, solution, error)
+      if (allocated(error)) return
     end do
-    solution%tolerance = now%settings%tolerance
     call monitor%begin_phase(phase_recover)
-  end subroutine solve_contact
-
-  !> Forget the solution of other gaps: schemes that continue from it bound their errors less well.
-  subroutine begin_anew(solution)
-    type(contact_solution_t), intent(inout) :: solution  !! The solution.
-    solution%state = solver_state_t()
-    call solution%displacements%forget()
-  end subroutine begin_anew
+  end subroutine complete_contact
 
   !> Whether the gaps of the QP change, on facets that the contact bends.
   logical function has_bent(problem, pressure, solution)
@@ -258,18 +251,19 @@ contains
 
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
   !> outcome of the error budget where not.
-  logical function asks_for_more(goal, last, problem, is_exact, monitor, solution, tolerance) result(more)
+  logical function asks_for_more(goal, problem, is_exact, monitor, solution) result(more)
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
-    logical, intent(in) :: last  !! There is no more: the solution stays as it is.
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     logical, intent(in) :: is_exact  !! Whether the scheme takes any theta at the same cost.
     class(monitor_t), intent(inout) :: monitor  !! Gets a note where theta becomes smaller.
-    type(contact_solution_t), intent(inout) :: solution  !! Its theta may change; it knows no L then.
-    real(dp), intent(inout) :: tolerance  !! The one that was to be reached, and the next one [].
+    !> Its tolerance may change, and its theta; it knows no L then. The solution of the last round stays as it is.
+    type(contact_solution_t), intent(inout) :: solution
     real(dp), allocatable :: theta(:)
     real(dp) :: factor, target, mesh_error, yielding
+    logical :: last
     integer :: k
     more = .false.
+    last = solution%round == most_rounds
     associate (state => solution%state, budget => solution%budget)
       if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%m) == 0) return
       if (.not. goal%depends_on_errors()) return
@@ -319,10 +313,10 @@ contains
       target = max(goal%budget_fraction*budget%others(), no_error)
       if (state%error_bound <= target) then
         state%ended = ended_converged
-        tolerance = target
+        solution%tolerance = target
       else
         more = state%ended == ended_converged .and. .not. last
-        tolerance = merge(safety, 1.0_dp, more)*target
+        solution%tolerance = merge(safety, 1.0_dp, more)*target
         if (last .and. state%ended == ended_converged) state%ended = ended_rounds
       end if
     end associate

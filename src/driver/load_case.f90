@@ -5,94 +5,121 @@ module dotyk_driver_load_case
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_text, only: quoted
   use dotyk_control_body_operators, only: find_modes
-  use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t, isolated_body_t
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_slave_normals, only: find_deviations
+  use dotyk_driver_engines, only: engine_none
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_load_cases, only: take_case
   use dotyk_input_case, only: case_t
-  use dotyk_log_case_tables, only: show_case
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_model_contact_cases, only: contacts_of_case, set_contact_case
+  use dotyk_model_contact_cases, only: set_contact_case
   use dotyk_model_ties, only: set_bolts
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: item_t, share, share_errors
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
-  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
 
-  type, public :: solved_case_t  !! A load case of a block whose contact is solved, and that is told later.
-    type(solver_state_t) :: state  !! Where the scheme ended.
-    type(displacements_t) :: displacements  !! Displacements, and errors of the mesh.
-    type(contact_free_t) :: free  !! The solution without contact.
-    type(isolated_body_t), allocatable :: isolated(:)  !! Displacements of bodies that touch no other (n_bodies).
-    type(text_t), allocatable :: note(:)  !! What the scheme had to tell.
-    real(dp) :: seconds = 0  !! Time that the contact took [s].
-    integer :: n_sweeps = 0  !! Right-hand sides per body that it took.
-  end type solved_case_t
+  type, public :: case_solution_t  !! A load case on its way to its results.
+    type(contact_solution_t) :: solution  !! Its solution.
+    type(scheme_run_t) :: run  !! The scheme that solves it, and its settings.
+    integer :: engine = engine_none  !! The engine that this belongs to, one of `engine_*`.
+    integer :: reason = reason_none  !! Why this engine has not solved it, one of `reason_*`.
+    real(dp), allocatable :: start(:)  !! Pressures to start from; not allocated where there are none (n_rows) [pressure].
+    character(:), allocatable :: told  !! Lines of the log that were held until the cases before it are told.
+    real(dp) :: seconds = 0  !! Time of its iterations [s].
+    type(error_t), allocatable :: error  !! What went wrong with it.
+    !> What the scene has of it while it acts there, and it keeps while others do.
+    integer, private :: n_sweeps = 0, n_full_solves = 0
+    type(isolated_body_t), allocatable, private :: isolated(:)
+  end type case_solution_t
 
-  public :: begin_case, next_case, solve_free
+  public :: begin_case, leave_case, resume_case, solve_free
 
 contains
 
-  !> Begin a load case: the first one acts on the scene as it is built. Nothing is done in a scene without load cases.
-  subroutine begin_case(input, k, case, scene, monitor, error, solved)
-    type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
+  !> Let a load case act on the scene in place of another one. The first one acts on it as it is built.
+  subroutine begin_case(case, k, scene, monitor, error)
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
     integer, intent(in) :: k  !! The load case.
-    type(case_t), intent(inout) :: case  !! The same; its contacts are those of the load case on return.
     !> Factorized, unless this is the first load case; its QP is that of the load case on return.
     type(scene_t), intent(inout) :: scene
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
-    type(error_t), allocatable, intent(out) :: error  !! As in `next_case`.
-    type(solved_case_t), intent(inout), optional :: solved  !! The load case where its contact is solved.
-    logical, allocatable :: is_changed(:)
-    if (.not. case%has_cases()) return
-    if (k > 1) call next_case(input, k, scene, monitor, error, solved)
-    if (allocated(error)) return
-    call contacts_of_case(input, k, case%contact, is_changed)
-    call show_case(monitor%log, case, k, scene%problem, is_changed)
-  end subroutine begin_case
-
-  !> Let another load case act on a scene that is factorized.
-  subroutine next_case(case, k, scene, monitor, error, solved)
-    type(case_t), intent(in) :: case  !! The case.
-    integer, intent(in) :: k  !! The load case.
-    type(scene_t), intent(inout) :: scene  !! Factorized; its QP is that of the load case on return.
-    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     !> Allocated where a right-hand side cannot be assembled, or as in `solve_free`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    !> The load case in a block: gets the solution without contact, or has it already.
-    type(solved_case_t), intent(inout), optional :: solved
     integer :: c, i
-    logical :: is_solved
+    if (scene%case == k) return
+    call act(case, k, scene, monitor, error)
+    if (allocated(error)) return
     associate (problem => scene%problem)
-      call set_stage('assembling')
-      problem%modes = scene%modes
-      call load_bodies(k, scene, error)
-      if (allocated(error)) return
-      call set_contact_case(case, k, scene%pair_conditions, problem, error)
-      if (allocated(error)) return
-      if (problem%n_ties() > 0) call set_bolts(case%tie, k, problem%tie)
       ! Rows of ties come after those of the pairs, and have no penalty.
       scene%operator%theta(:sum(problem%pair%n_rows)) = [(problem%pair(i)%row_theta, i=1, size(problem%pair))]
       scene%operator%gap = [(problem%pair(i)%row_gap, i=1, size(problem%pair)), &
                             ((problem%tie(i)%component(c)%row_gap, c=1, size(problem%tie(i)%component)), &
                              i=1, problem%n_ties())]
-      call monitor%watch%lap(monitor%timing%assemble)
     end associate
     call scene%compliance%forget_displacements()
     scene%compliance%n_sweeps = 0
-    call solve_free(scene, error, solved)
-    is_solved = .false.
-    if (present(solved)) is_solved = allocated(solved%displacements%body)
-    ! A case that is solved is told.
-    if (.not. (is_solved .or. allocated(error))) call stop_if_interrupted(error)
+    call solve_free(scene, error)
+    if (.not. allocated(error)) call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
-  end subroutine next_case
+  end subroutine begin_case
+
+  !> Another load case is next: keep what the scene has of this one.
+  subroutine leave_case(scene, solved)
+    type(scene_t), intent(inout) :: scene  !! No load case acts on it on return.
+    type(case_solution_t), intent(inout) :: solved  !! The load case.
+    solved%n_sweeps = scene%compliance%n_sweeps
+    solved%n_full_solves = scene%n_full_solves
+    call move_alloc(scene%problem%isolated, solved%isolated)
+    scene%case = 0
+  end subroutine leave_case
+
+  !> Let a load case act again, unless it does.
+  subroutine resume_case(case, k, scene, monitor, solved, error)
+    type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
+    integer, intent(in) :: k  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! Factorized; its QP stays.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(case_solution_t), intent(inout) :: solved  !! What it keeps goes to the scene.
+    type(error_t), allocatable, intent(out) :: error  !! As in `begin_case`.
+    type(contact_modes_t), allocatable :: modes(:)
+    if (scene%case == k) return
+    call act(case, k, scene, monitor, error)
+    if (allocated(error)) return
+    associate (problem => scene%problem)
+      call find_modes(problem%body, problem%classes, problem%ranks, scene%qp%block, problem%report, problem%modes, &
+                      modes, error)
+    end associate
+    scene%compliance%n_sweeps = solved%n_sweeps
+    scene%n_full_solves = solved%n_full_solves
+    call move_alloc(solved%isolated, scene%problem%isolated)
+  end subroutine resume_case
+
+  !> Loads, gaps, penalty parameters and bolts of a load case.
+  subroutine act(case, k, scene, monitor, error)
+    type(case_t), intent(in) :: case  !! As in `begin_case`.
+    integer, intent(in) :: k  !! The load case.
+    type(scene_t), intent(inout) :: scene  !! As in `begin_case`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
+    type(error_t), allocatable, intent(out) :: error  !! As in `begin_case`.
+    call set_stage('assembling')
+    scene%case = 0
+    scene%problem%modes = scene%modes
+    call load_bodies(k, scene, error)
+    if (allocated(error)) return
+    call set_contact_case(case, k, scene%pair_conditions, scene%problem, error)
+    if (allocated(error)) return
+    if (scene%problem%n_ties() > 0) call set_bolts(case%tie, k, scene%problem%tie)
+    scene%case = k
+    call monitor%watch%lap(monitor%timing%assemble)
+  end subroutine act
 
   !> Right-hand sides of the bodies, and resultants of the loads on their modes.
   subroutine load_bodies(k, scene, error)
@@ -143,34 +170,21 @@ contains
   end subroutine load_all
 
   !> Solve without contact: the QP of the loads that act on the bodies.
-  subroutine solve_free(scene, error, solved)
+  subroutine solve_free(scene, error)
     type(scene_t), intent(inout) :: scene  !! With factors, rows of the QP and compliance.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a mode at the contact rows is not finite.
-    type(solved_case_t), intent(inout), optional :: solved  !! As in `next_case`.
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
     integer :: b
-    logical :: is_known
     associate (problem => scene%problem, qp => scene%qp, compliance => scene%compliance)
       call find_modes(problem%body, problem%classes, problem%ranks, qp%block, problem%report, problem%modes, modes, &
                       error)
       if (allocated(error)) return
       call set_stage('solving without contact')
-      is_known = .false.
-      if (present(solved)) is_known = allocated(solved%isolated)
-      if (is_known) then
-        free = solved%free
-        problem%isolated = solved%isolated
-      else
-        call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
-                                   problem%classes%first, compliance%side_by_side, problem%n_blas, free, &
-                                   problem%isolated)
-      end if
-      if (present(solved) .and. .not. is_known) then
-        solved%free = free
-        solved%isolated = problem%isolated
-      end if
+      call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
+                                 problem%classes%first, compliance%side_by_side, problem%n_blas, free, &
+                                 problem%isolated)
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes, problem%slides())
       coarse%max_unbalanced = qp%coarse%max_unbalanced

@@ -6,18 +6,14 @@ module dotyk_driver_load_cases
   use dotyk_base_kinds, only: dp
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_rotations, only: find_rotations
-  use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
   use dotyk_driver_case_block, only: case_block_t
-  use dotyk_driver_load_case, only: begin_case, solved_case_t
   use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_results, only: finish_results, write_results
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
-  use dotyk_driver_solution, only: solve_scene
-  use dotyk_driver_warm_start, only: initial_pressures
   use dotyk_input_case, only: case_t
   use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case_table
   use dotyk_log_outcome, only: note_modes
@@ -47,54 +43,43 @@ contains
     integer, intent(out) :: reason
     integer, intent(inout) :: code  !! Exit code where there is no error: that of the worst load case.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the run has no results; with its exit code.
-    type(case_t) :: case
-    type(contact_solution_t) :: solution
     type(results_file_t) :: file
     type(case_block_t) :: block
-    type(solved_case_t), allocatable :: solved
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
-    real(dp), allocatable :: pressure(:), ratio(:)
-    real(dp) :: before
+    real(dp), allocatable :: ratio(:)
     integer :: k, n, n_written
     logical :: is_kept, has_met
-    case = input
     n_written = 0
-    n = case%n_cases()
+    n = input%n_cases()
     allocate (row(0))
     reason = reason_none
-    before = 0
     do k = 1, n
-      if (k > block%last .and. len(restart) == 0) call block%solve(input, k, run, scene, monitor, solution%state)
-      call block%take(k, solved)
-      call begin_case(input, k, case, scene, monitor, error, solved)
-      if (allocated(error)) exit
-      if (allocated(solved)) call tell_contact(solved, scene, monitor, before)
-      if (allocated(pressure)) deallocate (pressure)
-      if (.not. allocated(solved)) &
-        call initial_pressures(restart, case, k, scene%problem, monitor%log, solution%state, pressure, error)
-      if (allocated(error)) exit
-      call solve_scene(case, run, scene, pressure, threads, monitor, solution, solved, reason, error)
-      if (allocated(error) .or. reason /= reason_none) exit
-      if (k == n) call scene%compliance%destroy()
-      if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
-      call find_rotations(scene%problem, solution%state, ratio)
-      call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
-      call check_bodies(scene, solution, may_add, monitor, met, has_met)
-      if (has_met) then
-        if (n_written > 0) call file%discard()
-        return
-      end if
-      call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
-                         monitor%timing%iterate%wall - before)
-      before = monitor%timing%iterate%wall
-      call write_results(case, k, scene, solution, monitor, file, pair_solution, error)
-      if (allocated(error)) exit
-      n_written = k
-      if (.not. solution%state%has_converged()) code = exit_not_converged
-      if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
-      ! Cases that are solved are told all the same.
-      if (solution%state%was_interrupted() .and. k >= block%last) exit
+      if (k > block%last) call block%begin(restart, input, run, scene, monitor)
+      call block%complete(k, input, run, scene, threads, monitor, error)
+      associate (solved => block%solved(k - block%first + 1), solution => block%solved(k - block%first + 1)%solution, &
+                 case => block%now)
+        reason = solved%reason
+        if (allocated(error) .or. reason /= reason_none) exit
+        if (k == n) call scene%compliance%destroy()
+        if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
+        call find_rotations(scene%problem, solution%state, ratio)
+        call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
+        call check_bodies(scene, solution, may_add, monitor, met, has_met)
+        if (has_met) then
+          if (n_written > 0) call file%discard()
+          return
+        end if
+        call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, &
+                           solution, solved%seconds)
+        call write_results(case, k, scene, solution, monitor, file, pair_solution, error)
+        if (allocated(error)) exit
+        n_written = k
+        if (.not. solution%state%has_converged()) code = exit_not_converged
+        if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)
+        ! Cases that are solved are told all the same.
+        if (solution%state%was_interrupted() .and. k >= block%last) exit
+      end associate
     end do
     if (reason /= reason_none) return
     is_kept = .false.
@@ -103,31 +88,17 @@ contains
       ! The cases that are solved are not lost.
       deallocate (error)
       code = exit_not_converged
-      call monitor%log%line('  interrupted'//case%in_case_text(k)//': the results are those of the cases before')
+      call monitor%log%line('  interrupted'//input%in_case_text(k)//': the results are those of the cases before')
     end if
     if (allocated(error)) then
       if (k > 1) call file%discard()
-      error%message = error%message//case%in_case_text(k)
+      error%message = error%message//input%in_case_text(k)
       return
     end if
-    if (case%has_cases()) call show_case_table(monitor%log, row, n)
-    call finish_results(case, n_written, threads, monitor, file, error)
+    if (input%has_cases()) call show_case_table(monitor%log, row, n)
+    call finish_results(input, n_written, threads, monitor, file, error)
     if (allocated(error)) return
     call monitor%show_timing()
-    call monitor%log%line('  results          '//case%scene%output)
+    call monitor%log%line('  results          '//input%scene%output)
   end subroutine solve_cases
-
-  !> Tell what the scheme had to tell of a load case whose contact is solved, and how long it took.
-  subroutine tell_contact(solved, scene, monitor, before)
-    type(solved_case_t), intent(in) :: solved  !! The load case.
-    type(scene_t), intent(inout) :: scene  !! Gets the right-hand sides that it took.
-    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
-    real(dp), intent(inout) :: before  !! Time of all iterations when this case began [s].
-    integer :: i
-    do i = 1, size(solved%note)
-      call monitor%note(solved%note(i)%s)
-    end do
-    scene%compliance%n_sweeps = solved%n_sweeps
-    before = monitor%timing%iterate%wall - solved%seconds
-  end subroutine tell_contact
 end module dotyk_driver_load_cases

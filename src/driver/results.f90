@@ -45,7 +45,7 @@ contains
     integer :: b
     logical, allocatable :: forgotten(:)
     logical :: is_known
-    associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
+    associate (problem => scene%problem, qp => solution%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
       call project_pressures(problem, qp%pair_first_row, solution%state%m, qp%of_vertices(solution%state%y), &
                              pair_solution, contact_pressure, error, contact)
@@ -54,7 +54,7 @@ contains
       if (allocated(error)) return
       is_known = all([(allocated(displacements(b)%displacement), b=1, size(displacements))])
       if (is_known) &
-        call find_balance(problem, solution%qp, solution%state%m, solution%state%y, displacements, &
+        call find_balance(problem, qp, solution%state%m, solution%state%y, displacements, &
                           case%output%reaction, balance, error)
       if (allocated(error)) return
       if (allocated(balance%body)) then

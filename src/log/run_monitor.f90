@@ -4,7 +4,6 @@ module dotyk_log_run_monitor
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
   use dotyk_base_progress, only: start_progress
-  use dotyk_base_text, only: text_t
   use dotyk_log_progress, only: progress_line
   use dotyk_log_timing, only: timing_t, stopwatch_t
   use dotyk_log_timing_lines, only: show_timing
@@ -19,15 +18,10 @@ module dotyk_log_run_monitor
     type(stopwatch_t) :: watch  !! Watch of the run.
     type(timing_t) :: timing  !! Times of the phases so far.
     integer, private :: phase = 0  !! The phase under way, one of `phase_*`; 0: none.
-    !> Notes of a load case that is solved ahead, to be told with its results; not allocated where notes are told at
-    !> once.
-    type(text_t), allocatable, private :: held(:)
   contains
     procedure :: begin => log_monitor_begin
     procedure :: step => log_monitor_step
     procedure :: note => log_monitor_note
-    procedure :: hold_notes => log_monitor_hold_notes
-    procedure :: take_notes => log_monitor_take_notes
     procedure :: finish => log_monitor_finish
     procedure :: begin_phase => log_monitor_begin_phase
     procedure :: end_phase => log_monitor_end_phase
@@ -56,8 +50,6 @@ contains
     type(history_t), intent(in) :: history  !! History up to now.
     real(dp), intent(in) :: tolerance  !! Tolerance of the stopping criterion [].
     real(dp), intent(in) :: measure  !! Error measure that the criterion compares with it [].
-    ! Lines of progress belong below the heading of a load case.
-    if (allocated(self%held) .and. .not. self%log%terminal) return
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 
@@ -65,30 +57,8 @@ contains
   subroutine log_monitor_note(self, text)
     class(log_monitor_t), intent(inout) :: self
     character(*), intent(in) :: text  !! Label and text.
-    type(text_t), allocatable :: held(:)
-    if (allocated(self%held)) then
-      ! gfortran 12 leaks the texts of `[self%held, text_t(text)]`.
-      allocate (held(size(self%held) + 1))
-      held(:size(self%held)) = self%held
-      held(size(held))%s = text
-      call move_alloc(held, self%held)
-    else
-      call self%log%line('  '//text)
-    end if
+    call self%log%line('  '//text)
   end subroutine log_monitor_note
-
-  !> Hold the notes that follow.
-  subroutine log_monitor_hold_notes(self)
-    class(log_monitor_t), intent(inout) :: self
-    allocate (self%held(0))
-  end subroutine log_monitor_hold_notes
-
-  !> Take the notes that were held, and tell the next ones at once.
-  subroutine log_monitor_take_notes(self, notes)
-    class(log_monitor_t), intent(inout) :: self
-    type(text_t), allocatable, intent(out) :: notes(:)  !! One after the other.
-    call move_alloc(self%held, notes)
-  end subroutine log_monitor_take_notes
 
   !> End the live line.
   subroutine log_monitor_finish(self)

@@ -20,7 +20,7 @@ module dotyk_model_ties
   use dotyk_model_shank_direction, only: angle_to_shank
   implicit none
   private
-  public :: find_ties, set_bolts
+  public :: find_ties, set_bolts, tightens
 
   real(dp), parameter :: most_distant = 0.5_dp  !! Surfaces are tied up to this distance, in facets [].
   !> The rotated side of a sector lies on the other one up to this fraction of a facet: what facets of curved sides are
@@ -351,8 +351,15 @@ contains
     type(tied_surfaces_t), intent(inout) :: tie(:)  !! The same, with the shortenings of the load case before (n_ties).
     integer :: k
     do k = 1, size(tie)
-      if (given(k)%is_bolt) &
-        call tie(k)%lock(.not. (given(k)%has_force .and. applies_in(given(k)%in_case, load_case)))
+      if (given(k)%is_bolt) call tie(k)%lock(.not. tightens(given(k), load_case))
     end do
   end subroutine set_bolts
+
+  !> Whether a load case tightens a bolt.
+  pure logical function tightens(given, load_case)
+    type(tie_input_t), intent(in) :: given  !! `&tie` or `&bolt`.
+    integer, intent(in) :: load_case  !! The load case.
+    tightens = given%is_bolt .and. given%has_force
+    if (tightens) tightens = applies_in(given%in_case, load_case)
+  end function tightens
 end module dotyk_model_ties
