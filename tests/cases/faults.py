@@ -83,6 +83,25 @@ class Faults(dotyk_case.Case):
         self.assertEqual(self.end(process)[0], 1)
         self.assertEqual(self.answer()[1]["status"], b"interrupted")
 
+    def test_an_interrupt_of_a_load_case_keeps_those_before(self):
+        """The first one is solved for itself, the second one in a block with that which has no end."""
+        text = self.scene(ENDLESS).read_text()
+        held = "value_formula='0','0','1e-3*(0.3-x)'"
+        self.assertIn(held, text)
+        names = "first", "second", "endless", "last"
+        self.write("case.nml", text.replace(held, held + ", case='endless', 'last'") +
+                   "".join("&case name='%s' /\n" % name for name in names))
+        process = self.start("case.nml", until="max penetration")
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        code, text = self.end(process)
+        self.assertEqual(code, 1, text)
+        self.assertNotIn("case 'last'", text)
+        cases = self.results("case.vtkhdf")["dotyk/cases"]
+        self.assertEqual(cases.attrs["names"].decode().split("\n"), list(names[:3]))
+        self.assertEqual([cases[name]["summary"].attrs["status"] for name in names[:3]],
+                         [b"converged", b"converged", b"interrupted"])
+
     def test_an_interrupt_of_gmsh_leaves_nothing(self):
         self.write("slow", "#!/bin/sh\ncase $1 in --version) echo 4.8.4 >&2; exit;; esac\n"
                            "while [ $# -gt 1 ]; do [ $1 = -o ] && touch $2; shift; done\ntouch started\n"
