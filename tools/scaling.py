@@ -4,7 +4,6 @@
 usage: tools/scaling.py [options]                      tables of a machine, weak and strong scaling
        tools/scaling.py --unknowns 1e9 --nodes 100     one run, part by part
        tools/scaling.py --test                         the model against its own runs, 25 % allowed; exit code 1 beyond
-       tools/scaling.py --measure COMMAND...           adds a run to the counts: COMMAND with {ranks} in place of their number
        tools/scaling.py --search LOG...                search_seconds and search_repeated from logs of dotyk of one scene, on one and more ranks
        tools/scaling.py --write                        docs/scaling.md (tables) and docs/scaling.png
 
@@ -18,12 +17,9 @@ contact and the check for penetration are divided but for a part that every rank
 import argparse
 import json
 import math
-import os
 import pathlib
 import re
-import subprocess
 import sys
-import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 COUNTS = ROOT / "benchmarks" / "scaling.json"
@@ -221,65 +217,6 @@ def self_test(data, allowed=0.25):
 
 # Measuring
 
-def read_log(path):
-    """Sums and greatest values over the ranks of the events of PETSc's -log_view in CSV: time, messages, bytes, reductions, flops."""
-    events = {}
-    for line in path.read_text().splitlines()[1:]:
-        words = line.split(",")
-        if words[0] != "Main Stage" or len(words) < 9:
-            continue
-        event = events.setdefault(words[1].strip(), {"count": 0, "time": 0.0, "messages": 0.0, "bytes": 0.0, "reductions": 0.0, "flops": 0.0})
-        values = dict(zip(("count", "time", "messages", "bytes", "reductions", "flops"), map(float, words[3:9])))
-        for name, value in values.items():
-            event[name] = event[name] + value if name == "flops" else max(event[name], value)
-    return events
-
-
-def read_printed(text):
-    """Numbers that benchmark_distributed prints of its last scene."""
-    def last(form):
-        found = re.findall(form + r"((?:\s*[\d.]+(?:E[+-]\d+)?)+)", text)
-        if not found:
-            sys.exit("scaling: the program prints no '%s':\n%s" % (form, text))
-        return [float(x) for x in found[-1].split()]
-    ranks, unknowns, rows = (float(x) for x in re.findall(r"(\d+) ranks, (\d+) unknowns, (\d+) rows", text)[-1])
-    return {"ranks": int(ranks), "unknowns": unknowns, "rows": rows, "iterations": last("iterations")[0], "setups": last("set-ups")[0],
-            "processor": last(r"of all ranks \[s\]"), "solution_bytes": last("process at most")[0] * 2**30}
-
-
-def measured_run(text, events, command):
-    """A run of benchmark_distributed: processor seconds of a rank, shared between set-up and solution as PETSc's clock has them."""
-    printed = read_printed(text)
-    p, nothing = printed["ranks"], {"time": 0.0, "messages": 0.0, "bytes": 0.0, "reductions": 0.0}
-    setup, solve = (events.get(name, nothing) for name in ("PCSetUp", "KSPSolve"))
-    share = setup["time"] / max(1e-9, setup["time"] + solve["time"])
-    assembly, contact, solution = (seconds / p for seconds in printed["processor"])
-    run = {name: printed[name] for name in ("unknowns", "ranks", "rows", "iterations", "setups")}
-    run["seconds"] = {"assembly": round(assembly, 3), "setup": round(share * solution, 3), "solve": round((1 - share) * solution + contact, 3)}
-    run["rank_bytes"] = round(printed["solution_bytes"] / p)
-    for name in ("messages", "bytes", "reductions"):
-        run[name] = {"setup": setup[name], "solve": solve[name]}
-    return {**run, "command": " ".join(command)}
-
-
-def measure(path, command, ranks, series):
-    """Run benchmark_distributed with PETSc's log, and add what it counts to the file."""
-    with tempfile.TemporaryDirectory() as folder:
-        log = pathlib.Path(folder) / "log.csv"
-        options = "%s -log_view :%s:ascii_csv" % (os.environ.get("PETSC_OPTIONS", ""), log)
-        environment = {**os.environ, "PETSC_OPTIONS": options, "OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
-        done = subprocess.run([word.replace("{ranks}", str(ranks)) for word in command], env=environment, stdout=subprocess.PIPE, text=True,
-                              check=False)
-        print(done.stdout)
-        if done.returncode:
-            sys.exit("scaling: %s: status %d" % (command[0], done.returncode))
-        run = measured_run(done.stdout, read_log(log), command)
-    data = json.loads(path.read_text())
-    data["runs"].setdefault(series, []).append(run)
-    path.write_text(json.dumps(data, indent=1) + "\n")
-    print(json.dumps(run, indent=1))
-
-
 def read_search(text):
     """Ranks, rows, and processor seconds of the search and the check for penetration, from the log of a run."""
     ranks = re.search(r"(\d+) ranks of", text)
@@ -421,12 +358,7 @@ def main():
     parser.add_argument("--test", action="store_true")
     parser.add_argument("--search", nargs="+", type=pathlib.Path, metavar="LOG")
     parser.add_argument("--write", action="store_true")
-    parser.add_argument("--ranks", type=int, default=1, help="ranks of --measure (1)")
-    parser.add_argument("--series", default="distributed", help="series of --measure: runs of one program and scene (distributed)")
-    parser.add_argument("--measure", nargs=argparse.REMAINDER, metavar="COMMAND")
     args = parser.parse_args()
-    if args.measure:
-        return measure(args.counts, args.measure, args.ranks, args.series)
     if args.search:
         of_row, repeated = search_constants([path.read_text() for path in args.search])
         print("search_seconds %.2g" % of_row)

@@ -9,4 +9,8 @@ module dotyk_base_thresholds
   real(dp), parameter, public :: rounding = 1.0e-12_dp
   !> Fractions of its multiples have no order: they serve as numbers that look random and are the same in each run [].
   real(dp), parameter, public :: golden = 0.6180339887498949_dp
+  !> Normals of one smooth surface differ by less than 40 degrees where nothing else is known: the cosine of that [].
+  real(dp), parameter, public :: sharp_cosine = 0.766_dp
+  !> A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it (3) [].
+  real(dp), parameter, public :: generic_direction(3) = [0.5453920137_dp, golden, 0.5663117921_dp]
 end module dotyk_base_thresholds

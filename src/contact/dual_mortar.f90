@@ -25,6 +25,7 @@
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -43,9 +44,6 @@ module dotyk_contact_dual_mortar
   !> by this factor: a whole line has 1.7, a triangle 2.4, a square 2.8 (up to 3.0 by two Gauss points in each
   !> direction), half a line 5, a strip of the relative width b 3/b.
   real(dp), parameter :: greatest_amplification(4) = [1.1_dp, 1.8_dp, 2.6_dp, 3.1_dp]
-  !> An edge of the master surface lies across a facet where the cosine of the angle between normals at two of its
-  !> points is below this: 40 degrees.
-  real(dp), parameter :: sharp_cosine = 0.766_dp
   !> Gaps that differ by this fraction of the greatest one of a row are the same.
   real(dp), parameter :: same_gap = 1.0e-6_dp
 

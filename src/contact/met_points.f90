@@ -6,12 +6,12 @@
 !> again.
 module dotyk_contact_met_points
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_point_contacts, only: point_contact_t
-  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross

@@ -7,6 +7,7 @@
 !> mesh of a cylinder, whose facets all meet at the same angle, has no sharp edges.
 module dotyk_contact_smooth_sheets
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
@@ -26,9 +27,6 @@ module dotyk_contact_smooth_sheets
   !> Mid-side nodes lie on the chord where they are off its middle by less than this fraction of its length; and a
   !> smooth edge has a kink where it turns by more than this [rad].
   real(dp), parameter :: chord_tolerance = 1.0e-6_dp, kink = acos(-1.0_dp)/180
-  !> Cosine of the angle between adjacent facets beyond which their edge is sharp where no entities are known:
-  !> 40 degrees.
-  real(dp), parameter, public :: sharp_cosine = 0.766_dp
 
 contains
 

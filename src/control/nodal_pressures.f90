@@ -3,9 +3,9 @@
 module dotyk_control_nodal_pressures
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_contact_smooth_sheets, only: sharp_cosine
   implicit none
   private
 

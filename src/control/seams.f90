@@ -9,6 +9,7 @@
 module dotyk_control_seams
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: generic_direction, sharp_cosine
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
@@ -20,10 +21,6 @@ module dotyk_control_seams
 
   !> Points are one where they are closer than this, in facets [].
   real(dp), parameter :: touching = 1.0e-3_dp
-  !> Rows whose normals differ by less than 40 degrees are those of one smooth surface.
-  real(dp), parameter :: smooth_cosine = 0.766_dp
-  !> A generic direction: not normal to the planes of a regular mesh, whose vertices would all be close along it [].
-  real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
   !> A point is between two others where it sees them in opposite directions: cosine of the angle between these at most.
   real(dp), parameter :: between = -0.5_dp
 
@@ -196,7 +193,7 @@ contains
     type(side_rows_t), intent(in) :: master  !! Rows on the master side.
     integer, intent(in) :: j  !! The row among these.
     is_one = master%row(j) /= slave%row(i)
-    if (is_one) is_one = dot_product(master%normal(:, j), slave%normal(:, i)) >= smooth_cosine
+    if (is_one) is_one = dot_product(master%normal(:, j), slave%normal(:, i)) >= sharp_cosine
     if (is_one) is_one = is_one_master(pair, tie, slave%pair(i), slave%own(i), master%pair(j), master%own(j))
   end function is_one_surface
 
@@ -262,7 +259,7 @@ contains
           do i = 1, pair(p)%n_rows
             j = near(i)
             if (j == 0) cycle
-            if (dot_product(pair(q)%row_normal(:, j), pair(p)%row_normal(:, i)) < smooth_cosine) cycle
+            if (dot_product(pair(q)%row_normal(:, j), pair(p)%row_normal(:, i)) < sharp_cosine) cycle
             if (.not. is_one_master(pair, tie, p, i, q, j)) cycle
             call unite(value, sum(pair(:p - 1)%n_rows) + i, sum(pair(:q - 1)%n_rows) + j)
           end do
@@ -279,12 +276,12 @@ contains
     real(dp), allocatable :: along(:)
     real(dp) :: here, nearest
     integer :: order(size(others, 2)), first, middle, last, i, l
-    along = matmul(direction(:size(x, 1)), others)
+    along = matmul(generic_direction(:size(x, 1)), others)
     call sort_order(along, order)
     along = along(order)
     allocate (found(size(x, 2)), source=0)
     do i = 1, size(x, 2)
-      here = dot_product(direction(:size(x, 1)), x(:, i))
+      here = dot_product(generic_direction(:size(x, 1)), x(:, i))
       first = 1
       last = size(along) + 1
       do while (first < last)
@@ -349,7 +346,7 @@ contains
           do j = 1, pair(other)%n_rows
             if (norm2(pair(other)%row_position(:, j) - x(:, i)) > &
                 extent(pair(p), i) + extent(pair(other), j)) cycle
-            if (dot_product(pair(other)%row_normal(:, j), pair(p)%row_normal(:, i)) < -smooth_cosine) return
+            if (dot_product(pair(other)%row_normal(:, j), pair(p)%row_normal(:, i)) < -sharp_cosine) return
           end do
         end do
       end do

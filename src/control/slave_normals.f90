@@ -2,9 +2,9 @@
 !> how the rows of rigid body modes change where they are taken.
 module dotyk_control_slave_normals
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_operator, only: build_operator, contact_block_t, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_element, only: element_line2, element_quad4, element_tri3, kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: facet_geometry

@@ -7,6 +7,7 @@
 module dotyk_distributed_contact_rows
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_distributed_node_keeper, only: node_keeper_t
   use dotyk_distributed_part, only: part_t
@@ -45,9 +46,6 @@ module dotyk_distributed_contact_rows
     procedure :: close_gaps => rows_close_gaps
     procedure :: destroy => rows_destroy
   end type contact_rows_t
-
-  !> Entries of a row below this fraction of its largest one are rounding errors of its integration [].
-  real(dp), parameter :: rounding = 1.0e-12_dp
 
 contains
 

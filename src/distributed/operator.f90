@@ -17,6 +17,7 @@ module dotyk_distributed_operator
     VecScale
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: golden
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_diagonal_blocks, only: inverse_blocks, make_blocks
@@ -64,7 +65,6 @@ module dotyk_distributed_operator
   !> Reduction of the residual at which Ritz values are exact: another step would divide zero by zero [].
   real(dp), parameter :: exact = 1.0e-10_dp
   real(dp), parameter :: margin = 1.1_dp
-  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples look random.
 
   interface
     !> Make an operator of an own procedure.

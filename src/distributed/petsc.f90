@@ -7,8 +7,7 @@ module dotyk_distributed_petsc
     c_ptr, c_size_t
   use mpi_f08, only: mpi_allreduce, mpi_comm_world, mpi_double_precision, mpi_exscan, mpi_in_place, mpi_integer, &
     mpi_max, mpi_sum
-  use petscsys, only: PETSC_NULL_OPTIONS, PetscFinalize, PetscInitialize, PetscMemoryGetCurrentUsage, &
-    PetscMemoryGetMaximumUsage, PetscMemorySetGetMaximumUsage, PetscOptionsSetValue, &
+  use petscsys, only: PETSC_NULL_OPTIONS, PetscFinalize, PetscInitialize, PetscOptionsSetValue, &
     petsc_initialized => PetscInitialized
   use dotyk_base_error, only: error_t, exit_machine, set_error
   use dotyk_base_kinds, only: dp
@@ -17,10 +16,7 @@ module dotyk_distributed_petsc
   use dotyk_ranks_communication, only: abort_ranks, n_ranks, this_rank
   implicit none
   private
-  public :: first_of_rank, has_failed, largest_of_ranks, memory_of_rank, petsc_option, start_petsc, stop_petsc, &
-    sum_of_ranks
-
-  integer, protected, public :: n_sums = 0, n_summed = 0  !! Sums over ranks, and their lengths in all, so far.
+  public :: first_of_rank, has_failed, largest_of_ranks, petsc_option, start_petsc, stop_petsc, sum_of_ranks
 
   !> Sum over the ranks, on all of them.
   interface sum_of_ranks
@@ -61,7 +57,6 @@ contains
     if (has_failed(code, 'start', error)) return
     ! Signals are the program's.
     code = int(c_pop_signal_handler())
-    call PetscMemorySetGetMaximumUsage(code)
   end subroutine start_petsc
 
   !> End, and MPI with it where it began with PETSc.
@@ -126,20 +121,10 @@ contains
     if (.not. is_set) call PetscOptionsSetValue(PETSC_NULL_OPTIONS, name, value, code)
   end subroutine petsc_option
 
-  !> Memory of this rank now, and at most so far [bytes].
-  subroutine memory_of_rank(now, most)
-    real(dp), intent(out) :: now, most  !! [bytes]
-    integer :: code
-    call PetscMemoryGetCurrentUsage(now, code)
-    call PetscMemoryGetMaximumUsage(most, code)
-  end subroutine memory_of_rank
-
   !> Sum of arrays of real numbers.
   subroutine sum_of_reals(x)
     real(dp), intent(inout), contiguous :: x(:)  !! The part of this rank, then the sum (any number) [any].
     integer :: code
-    n_sums = n_sums + 1
-    n_summed = n_summed + size(x)
     if (size(x) > 0) call mpi_allreduce(mpi_in_place, x, size(x), mpi_double_precision, mpi_sum, mpi_comm_world, code)
   end subroutine sum_of_reals
 
@@ -147,8 +132,6 @@ contains
   subroutine sum_of_integers(x)
     integer, intent(inout), contiguous :: x(:)  !! The part of this rank, then the sum (any number).
     integer :: code
-    n_sums = n_sums + 1
-    n_summed = n_summed + size(x)
     if (size(x) > 0) call mpi_allreduce(mpi_in_place, x, size(x), mpi_integer, mpi_sum, mpi_comm_world, code)
   end subroutine sum_of_integers
 

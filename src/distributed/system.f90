@@ -10,6 +10,7 @@ module dotyk_distributed_system
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: golden
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact_rows, only: without_rounding
   use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solver_t
@@ -66,7 +67,6 @@ module dotyk_distributed_system
   !> Accuracy of the solution without contact that the iteration begins with [], and iterations of it at most.
   real(dp), parameter :: start_reduction = 1.0e-2_dp
   integer, parameter :: most_of_start = 500
-  real(dp), parameter :: golden = 0.6180339887498949_dp  !! Fractions of its multiples have no order.
   !> Reduction of the residual, and iterations, that measure Ritz values.
   real(dp), parameter :: reduction_of_sample = 1.0e-8_dp
   integer, parameter :: most_of_sample = 45

@@ -195,7 +195,7 @@ contains
     end if
     if (self%factor%constant) return
     call self%factor%evaluate(x, value, error)
-    factor = factor*max(value(1), tiny(factor))
+    if (.not. allocated(error)) factor = factor*max(value(1), tiny(factor))
   end subroutine material_field_factor_at
 
   !> Multiply the quadrature weights of an element by the factor, and evaluate what else varies.

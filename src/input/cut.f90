@@ -6,6 +6,7 @@
 module dotyk_input_cut
   use dotyk_base_kinds, only: dp
   use dotyk_base_rotation, only: rotation_matrix
+  use dotyk_base_thresholds, only: rounding
   implicit none
   private
 
@@ -24,7 +25,6 @@ module dotyk_input_cut
 
   character(*), parameter, public :: cut_surface = '(cut)'  !! Name of the surface of a half at the cut.
 
-  real(dp), parameter :: rounding = 1.0e-12_dp  !! Distance of planes that are the same, relative to the coordinates [].
 
 contains
 

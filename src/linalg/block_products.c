@@ -1,4 +1,4 @@
-/* Products of sparse matrices of 2x2 or 3x3 blocks for some rows: the loops of dotyk_linalg_block_products.
+/* Products of sparse matrices of 2x2 or 3x3 blocks: the loops of dotyk_linalg_block_products.
  *
  * An entry of a matrix is high + low; high is a number in single precision whose upper and lower 16 bits are in two
  * arrays, so that smoothers read the upper ones alone. Each of the dim*dim entries of the blocks of a row has a sum of
@@ -271,36 +271,50 @@ static const loops_t *loops_for(int dim)
   return dim == 3 ? &any_3 : &any_2;
 }
 
-/* y = (high + low) x for the rows first to last, from 1. */
-void dotyk_product_rows(int32_t dim, int32_t first, int32_t last, const int64_t *start, const int32_t *column,
-                        const uint16_t *leading, const uint16_t *trailing, const float *low, const double *x, double *y)
+/* Rows that a thread takes at a time, and the row after those from i on. */
+#define ROWS_AT_ONCE 256
+
+static int64_t end_of(int64_t i, int64_t n)
+{
+  return i + ROWS_AT_ONCE < n ? i + ROWS_AT_ONCE : n;
+}
+
+/* y = (high + low) x. */
+void dotyk_product_rows(int32_t dim, int32_t n, const int64_t *start, const int32_t *column, const uint16_t *leading,
+                        const uint16_t *trailing, const float *low, const double *x, double *y)
 {
   const matrix_t a = {start, column, leading, trailing, low};
-  loops_for(dim)->product(first - 1, last, &a, x, y);
+  const loops_t *loops = loops_for(dim);
+#pragma omp parallel for schedule(static)
+  for (int64_t i = 0; i < n; i += ROWS_AT_ONCE) loops->product(i, end_of(i, n), &a, x, y);
 }
 
 /* r := r - high x, x in double precision. */
-void dotyk_subtract_product_rows(int32_t dim, int32_t first, int32_t last, const int64_t *start, const int32_t *column,
+void dotyk_subtract_product_rows(int32_t dim, int32_t n, const int64_t *start, const int32_t *column,
                                  const uint16_t *leading, const uint16_t *trailing, const double *x, float *r)
 {
   const matrix_t a = {start, column, leading, trailing, NULL};
-  loops_for(dim)->subtract(first - 1, last, &a, x, r);
+  const loops_t *loops = loops_for(dim);
+#pragma omp parallel for schedule(static)
+  for (int64_t i = 0; i < n; i += ROWS_AT_ONCE) loops->subtract(i, end_of(i, n), &a, x, r);
 }
 
 /* r = b - high x; with the upper halves of high alone where whole is 0. */
-void dotyk_residual_rows(int32_t dim, int32_t first, int32_t last, const int64_t *start, const int32_t *column,
-                         const uint16_t *leading, const uint16_t *trailing, int32_t whole, const float *b,
-                         const float *x, float *r)
+void dotyk_residual_rows(int32_t dim, int32_t n, const int64_t *start, const int32_t *column, const uint16_t *leading,
+                         const uint16_t *trailing, int32_t whole, const float *b, const float *x, float *r)
 {
   const matrix_t a = {start, column, leading, trailing, NULL};
-  loops_for(dim)->residual(first - 1, last, &a, whole, b, x, r);
+  const loops_t *loops = loops_for(dim);
+#pragma omp parallel for schedule(static)
+  for (int64_t i = 0; i < n; i += ROWS_AT_ONCE) loops->residual(i, end_of(i, n), &a, whole, b, x, r);
 }
 
 /* p := c p + d D^-1 (b - high x), next = x + p, with the upper halves of high. */
-void dotyk_smooth_rows(int32_t dim, int32_t first, int32_t last, const int64_t *start, const int32_t *column,
-                       const uint16_t *leading, const float *inverse, float c, float d, const float *b, const float *x,
-                       float *p, float *next)
+void dotyk_smooth_rows(int32_t dim, int32_t n, const int64_t *start, const int32_t *column, const uint16_t *leading,
+                       const float *inverse, float c, float d, const float *b, const float *x, float *p, float *next)
 {
   const matrix_t a = {start, column, leading, NULL, NULL};
-  loops_for(dim)->smooth(first - 1, last, &a, inverse, c, d, b, x, p, next);
+  const loops_t *loops = loops_for(dim);
+#pragma omp parallel for schedule(static)
+  for (int64_t i = 0; i < n; i += ROWS_AT_ONCE) loops->smooth(i, end_of(i, n), &a, inverse, c, d, b, x, p, next);
 }

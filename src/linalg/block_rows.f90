@@ -229,9 +229,9 @@ contains
     real(sp), intent(in), contiguous :: x(:)  !! Vector x (dim*n) [as b].
     real(sp), intent(out), contiguous :: r(:)  !! Residual r (dim*n) [as b].
     logical, intent(in), optional :: rough  !! Whether with the matrix of smoothers, see above; not if absent.
-    logical :: whole
-    whole = .true.
-    if (present(rough)) whole = .not. rough
+    integer :: whole
+    whole = 1
+    if (present(rough)) whole = merge(0, 1, rough)
     call residual_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, whole, b, x, r)
   end subroutine block_rows_residual
 

@@ -17,25 +17,24 @@ module dotyk_linalg_clique_matrix
 contains
 
   !> The sum of the blocks; the diagonal is always stored.
-  subroutine assemble_cliques(n, clique, group_first, matrix, order, error)
-    integer, intent(in) :: n  !! Order of the matrix.
+  subroutine assemble_cliques(clique, first, matrix, order, error)
     type(clique_t), intent(in) :: clique(:)  !! The blocks.
-    !> First row of each group of successive rows that have the same cliques (n_groups).
-    integer, intent(in) :: group_first(:)
+    !> Groups of successive rows that have the same cliques: first(g) .. first(g+1)-1 (n_groups + 1).
+    integer, intent(in) :: first(:)
     type(sparse_symmetric_t), intent(inout) :: matrix  !! The sum.
     integer, allocatable, intent(out) :: order(:)  !! Row that is eliminated k-th: nested dissection of the groups (n).
     type(error_t), allocatable, intent(out) :: error  !! METIS has no memory.
-    integer, allocatable :: group_of(:), list_start(:), member(:), start(:), neighbour(:), group_order(:), last(:)
+    integer, allocatable :: group_of(:), list_start(:), member(:), start(:), neighbour(:), group_order(:)
     integer, allocatable :: clique_start(:), clique_of(:), place(:)
     real(dp), allocatable :: column(:)
     logical, allocatable :: is_set(:)
-    integer :: c, i, j, k, g, n_groups
+    integer :: c, i, j, k, g, n, n_groups
     integer(int64) :: at
-    n_groups = size(group_first)
-    allocate (group_of(n), last(n_groups), list_start(size(clique) + 1), order(n), group_order(n_groups))
-    last = [group_first(2:) - 1, n]
+    n_groups = size(first) - 1
+    n = first(n_groups + 1) - 1
+    allocate (group_of(n), list_start(size(clique) + 1), order(n), group_order(n_groups))
     do g = 1, n_groups
-      group_of(group_first(g):last(g)) = g
+      group_of(first(g):first(g + 1) - 1) = g
     end do
     list_start(1) = 1
     allocate (member(sum([(size(clique(c)%row), c=1, size(clique))])))
@@ -52,11 +51,11 @@ contains
       list_start(c + 1) = k + 1
     end do
     call make_clique_graph(list_start, member(:k), n_groups, start, neighbour)
-    call nested_dissection(start, neighbour, group_order, error, weight=last - group_first + 1)
+    call nested_dissection(start, neighbour, group_order, error, weight=first(2:) - first(:n_groups))
     if (allocated(error)) return
     k = 0
     do g = 1, n_groups
-      do i = group_first(group_order(g)), last(group_order(g))
+      do i = first(group_order(g)), first(group_order(g) + 1) - 1
         k = k + 1
         order(k) = i
       end do
@@ -89,8 +88,8 @@ contains
     do g = 1, n_groups
       ! Rows of a group have the columns of its first one, but for those of the group before them.
       at = 1
-      if (clique_start(group_first(g) + 1) > clique_start(group_first(g))) at = entries_after(group_first(g))
-      do j = group_first(g), last(g)
+      if (clique_start(first(g) + 1) > clique_start(first(g))) at = entries_after(first(g))
+      do j = first(g), first(g + 1) - 1
         matrix%column_start(j + 1) = matrix%column_start(j) + at
         at = max(1_int64, at - 1)
       end do

@@ -4,6 +4,7 @@ module dotyk_log_load_tables
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: analysis_axisymmetric, gap_formula
   use dotyk_base_text, only: counted, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
@@ -17,7 +18,6 @@ module dotyk_log_load_tables
   !> Greatest number of loads with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
   integer, parameter :: label_width = 20  !! Width of the first column.
-  real(dp), parameter :: rounding = 1.0e-12_dp  !! Below this fraction of the size components are rounding [].
 
 contains
 

@@ -77,14 +77,14 @@ contains
         q = pair_of_other_roles(pair, tie(k), p)
         if (q > 0) &
           call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
-                        ' as '//quoted(pair(q)%name)//', with the slave on the other side: the pressure there is '// &
-                        'divided at will between both; make '//quoted(body(pair(p)%body_b)%name)// &
+                        ' as '//quoted(pair(q)%name)//', with the slave on the other side: the split of the '// &
+                        'pressure there between both is arbitrary; make '//quoted(body(pair(p)%body_b)%name)// &
                         ' surface_a, or surface_b, of both')
         if (n_split(p, k) == 0) cycle
         call log%line('  warning: '//quoted(pair(p)%name)//' goes on across the tie '//quoted(tie(k)%name)// &
                       ', where '//counted(n_split(p, k), 'vertex', 'vertices')//' of the slave surface '// &
-                      'lie between no two of the master surface: the pressure there is divided at will between '// &
-                      'both sides; forces, and pressures a few elements away, are right')
+                      'lie between no two of the master surface: the split of the pressure there between both '// &
+                      'sides is arbitrary; forces, and pressures a few elements away, are right')
       end do
     end do
   end subroutine show_ties

@@ -9,6 +9,7 @@ module dotyk_mesh_joints
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
+  use dotyk_base_thresholds, only: generic_direction
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary_facets, only: boundary_facets_t, max_corners
   use dotyk_mesh_facet, only: cross
@@ -262,8 +263,6 @@ contains
     real(dp), intent(in) :: shortest(:)  !! Shortest edge at each node (n_nodes) [length].
     integer, intent(out) :: n_pairs  !! Number of pairs.
     integer, intent(out) :: first(2)  !! The first pair (2).
-    ! A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it.
-    real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
     real(dp), allocatable :: along(:), tolerance(:)
     integer, allocatable :: order(:), node(:)
     logical, allocatable :: on_boundary(:)
@@ -275,7 +274,7 @@ contains
     end do
     node = pack([(i, i=1, size(shortest))], on_boundary(1:))
     tolerance = touching*shortest(node)
-    along = matmul(direction(:mesh%dimension), mesh%x(:, node))
+    along = matmul(generic_direction(:mesh%dimension), mesh%x(:, node))
     allocate (order(size(node)))
     call sort_order(along, order)
     widest = maxval(tolerance)

@@ -39,8 +39,12 @@ contains
     box(4:) = -huge(box)
     associate (x => mesh%x(:, own%mesh_node))
       if (size(x, 2) > 0) then
-        node = [first_out_of_range(x(:own%dimension, :)), 1, minloc(x(3, :)), maxloc(x(3, :))]
-        box = [minval(x, dim=2), maxval(x, dim=2)]
+        node(out_of_range) = first_out_of_range(x(:own%dimension, :))
+        ! Numbers that are not finite have no order.
+        if (node(out_of_range) == 0) then
+          node(first_node:) = [1, minloc(x(3, :)), maxloc(x(3, :))]
+          box = [minval(x, dim=2), maxval(x, dim=2)]
+        end if
       end if
       allocate (packed(extent_length), source=0_int64)
       do k = 1, size(node)

@@ -1,8 +1,8 @@
 !> Parts of the boundaries of two bodies as the two sides of a contact pair: which facets, and which side is the slave.
 module dotyk_model_boundary_patch
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_smooth_sheets, only: sharp_cosine
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_surface, only: surface_t
   implicit none

@@ -67,16 +67,16 @@ contains
           if (is_tied_contact(tie(k), pair(p), surface_a(p), surface_b(p))) &
             call problems%add(case%file//':'//to_text(case%contact(p)%line)//': &contact '//quoted(pair(p)%name)// &
                               ' is in part between the faces that '//quoted(given%name)//' (line '// &
-                              to_text(given%line)//') ties to each other: forces would be divided at will; name '// &
-                              'other faces, or one of both groups only', exit_bad_input)
+                              to_text(given%line)//') ties to each other: the split of forces between both would '// &
+                              'be arbitrary; name other faces, or one of both groups only', exit_bad_input)
         end do
         do p = 1, k - 1
           if (.not. allocated(tie(p)%component)) cycle
           if (is_tied_contact(tie(p), tie(k)%component(1), tie(k)%surface_a, tie(k)%surface_b)) &
             call problems%add(case%file//':'//to_text(given%line)//': '//quoted(given%name)//' ties faces that '// &
                               quoted(case%tie(p)%name)//' (line '//to_text(case%tie(p)%line)//') ties to each '// &
-                              'other already: forces would be divided at will; name other faces, or one of both only', &
-                              exit_bad_input)
+                              'other already: the split of forces between both would be arbitrary; name other '// &
+                              'faces, or one of both only', exit_bad_input)
         end do
       end associate
     end do

@@ -5,6 +5,7 @@
 !> zero along held components.
 module dotyk_response_body_grid
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: golden
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
@@ -94,8 +95,7 @@ module dotyk_response_body_grid
   !> Reduction of the residual, as a fraction of the share, that makes sure of the least eigenvalue [].
   real(dp), parameter :: small_of_share = 1.0e-2_dp
   integer, parameter :: most_steps = 400  !! Iterations at most.
-  !> Fractions of their multiples have no order.
-  real(dp), parameter :: golden = 0.6180339887498949_dp, silver = 0.4142135623730951_dp
+  real(dp), parameter :: silver = 0.4142135623730951_dp  !! Fractions of its multiples have no order.
 
 contains
 

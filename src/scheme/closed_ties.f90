@@ -2,6 +2,7 @@
 module dotyk_scheme_closed_ties
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -14,18 +15,9 @@ module dotyk_scheme_closed_ties
   !> Ties that stay open by more than this fraction of what they or their forces would open contradict each other or
   !> supports [].
   real(dp), parameter :: most_open = 1.0e-6_dp
-  !> Rounding of the displacements of bodies that move [].
-  real(dp), parameter :: rounding_of_motion = 1.0e3_dp*epsilon(1.0_dp)
-  !> Contact rows that yield by less than this fraction of what they yield without ties are held by these: rounding
-  !> leaves 1e-16 to 1e-15, and beside the tie of a cantilever 700 times as long as thick a row yields by 4e-10 of what
-  !> it yields without the tie [].
-  real(dp), parameter :: rounding_of_held = 1.0e-12_dp
-  !> Penetrations of rows that ties hold, below these fractions of the largest one without ties and of the terms that
-  !> they are the sum of, are rounding: slender bodies move far by the forces of ties, and back by those of others [].
-  real(dp), parameter :: rounding_of_closing = 1.0e-9_dp, rounding_of_terms = 1.0e-12_dp
-
-  !> Entries of B below this fraction of the largest one of the row may be rounding [].
-  real(dp), parameter :: rounding_of_rows = 1.0e-9_dp
+  !> Penetrations of rows that ties hold, below this fraction of the largest one without ties, are rounding: slender
+  !> bodies move far by the forces of ties, and back by those of others. So may entries of B be, in their row [].
+  real(dp), parameter :: rounding_of_closing = 1.0e-9_dp
 
 contains
 
@@ -50,7 +42,7 @@ contains
     i = maxloc(abs(y), 1, qp%is_tied)
     most = maxval(abs(qp%initial_penetration) + abs(yielded), mask=qp%is_tied)
     ! Large motions, on soft springs, leave their rounding.
-    if (.not. abs(y(i)) > max(most_open*most, rounding_of_motion*maxval(moved, mask=qp%is_tied))) return
+    if (.not. abs(y(i)) > max(most_open*most, rounding*maxval(moved, mask=qp%is_tied))) return
     state%ended = ended_open_tie
     state%overlap_of = most
     state%rigid_row = qp%parent_row(i)
@@ -88,13 +80,14 @@ contains
       call compliance%multiply(qp, unit, z)
       call qp%mode_resultant(unit, resultant)
       call find_gaps(-z, -resultant, y, terms)
-      is_held(i) = abs(y(i)) <= rounding_of_held*terms(i)
+      ! Beside the tie of a cantilever 700 times as long as thick a row yields by 4e-10 of what it yields without it.
+      is_held(i) = abs(y(i)) <= rounding*terms(i)
     end do
     if (.not. any(is_held)) return
     none = 0
     call find_gaps(qp%initial_penetration, none, y, terms)
     ! Rounding is no overlap.
-    if (.not. any(is_held .and. y > max(rounding_of_terms*terms, &
+    if (.not. any(is_held .and. y > max(rounding*terms, &
                                         rounding_of_closing*maxval(abs(qp%initial_penetration))))) return
     i = maxloc(y, 1, is_held)
     state%ended = ended_rigid_constraint
@@ -143,7 +136,7 @@ contains
                        value => abs(matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1)))
               if (k == 1 .and. qp%is_tied(row(i))) has_tie(column) = .true.
               if (k == 1 .or. .not. may(row(i))) cycle
-              if (all(has_tie(column) .or. value < rounding_of_rows*maxval(value))) then
+              if (all(has_tie(column) .or. value < rounding_of_closing*maxval(value))) then
                 on_tie(row(i)) = .true.
               else
                 may(row(i)) = compliance%is_formed(qp)

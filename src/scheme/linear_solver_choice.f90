@@ -8,8 +8,9 @@ module dotyk_scheme_linear_solver_choice
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_ranks_communication, only: n_local_ranks
   use dotyk_ranks_exchange, only: on_any_rank
-  use dotyk_scheme_active_system, only: active_system_t, coupling_all, coupling_none, coupling_pairs
+  use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_constraint_preconditioner, only: coupling_all, coupling_none, coupling_pairs
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
@@ -42,13 +43,13 @@ contains
     logical, intent(in) :: rows(:)  !! The rows whose entries will be needed (n_rows).
     type(active_system_t), intent(inout) :: system  !! Not prepared; gets its coupling.
     logical :: matrix_free
-    system%coupling = merge(coupling_pairs, coupling_all, is_heap(qp))
+    system%preconditioner%coupling = merge(coupling_pairs, coupling_all, is_heap(qp))
     system%may_couple_all = modes_fit(qp, rows)
     matrix_free = wish == linear_solver_iterative
     if (wish == linear_solver_auto .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
     ! Near-null-space modes are softer than contact by many orders of magnitude, and take entries.
-    if (matrix_free .and. .not. allocated(qp%coarse%lift)) system%coupling = coupling_none
+    if (matrix_free .and. .not. allocated(qp%coarse%lift)) system%preconditioner%coupling = coupling_none
   end subroutine choose_coupling
 
   !> Whether bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell,

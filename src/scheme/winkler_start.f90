@@ -9,8 +9,10 @@
 module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_scheme_active_system, only: active_system_t, coupling_none
+  use dotyk_base_thresholds, only: rounding
+  use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
+  use dotyk_scheme_constraint_preconditioner, only: coupling_none
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_interior_point, only: interior_point_method
@@ -22,8 +24,6 @@ module dotyk_scheme_winkler_start
   public :: winkler_equilibrium, find_unbounded_direction
 
   integer, parameter :: most_steps = 100  !! Newton steps at most: a start need not be exact.
-  !> Newton's method ends when the largest imbalance is this fraction of the largest load: a few digits above rounding.
-  real(dp), parameter :: balanced = 1.0e-12_dp
   !> Longest step: where the function is linear along a step, and a resultant of rounding errors drives it.
   real(dp), parameter :: longest_step = 1.0e15_dp
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
@@ -90,7 +90,7 @@ contains
     rigid%coarse%resultant = resultant
     call rigid%coarse%add_springs(mu)
     call none%init(rigid)
-    system%coupling = coupling_none
+    system%preconditioner%coupling = coupling_none
     call interior_point_method(rigid, none, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
                                accuracy)
     call system%destroy()
@@ -189,7 +189,7 @@ contains
     do i = 1, most_steps
       call qp%mode_resultant(k*merge(position, max(0.0_dp, position), qp%is_tied), gradient)
       gradient = gradient + resisted(alpha) - e
-      if (maxval(abs(gradient)) <= balanced*largest) exit
+      if (maxval(abs(gradient)) <= rounding*largest) exit
       call form_hessian(qp%coarse, mu, k, position > 0 .or. qp%is_tied, hessian, springs)
       call hessian%factorize(is_singular, error)
       if (is_singular .or. allocated(error)) exit

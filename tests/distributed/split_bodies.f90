@@ -5,15 +5,18 @@ program split_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_operator_t
-  use dotyk_distributed_contact, only: distributed_contact_t
   use dotyk_distributed_index_limits, only: check_entries, check_unknowns
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: largest_of_ranks, start_petsc, stop_petsc
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_distributed_system, only: distributed_system_t
   use dotyk_mesh_element, only: element_hex20, element_hex8, element_quad8, element_tet10
   use dotyk_ranks_communication, only: end_ranks, gather_bytes, n_ranks, start_ranks, this_rank
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
   use test_multigrid_scene, only: floating, loose, multigrid_scene_t, pressed, scene_settings_t
@@ -96,13 +99,15 @@ contains
     type(contact_operator_t) :: operator
     type(part_t), allocatable :: part(:)
     type(distributed_stiffness_t), target, allocatable :: stiffness
-    type(distributed_contact_t), target, allocatable :: contact
+    type(distributed_system_t), target, allocatable :: system
+    type(contact_qp_t) :: qp
+    type(proximal_outcome_t) :: total
     type(solver_state_t) :: exact
-    type(solver_settings_t) :: of_dual
+    type(solver_settings_t) :: of_solver
     type(dual_t) :: dual
     type(monitor_t) :: monitor
     type(error_t), allocatable :: error
-    real(dp), allocatable :: thetas(:), u(:, :)
+    real(dp), allocatable :: found(:), u(:, :)
     real(dp) :: most(1)
     integer :: b, last
     call scene%init(settings)
@@ -111,19 +116,21 @@ contains
     operator%weight = scene%qp%weight
     operator%gap = scene%qp%gap
     operator%block = scene%qp%block
-    allocate (thetas(operator%n_rows), source=theta)
-    allocate (stiffness, contact)
+    qp = scene%qp
+    call qp%replace_theta(spread(theta, 1, qp%n_rows))
+    of_solver%tolerance = tolerance
+    allocate (stiffness, system)
     associate (body => scene%problem%body)
       last = size(body)
       call cut_bodies(body, this_rank(), n_ranks(), part)
       call stiffness%init(part, [(body(b)%mesh%n_nodes(), b=1, last)], error)
-      if (.not. allocated(error)) call contact%init(stiffness, operator, error)
-      if (.not. allocated(error)) call contact%solve(thetas, tolerance, 100, monitor, state, error)
-      if (.not. allocated(error)) call stiffness%nodal_displacement(last, contact%u, u, error)
+      if (.not. allocated(error)) call system%init(stiffness, operator, error)
+      if (.not. allocated(error)) call solve_by_displacements(system, qp, tolerance, of_solver, &
+        spread(.false., 1, qp%n_rows), monitor, found, total, state, error)
+      if (.not. allocated(error)) call stiffness%nodal_displacement(last, found, u, error)
       if (allocated(error)) error stop 'distributed bodies'
       if (is_curved) then
-        of_dual%tolerance = tolerance
-        call dual%solve(scene%qp, scene%compliance, thetas, of_dual, monitor, exact, error)
+        call dual%solve(qp, scene%compliance, of_solver, monitor, exact, error)
         if (allocated(error)) error stop 'dual scheme'
         difference = max(maxval(abs(state%m - exact%m))/maxval(exact%m), abs(state%energy/exact%energy - 1))
       else
@@ -135,7 +142,7 @@ contains
         difference = most(1)
       end if
     end associate
-    call contact%destroy()
+    call system%destroy()
     call stiffness%destroy()
     call scene%destroy()
   end subroutine solve
