@@ -27,13 +27,14 @@ module dotyk_contact_edge_penetration
 contains
 
   !> Edges that pass through another part, or run inside it between two nodes that are allowed.
-  subroutine find_edges(division, a, b, tolerance, only_corners, is_below, clear, depth, worst, met)
+  subroutine find_edges(division, a, b, tolerance, only_corners, is_below, near, clear, depth, worst, met)
     type(division_t), intent(in) :: division  !! How ranks divide the facets.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     logical, intent(in) :: is_below(:)  !! Nodes below the boundary (a%n_nodes).
+    integer, intent(in) :: near(:)  !! Facet of b that is nearest to each node, 0 where it is not known (a%n_nodes).
     !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
     real(dp), intent(in) :: clear(:)
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
@@ -47,14 +48,18 @@ contains
     allocate (found(segment_length, first_room))
     call division%portion([(merge(distant_cost, 1.0_dp, is_far(f)), f=1, n)], first, last)
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, tolerance, is_below, clear, n, n_found, found, first, last) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, is_below, near, clear, n, n_found, found, first, last) if (n > least_shared)
     do f = first, last
       if (is_far(f)) cycle
       corners = a%set%corners(f)
       do e = 1, merge(1, corners, corners == 2)
         other = 0
         if (corners > 2) other = a%adjacency%neighbour(e, f)
-        if (other > 0 .and. other < f) cycle
+        if (other > 0) then
+          if (other < f) cycle
+          ! What passes through the inside of a plane face has nodes or edges of its own behind it.
+          if (a%is_in_plane(f, other)) cycle
+        end if
         ends(1) = a%surface%node(e, f)
         ends(2) = a%surface%node(modulo(e, corners) + 1, f)
         if (kind_nodes(a%surface%kind(f)) > corners) then
@@ -97,7 +102,7 @@ contains
       at = 0
       coarse = 0
       coarse_at = 0
-      facet = 0
+      facet = maxval(near(nodes(:2)))
       do k = 0, n_crossings
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
                    high => merge(1.0_dp, s(min(k + 1, size(s))), k == n_crossings))

@@ -32,7 +32,7 @@ contains
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
-    integer :: entity(set%n), f, e, other, back
+    integer :: entity(set%n), smooth(4, set%n), f, e, other, back
     logical :: in_plane(set%n)
     entity = [(facet_entity(surface, f), f=1, set%n)]
     in_plane = .false.
@@ -46,26 +46,28 @@ contains
         call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
       end associate
     end do
+    smooth = 0
     do f = 1, set%n
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
-        if (other == 0) cycle
-        if (.not. is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) cycle
+        if (other < f) cycle
         back = findloc(adjacency%neighbour(1:set%corners(other), other), f, dim=1)
         if (back == 0) cycle
+        if (.not. is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) cycle
+        smooth(e, f) = other
+        smooth(back, other) = f
         width = min(width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back))
         if (.not. width > 0) cycle
-        roughness(f) = max(roughness(f), roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
-        curvature(f) = max(curvature(f), norm2(normal0(:, f) - normal0(:, other))/width)
+        roughness([f, other]) = max(roughness([f, other]), &
+                                    roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
+        curvature([f, other]) = max(curvature([f, other]), norm2(normal0(:, f) - normal0(:, other))/width)
       end do
     end do
     ! Means over the facets around a vertex depend on all of them.
     own = roughness
     do f = 1, set%n
       do e = 1, set%corners(f)
-        other = adjacency%neighbour(e, f)
-        if (other == 0) cycle
-        if (is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) roughness(f) = max(roughness(f), own(other))
+        if (smooth(e, f) > 0) roughness(f) = max(roughness(f), own(smooth(e, f)))
       end do
     end do
   end subroutine measure_roughness

@@ -38,17 +38,18 @@ contains
     type(met_point_t), allocatable, intent(out) :: met(:)  !! Points that are too deep, where a row can be (n).
     logical :: is_below(a%n_nodes)
     real(dp) :: unresolved(a%n_nodes)
-    integer :: i, hint, known, first, last
+    integer :: near(a%n_nodes), i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     allocate (met(0))
     is_below = .false.
+    near = 0
     unresolved = 0
     allocate (clear(a%n_nodes), source=0.0_dp)
     associate (box => b%tree%volume(1))
       call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
                               i=1, a%n_nodes)], first, last)
     end associate
-    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved, clear, first, last) &
+    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, near, unresolved, clear, first, last) &
     !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
     known = 0
@@ -58,6 +59,7 @@ contains
       if (known > 0) clear(i) = clear(known) - norm2(a%x(:, i) - a%x(:, known))
       if (clear(i) > tolerance%slack) cycle
       call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i), unresolved(i))
+      near(i) = hint
       known = i
     end do
     !$omp end do
@@ -74,7 +76,7 @@ contains
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(division, a, b, tolerance, only_corners, is_below, clear, depth, worst, met)
+    call find_edges(division, a, b, tolerance, only_corners, is_below, near, clear, depth, worst, met)
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.

@@ -339,7 +339,9 @@ contains
       return
     end if
     is_smooth = dot_product(normal(:, f), normal(:, g)) > sharp_cosine .or. (entity(f) > 0 .and. entity(g) > 0)
-    if (is_smooth) is_smooth = .not. is_sharp_turn(turn, max(turn_on(f, g), turn_on(g, f)))
+    ! What is beside the edge matters where the turn alone would be sharp.
+    if (.not. is_smooth .or. .not. is_sharp_turn(turn, 0.0_dp)) return
+    is_smooth = .not. is_sharp_turn(turn, max(turn_on(f, g), turn_on(g, f)))
 
   contains
 

@@ -46,6 +46,7 @@ module dotyk_contact_solid_boundary
     procedure :: facets_around => solid_facets_around
     procedure :: facets_at => solid_facets_at
     procedure :: is_flush => solid_is_flush
+    procedure :: is_in_plane => solid_is_in_plane
     procedure :: outward_normal => solid_outward_normal
   end type solid_t
 
@@ -56,6 +57,7 @@ module dotyk_contact_solid_boundary
   real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> A point lies on an edge where its distance is below this fraction of the size of the facet.
   real(dp), parameter :: edge_tolerance = 1.0e-8_dp
+  real(dp), parameter :: plane_turn = 1.0e-6_dp  !! Facets of one plane turn by less, by rounding [rad].
 
 contains
 
@@ -103,11 +105,38 @@ contains
     end associate
     call self%set%init(self%x(1:d, :), self%surface)
     call self%tree%init(self%set)
+    call renumber(self)
     call self%adjacency%init(self%set)
     call collect_around(self)
     call measure_roughness(self%surface, self%set, self%adjacency, self%x0, self%normal0, self%normal, &
                            self%roughness, self%curvature)
   end subroutine solid_init
+
+  !> Number the nodes in the order of the tree: the facet near one node is probably near to the next one, too.
+  pure subroutine renumber(self)
+    type(solid_t), intent(inout) :: self  !! Boundary; its nodes are renumbered.
+    integer :: number(0:self%n_nodes), old(self%n_nodes), f, i, k, n
+    number = 0
+    n = 0
+    do k = 1, size(self%tree%order)
+      f = self%tree%order(k)
+      do i = 1, kind_nodes(self%surface%kind(f))
+        associate (node => self%surface%node(i, f))
+          if (number(node) > 0) cycle
+          n = n + 1
+          number(node) = n
+          old(n) = node
+        end associate
+      end do
+    end do
+    self%node = self%node(old)
+    self%x0 = self%x0(:, old)
+    self%x = self%x(:, old)
+    do f = 1, self%surface%n_facets
+      self%surface%node(:, f) = number(self%surface%node(:, f))
+      self%set%corner_node(:, f) = number(self%set%corner_node(:, f))
+    end do
+  end subroutine renumber
 
   !> Facets at each node, mid-side nodes included.
   pure subroutine collect_around(self)
@@ -287,6 +316,16 @@ contains
       u = u + shape(i)*(self%x(:, k) - self%x0(:, k))
     end do
   end function solid_displacement_at
+
+  !> Whether an edge was inside a plane face before deformation.
+  pure logical function solid_is_in_plane(self, f, other) result(is_in_plane)
+    class(solid_t), intent(in) :: self
+    integer, intent(in) :: f  !! Facet on one side.
+    integer, intent(in) :: other  !! Facet on the other side.
+    is_in_plane = norm2(self%normal0(:, f) - self%normal0(:, other)) <= plane_turn .and. &
+      all(self%curvature([f, other])*self%set%size([f, other]) <= plane_turn)
+  end function solid_is_in_plane
+
   !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
   !> blocks are: the node has not come through this facet, however near it is.
   pure logical function solid_is_flush(self, i, b, facet) result(flush)

@@ -65,6 +65,8 @@ module dotyk_contact_tree_search
 
   public :: facets_in_region, nearest_facet
 
+  real(dp), parameter :: node_margin = 1.0e-12_dp  !! Rounding of the distance to a node, relative to size and place [].
+
 contains
 
   !> Begin at the root.
@@ -190,12 +192,15 @@ contains
     real(dp), intent(out) :: xi(2)  !! Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: square  !! Squared distance [length^2].
     integer :: waiting(stack_size), n, node, i, near, far
+    !> No farther than this, squared, is the facet [length^2].
+    real(dp) :: limit
     real(dp) :: waiting_square(stack_size), near_square, far_square, bound
+    limit = huge(limit)
     facet = 0
     xi = 0
     square = huge(square)
     if (set%n == 0) return
-    if (hint > 0) call examine(tree, set, x, toward, any_normal, max_depth, hint, facet, xi, square)
+    if (hint > 0) call examine(tree, set, x, toward, any_normal, max_depth, limit, hint, facet, xi, square)
     n = 1
     waiting(1) = 1
     waiting_square(1) = square_to_box(tree%volume(1), x)
@@ -203,14 +208,16 @@ contains
       node = waiting(n)
       bound = waiting_square(n)
       n = n - 1
-      if (bound > square) cycle
+      if (bound > min(square, limit)) cycle
       if (.not. any_normal) then
         if (dot_product(tree%volume(node)%axis, toward) < tree%volume(node)%limit) cycle
       end if
       if (tree%child(node) == 0) then
+        if (any_normal) limit = min(limit, minval([(square_to_node(set, tree%order(i), x), &
+                                                    i=tree%first(node), tree%last(node))]))
         do i = tree%first(node), tree%last(node)
           if (tree%order(i) == hint) cycle
-          call examine(tree, set, x, toward, any_normal, max_depth, tree%order(i), facet, xi, square)
+          call examine(tree, set, x, toward, any_normal, max_depth, limit, tree%order(i), facet, xi, square)
         end do
         cycle
       end if
@@ -230,26 +237,28 @@ contains
   end subroutine nearest_facet
 
   !> Keep a facet if it is nearer than the best one so far and faces the direction.
-  pure subroutine examine(tree, set, x, toward, any_normal, max_depth, candidate, facet, xi, square)
+  pure subroutine examine(tree, set, x, toward, any_normal, max_depth, limit, candidate, facet, xi, square)
     type(bounding_volume_tree_t), intent(in) :: tree  !! Bounding-volume tree of the surface.
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     real(dp), intent(in) :: x(3)  !! Point (3) [length].
     real(dp), intent(in) :: toward(3)  !! Direction that the normal has to face (3) [].
     logical, intent(in) :: any_normal  !! Normals of all directions are accepted, and all depths.
     real(dp), intent(in) :: max_depth  !! Greatest depth of the point behind a facet [length].
+    real(dp), intent(in) :: limit  !! Squared distance beyond which no facet counts [length^2].
     integer, intent(in) :: candidate  !! The facet to examine.
     integer, intent(inout) :: facet  !! The nearest facet so far.
     real(dp), intent(inout) :: xi(2)  !! Reference coordinates of its closest point (2) [].
     real(dp), intent(inout) :: square  !! Its squared distance [length^2].
-    real(dp) :: point(2), candidate_square, position(3), normal(3), xu(3), xv(3), q(3)
+    real(dp) :: point(2), candidate_square, position(3), normal(3), xu(3), xv(3), q(3), bound
+    bound = min(square, limit)
     if (.not. any_normal) then
       if (dot_product(tree%facet_volume(candidate)%axis, toward) < tree%facet_volume(candidate)%limit) return
     end if
-    if (square_to_box(tree%facet_volume(candidate), x) > square) return
+    if (square_to_box(tree%facet_volume(candidate), x) > bound) return
     q = x - set%origin(:, candidate)
-    if (square < huge(square)) then
-      if (set%hull(candidate)%is_beyond(q, square)) return
-      if (set%convex(candidate)%is_beyond(set%coefficient(:, :, candidate), q, square)) return
+    if (bound < huge(bound)) then
+      if (set%hull(candidate)%is_beyond(q, bound)) return
+      if (set%convex(candidate)%is_beyond(set%coefficient(:, :, candidate), q, bound)) return
     end if
     call closest_point_on_facet(set, candidate, x, point, candidate_square)
     if (candidate_square > square) return
@@ -264,6 +273,15 @@ contains
     xi = point
     square = candidate_square
   end subroutine examine
+
+  !> Squared distance of a point to the first node of a facet, with a margin for rounding: no facet is farther than its
+  !> node [length^2].
+  pure real(dp) function square_to_node(set, facet, x) result(square)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: facet  !! Facet.
+    real(dp), intent(in) :: x(3)  !! Point (3) [length].
+    square = (norm2(x - set%origin(:, facet)) + node_margin*(set%size(facet) + maxval(abs(x))))**2
+  end function square_to_node
 
   !> Squared distance of a point to the box of a volume, 0 inside [length^2].
   pure real(dp) function square_to_box(volume, x) result(square)
