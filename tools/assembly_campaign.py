@@ -4,6 +4,7 @@
     tools/assembly_campaign.py OUT                     500 assemblies, pairs named by hand, into the folder OUT
     tools/assembly_campaign.py OUT --auto              pairs that find themselves
     tools/assembly_campaign.py OUT --loose             parts in clearance holes, on pins, that spin, roll or slide
+    tools/assembly_campaign.py OUT --geometry          coarse sectors, slices, curved facets, bevels, corners, flush fits, ...
     tools/assembly_campaign.py OUT --seeds 100:200     some of them; what OUT/*.jsonl has already is not run again
     tools/assembly_campaign.py OUT --keep 17           one, with its files in OUT/17
     tools/assembly_campaign.py OUT --report            the table only
@@ -26,6 +27,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests/support"))
 import numpy as np  # noqa: E402
 import check_assembly as check  # noqa: E402
+import geometry_assembly  # noqa: E402
 import loose_assembly  # noqa: E402
 import random_assembly  # noqa: E402
 
@@ -251,6 +253,7 @@ def run(seed, out, options):
     meshes.mkdir(parents=True, exist_ok=True)
     overlaps = Overlaps(meshes)
     kind = loose_assembly.Loose if options.loose else random_assembly.Assembly
+    kind = geometry_assembly.Geometry if options.geometry else kind
     assembly = kind(seed, overlaps, options.auto)
     with tempfile.TemporaryDirectory(prefix="dotyk-") as temporary:
         folder = pathlib.Path(temporary)
@@ -272,7 +275,12 @@ def run(seed, out, options):
                  "notes": [part.note for part in assembly.parts[1:]], "forgotten": assembly.forgotten >= 0,
                  "code": code, "seconds": round(seconds, 2), "numbers": {}, "reason": ""}
         if code == 0:
-            fault, entry["numbers"], told = judge(assembly, folder / "scene.vtkhdf", log)
+            fault, numbers, told = assembly.fault(folder / "scene.vtkhdf", log)
+            if assembly.balanced:
+                found, more, held = judge(assembly, folder / "scene.vtkhdf", log)
+                told = "; ".join(filter(None, [told, held]))
+                fault, numbers = "; ".join(filter(None, [fault, found])) or None, {**numbers, **more}
+            entry["numbers"] = numbers
             entry["outcome"], entry["reason"] = ("silent", fault) if fault else (
                 "says why not", "warning: " + re.sub(r"\d[\d.e+-]*", "#", told)) if told else ("balances", "")
         elif code in (1, 2, 3):
@@ -321,6 +329,7 @@ def main():
     parser.add_argument("--seeds", default="1:501")
     parser.add_argument("--auto", action="store_true")
     parser.add_argument("--loose", action="store_true")
+    parser.add_argument("--geometry", action="store_true")
     parser.add_argument("--keep", type=int)
     parser.add_argument("--report", action="store_true")
     options = parser.parse_args()
@@ -332,7 +341,7 @@ def main():
         print(json.dumps(entry, indent=1))
         sys.exit(entry["outcome"] in ("silent", "crash"))
     first, last = map(int, options.seeds.split(":"))
-    path = out / ("loose " * options.loose + ("auto.jsonl" if options.auto else "hand.jsonl"))
+    path = out / ("loose " * options.loose + "geometry " * options.geometry + ("auto.jsonl" if options.auto else "hand.jsonl"))
     known = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
     known = {entry["seed"]: entry for entry in known}
     for seed in range(first, last):
