@@ -5,7 +5,6 @@
 !> derivatives. Two dimensions are three with z = 0.
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_convex_bound, only: convex_bound_t
   use dotyk_contact_facet_hull, only: facet_hull_t
   use dotyk_contact_facet_polynomial, only: bounding_box, convexity, evaluate_facet, normal_cone
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
@@ -38,7 +37,6 @@ module dotyk_contact_facet_set
     real(dp), allocatable :: depth(:)
     logical, allocatable :: affine(:)  !! The map is affine (n).
     type(facet_hull_t), allocatable :: hull(:)  !! Convex hulls (n).
-    type(convex_bound_t), allocatable :: convex(:)  !! Bounds of distances by convexity (n).
   contains
     procedure :: init => facet_set_init
     procedure :: init_polynomials => facet_set_init_polynomials
@@ -57,7 +55,7 @@ contains
     call self%init_polynomials(x, surface)
     n = self%n
     allocate (self%lo(3, n), self%hi(3, n), self%axis(3, n), self%half_angle(n), self%reach(n), self%affine(n), &
-              self%hull(n), self%convex(n), self%depth(n))
+              self%hull(n), self%depth(n))
     self%depth = huge(1.0_dp)
     do f = 1, n
       associate (corners => self%corners(f), c => self%coefficient(:, :, f))
@@ -67,7 +65,6 @@ contains
         call normal_cone(corners, c, self%axis(:, f), self%half_angle(f))
         call convexity(corners, c, self%affine(f), self%reach(f))
         call self%hull(f)%init(corners, c, self%axis(:, f), self%size(f))
-        call self%convex(f)%init(corners, c, self%affine(f), self%reach(f))
       end associate
     end do
   end subroutine facet_set_init

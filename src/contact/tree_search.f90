@@ -258,7 +258,6 @@ contains
     q = x - set%origin(:, candidate)
     if (bound < huge(bound)) then
       if (set%hull(candidate)%is_beyond(q, bound)) return
-      if (set%convex(candidate)%is_beyond(set%coefficient(:, :, candidate), q, bound)) return
     end if
     call closest_point_on_facet(set, candidate, x, point, candidate_square)
     if (candidate_square > square) return
