@@ -125,12 +125,15 @@ contains
     type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n_points).
     integer, allocatable :: list(:)
     real(dp), allocatable :: gap(:), bend(:)
+    real(dp) :: uncertainty
     integer :: i, n
     n = size(area)
     list = pack([(i, i=1, n)], projection%status == projection_found)
     if (.not. any(list <= n - corners)) return
     gap = projection(list)%distance
-    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, bend)
+    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, bend, &
+                    uncertainty)
+    projection(list)%uncertainty = projection(list)%uncertainty + uncertainty
     projection(list)%distance = gap
     projection(list)%bend = bend
   end subroutine straighten_projections
@@ -162,7 +165,8 @@ contains
           call straighten(surface%kind(f), extent(x(:, surface%node(:n, f))), &
                           reshape([pair%xi_a(:, first:last), vertex(:pair%dimension - 1, :n)], &
                                   [pair%dimension - 1, size(gap)]), &
-                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend)
+                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend, pair%uncertainty(first))
+          pair%uncertainty(first:last) = pair%uncertainty(first)
           pair%gap(first:last) = gap(:last - first + 1)
           pair%bend(first:last) = bend(:last - first + 1)
         end if
@@ -178,7 +182,7 @@ contains
   end function extent
 
   !> Take r off the gaps at points of one facet.
-  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend)
+  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend, uncertainty)
     integer, intent(in) :: kind  !! Element kind of the facet.
     real(dp), intent(in) :: length  !! Length of the facet [length].
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
@@ -187,15 +191,19 @@ contains
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
+    !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, which changes [length].
+    real(dp), intent(out) :: uncertainty
     type(element_kind_t) :: properties
     real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
-    real(dp) :: weight(size(area)), greatest
+    real(dp) :: weight(size(area)), greatest, least
     integer :: i, m, n
     m = size(area)
     allocate (bend(m), source=0.0_dp)
     weight = abs(area)/max(sum(abs(area)), tiny(length))
     weight(m - n_vertices + 1:) = vertex_weight
-    if (maxval(gap) - minval(gap) <= min_curvature*length) return
+    uncertainty = 0
+    least = minval(gap)
+    if (maxval(gap) - least <= min_curvature*length) return
     properties = element_kind(kind)
     n = properties%n_corners
     allocate (linear(n, m), curved(merge(1, n, n == 2), m))
@@ -216,10 +224,11 @@ contains
     if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) return
     r = r + rest
     if (properties%order > 1) then
-      r = r*max(0.0_dp, 1 - abs(minval(gap))/greatest)
+      r = r*max(0.0_dp, 1 - abs(least)/greatest)
       bend = r
     end if
     gap = gap - r
+    uncertainty = abs(minval(gap) - least)
   end subroutine straighten
 
   !> Coefficients of a least-squares approximation; 0 for combinations that the points do not determine.

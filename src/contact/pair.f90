@@ -59,6 +59,7 @@ module dotyk_contact_pair
     real(dp), allocatable :: gap(:)  !! Gaps d (n_points) [length].
     !> What was taken off the gaps of the points on quadratic facets, as nothing bends these (n_points) [length].
     real(dp), allocatable :: bend(:)
+    real(dp), allocatable :: uncertainty(:)  !! How uncertain the gaps are (n_points) [length].
     !> Slave facets of the points, ascending among the mortar points and among those after them (n_points).
     integer, allocatable :: facet_a(:)
     real(dp), allocatable :: xi_a(:, :)  !! Reference coordinates on them (dimension-1, n_points) [].
@@ -96,6 +97,7 @@ module dotyk_contact_pair
   contains
     procedure :: slave_part => pair_slave_part
     procedure :: master_normal => pair_master_normal
+    procedure :: row_uncertainty => pair_row_uncertainty
     procedure :: carry => pair_carry
   end type contact_pair_t
 
@@ -126,6 +128,21 @@ contains
     if (allocated(self%turn)) normal = matmul(normal, self%turn)
   end function pair_master_normal
 
+  !> How uncertain the gaps of the rows are: as the most uncertain of their points (n_rows) [length].
+  pure function pair_row_uncertainty(self) result(uncertainty)
+    class(contact_pair_t), intent(in) :: self
+    real(dp) :: uncertainty(self%n_rows)
+    integer :: i
+    uncertainty = 0
+    ! Corners that meet by their motion have exact gaps.
+    if (.not. allocated(self%uncertainty)) return
+    do i = 1, self%n_rows
+      associate (points => self%average%column(self%average%row_start(i):self%average%row_start(i + 1) - 1))
+        uncertainty(i) = maxval([0.0_dp, self%uncertainty(points)])
+      end associate
+    end do
+  end function pair_row_uncertainty
+
   !> To other ranks.
   subroutine pair_carry(self, parcel)
     class(contact_pair_t), intent(inout) :: self
@@ -151,6 +168,7 @@ contains
     call parcel%carry(self%weight)
     call parcel%carry(self%gap)
     call parcel%carry(self%bend)
+    call parcel%carry(self%uncertainty)
     call parcel%carry(self%facet_a)
     call parcel%carry(self%xi_a)
     call parcel%carry(self%facet_b)

@@ -177,7 +177,10 @@ contains
     real(dp) :: x(3)
     integer :: i
     pair%gap_kind = settings%gap_kind
-    if (any(settings%gap_kind == [gap_constant, gap_formula])) pair%bend = 0
+    if (any(settings%gap_kind == [gap_constant, gap_formula])) then
+      pair%bend = 0
+      pair%uncertainty = 0
+    end if
     select case (settings%gap_kind)
     case (gap_constant)
       pair%gap = settings%gap

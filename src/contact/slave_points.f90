@@ -30,7 +30,7 @@ module dotyk_contact_slave_points
   real(dp), parameter :: distant_cost = 0.02_dp
   !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
   real(dp), parameter :: nothing_left = 1.0e-6_dp
-  integer, parameter :: point_length = 15  !! Numbers that ranks exchange of a point.
+  integer, parameter :: point_length = 16  !! Numbers that ranks exchange of a point.
 
 contains
 
@@ -96,7 +96,7 @@ contains
     if (settings%geometry == geometry_smooth) then
       call smooth_projections(settings%division, mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
                               facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
-                              master%set%depth, radius, offset, x, xi, projection)
+                              master%set%depth, radius, interpolates, offset, x, xi, projection)
     end if
     call drop_projections_through_bodies(slave, master, x, projection)
     if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
@@ -161,6 +161,7 @@ contains
         list(13, i) = p%status
         list(14, i) = p%facet
         list(15, i) = p%bend
+        list(16, i) = p%uncertainty
       end associate
     end do
     call division%append(list)
@@ -177,6 +178,7 @@ contains
       projection(i)%status = nint(list(13, i))
       projection(i)%facet = nint(list(14, i))
       projection(i)%bend = list(15, i)
+      projection(i)%uncertainty = list(16, i)
     end do
   end subroutine collect_points
 
@@ -208,8 +210,8 @@ contains
     pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
     pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area + left_out
     pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
-    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%facet_a(n), &
-              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%uncertainty(n), &
+              pair%facet_a(n), pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
     k = 0
     do f = 1, size(offset) - 1
       list = pack([(i, i=offset(f) + 1, offset(f + 1))], &
@@ -225,6 +227,7 @@ contains
           pair%weight(k) = weight(i)
           pair%gap(k) = projection(i)%distance
           pair%bend(k) = projection(i)%bend
+          pair%uncertainty(k) = projection(i)%uncertainty
           pair%facet_a(k) = f
           pair%xi_a(:, k) = xi(1:d - 1, i)
           pair%facet_b(k) = projection(i)%facet

@@ -18,6 +18,7 @@ module dotyk_control_contact_solution
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: find_displacements
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
+  use dotyk_control_gap_doubt, only: find_gap_doubt, gap_doubt_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -70,6 +71,7 @@ module dotyk_control_contact_solution
     type(displacements_t) :: displacements  !! Displacements and stresses.
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
     type(error_budget_t) :: budget  !! Errors of the last round.
+    type(gap_doubt_t), allocatable :: gap_doubt(:)  !! What hangs on uncertain gaps (n_pairs).
     type(penetration_check_t) :: penetration  !! Whether the deformed bodies penetrate each other.
   contains
     procedure :: energies => solution_energies
@@ -149,6 +151,7 @@ contains
     logical :: is_bent
     solution%qp = qp
     allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
+    allocate (solution%gap_doubt(size(problem%pair)))
     call collect_conditioning(problem%classes, problem%report, solution%conditioning)
     solution%tolerance = merge(rough, tolerance, goal%by_budget)
     solution%round = 1
@@ -226,6 +229,8 @@ contains
       call solve_contact(problem, compliance, run, monitor, solution, error)
       if (allocated(error)) return
     end do
+    call find_gap_doubt(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, &
+                        solution%displacements, solution%state, solution%gap_doubt)
     call monitor%begin_phase(phase_recover)
   end subroutine complete_contact
 

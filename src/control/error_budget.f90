@@ -11,7 +11,6 @@ module dotyk_control_error_budget
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_contact_complementarity, only: complementarity_error
-  use dotyk_contact_doubtful_force, only: doubtful_force_t, find_doubtful_force
   use dotyk_control_body_solution, only: displacements_t, element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
@@ -35,8 +34,6 @@ module dotyk_control_error_budget
     !> Error of the mesh of each body; not allocated where nobody asked (n_bodies) []. Squares add up.
     real(dp), allocatable :: of_body(:)
     type(element_field_t), allocatable :: of_element(:)  !! That of each element of each body, likewise (n_bodies) [].
-    !> Forces of each pair where its surfaces do not touch; not allocated where unknown (n_pairs).
-    type(doubtful_force_t), allocatable :: doubtful(:)
   contains
     procedure :: init => budget_init
     procedure :: others => budget_others
@@ -125,7 +122,6 @@ contains
     nan = ieee_value(nan, ieee_quiet_nan)
     budget%discretization = nan
     budget%contact = nan
-    deallocate (budget%doubtful)
     budget%of_body = nan
     do b = 1, size(budget%of_element)
       if (allocated(budget%of_element(b)%value)) budget%of_element(b)%value = nan
@@ -145,8 +141,8 @@ contains
     type(displacements_t) :: block(1)
     real(dp) :: norm_square, work
     integer :: b, i, k
-    if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element, budget%doubtful)
-    allocate (budget%of_body(size(problem%body)), budget%doubtful(size(problem%pair)))
+    if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
+    allocate (budget%of_body(size(problem%body)))
     if (.not. allocated(displacements%square)) then
       block(1)%m = m
       call move_alloc(displacements%body, block(1)%body)
@@ -167,7 +163,6 @@ contains
         associate (u_a => displacements%body(pair%body_a)%displacement, &
                    u_b => displacements%body(pair%body_b)%displacement)
           work = work + complementarity_error(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows))
-          call find_doubtful_force(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows), budget%doubtful(k))
         end associate
       end associate
     end do

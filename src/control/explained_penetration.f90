@@ -1,5 +1,5 @@
-!> What contact pairs leave between two bodies by intention: penetration by penalty and where a given gap is larger than
-!> the distance of the surfaces, and facets over which the gap is 0 in the mean.
+!> What contact pairs leave between two bodies: penetration by penalty, where a given gap is larger than the distance of
+!> the surfaces, and where the gap is uncertain; and facets over which the gap is 0 in the mean.
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
@@ -62,8 +62,8 @@ contains
     left%given = beside
   end subroutine find_left
 
-  !> Penetration at the points of a pair: the largest of the rows that they belong to, and the part of a given gap that
-  !> the surfaces do not have; and the widths of the slave facets of the points.
+  !> Penetration at the points of a pair: the largest of the rows that they belong to, the uncertainty of their gaps, and
+  !> the part of a given gap that the surfaces do not have; and the widths of the slave facets of the points.
   subroutine penetration_at_points(pair, y, body_a, surface_a, body_b, surface_b, at_points, width, with_gaps)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     real(dp), intent(in) :: y(:)  !! Penetration of its rows, negative where they are open (n_rows) [length].
@@ -97,6 +97,7 @@ contains
         at_points(pair%average%column(k)) = max(at_points(pair%average%column(k)), y(i))
       end do
     end do
+    if (allocated(pair%uncertainty)) at_points = at_points + pair%uncertainty
     if (pair%gap_kind == gap_geometry .or. .not. with_gaps) return
     do k = 1, pair%n_points
       associate (f => pair%facet_b(k))

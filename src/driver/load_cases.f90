@@ -6,6 +6,7 @@ module dotyk_driver_load_cases
   use dotyk_base_kinds, only: dp
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_rotations, only: find_rotations
+  use dotyk_control_gap_doubt, only: is_doubtful
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
@@ -21,6 +22,7 @@ module dotyk_driver_load_cases
   use dotyk_log_summary, only: show_solution
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_scheme, only: reason_none
+  use dotyk_scheme_solver_state, only: ended_gaps
   implicit none
   private
   public :: solve_cases
@@ -70,6 +72,7 @@ contains
           if (n_written > 0) call file%discard()
           return
         end if
+        if (solution%state%has_converged() .and. is_doubtful(solution%gap_doubt)) solution%state%ended = ended_gaps
         call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, &
                            solution, solved%seconds)
         call write_results(case, k, scene, solution, monitor, file, pair_solution, error)

@@ -41,6 +41,7 @@ contains
       call file%put_array(group, 'weight', pair(k)%row_weight)
       call file%put_array(group, 'theta', solution%qp%theta(first_row(k):first_row(k + 1) - 1))
       call file%put_array(group, 'gap_initial', pair(k)%row_gap)
+      call file%put_array(group, 'gap_uncertainty', pair(k)%row_uncertainty())
       call file%put_array(group, 'gap', pair_solution(k)%gap)
       call file%put_array(group, 'pressure', pair_solution(k)%pressure)
       call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
@@ -56,6 +57,9 @@ contains
       call file%put_attribute(group, 'least_gap', pair_solution(k)%least_gap)
       call file%put_attribute(group, 'gap_position', pair_solution(k)%gap_position)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
+      call file%put_attribute(group, 'force_uncertainty', solution%gap_doubt(k)%force_change)
+      call file%put_attribute(group, 'contact_area_uncertainty', solution%gap_doubt(k)%area_change)
+      call file%put_attribute(group, 'displacement_uncertainty', solution%gap_doubt(k)%moved_change)
       call file%put_attribute(group, 'layer', pair(k)%is_layer)
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do

@@ -12,11 +12,11 @@ module dotyk_log_summary
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
-  use dotyk_log_doubtful_forces, only: show_doubtful_forces
   use dotyk_log_found_pairs, only: show_idle_bodies
+  use dotyk_log_gap_lines, only: show_gap_doubt
   use dotyk_log_progress, only: duration
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, &
+    ended_cycling, ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, &
     ended_solves, ended_unbalanced, ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
@@ -39,6 +39,7 @@ contains
     call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
     if (size(solution%state%m) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
+    call show_gap_doubt(log, problem%pair, solution%gap_doubt)
     call show_idle_bodies(log, problem, solution%state%m, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
     call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
@@ -148,8 +149,6 @@ contains
     integer :: b
     !> Errors relative to a displacement that is rounding, beside the strains of heat [].
     real(dp), parameter :: meaningless = 0.5_dp
-    !> Complementarity error, relative, from which on slave elements are too large for what they touch [].
-    real(dp), parameter :: large_contact_error = 0.3_dp
     in_energy = any([(body(b)%initial%is_set(), b=1, size(body))]) .and. &
                 any([exceeds(state%error_bound, meaningless), exceeds(budget%penalty, meaningless), &
                      exceeds(budget%discretization, meaningless)])
@@ -166,12 +165,6 @@ contains
     if (in_energy) line = line//' (temperatures or initial stresses leave hardly a displacement that errors could '// &
                           'be relative to)'
     call log%line(line)
-    if (all(state%ended /= [ended_converged, ended_penetration])) return
-    if (allocated(budget%doubtful)) call show_doubtful_forces(log, budget%doubtful)
-    if (exceeds(budget%contact, large_contact_error)) &
-      call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
-                    ' %: the contact conditions hold in the mean only; refine the slave '// &
-                    "surface where it touches, or use discretization='quadrature'")
   contains
     !> Whether an error is known and above a limit.
     pure logical function exceeds(value, limit)
@@ -282,6 +275,8 @@ contains
       text = 'not converged: contact forces do not balance the loads of floating bodies; ended'
     case (ended_rotated)
       text = 'not valid: rotation of a body beyond small displacements; ended'
+    case (ended_gaps)
+      text = 'not valid: results depend on gaps that the meshes do not tell; ended'
     case (ended_penetration)
       text = 'not valid: bodies penetrate each other; ended'
     case (ended_unverified)

@@ -28,6 +28,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
   integer, parameter, public :: ended_open_tie = 15  !< ties contradict each other or supports
   integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
+  integer, parameter, public :: ended_gaps = 18  !< the results hang on what is not known of the gaps
   integer, parameter, public :: ended_costly = 17  !< p-multigrid takes longer than factors: there is no solution
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
@@ -149,6 +150,8 @@ contains
       name = 'large_rotation'
     case (ended_unverified)
       name = 'unverified'
+    case (ended_gaps)
+      name = 'uncertain_gaps'
     case (ended_penetration)
       name = 'penetration'
     case (ended_solves)

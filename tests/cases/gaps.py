@@ -168,6 +168,90 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         self.assertBetween(0.9, coarse[1] / coarse[0], 1.1)
         self.assertBetween(0.9, force(False, 12) / force(True, 12), 1.1)
 
+    # Gaps that the meshes do not tell
+
+    def round_on_flat(self, n, kind, n_round=80, round_is_slave=False, code=None, radius=2, down=0.02):
+        """Contact force of a stiff cylinder, in three dimensions a ball, on a block of n facets a side; its uncertainty,
+        and the exit code."""
+        d = 3 if kind.startswith(("hex", "tet")) else 2
+        def cap(x):
+            y = x.copy()
+            y[:, -1] += (1 - x[:, -1]) * (radius - np.sqrt(radius**2 - np.sum(x[:, :-1]**2, axis=1)))
+            return y
+        blocks = [grid.Block("up", *[grid.even(-1, 1, n_round)] * (d - 1), grid.even(0, 1, 2 if d == 3 else 8), shape=cap),
+                  grid.Block("low", *[grid.even(-1, 1, n)] * (d - 1), grid.even(-1, 0, 4 if d == 3 else max(4, n // 2)))]
+        grid.write_mesh(self.folder / "m.msh", blocks, kind)
+        names = ["low:top", "up:bottom"][::-1 if round_is_slave else 1]
+        fix, value = ("xyz", "0,0,") if d == 3 else ("xy", "0,")
+        self.write("case.nml", "&scene mesh='m.msh'%s /\n" % ("" if d == 3 else ", analysis='plane_strain'") + SOFT + """
+&material name='w', young=1e6, poisson=0.3 /
+&body name='up', volume='up', material='w' /
+&body name='low', volume='low', material='m' /
+&support body='low', surface='bottom', fix='%s' /
+&support body='up', surface='top', fix='%s', value=%s-%g /
+&contact name='c', surface_a='%s', surface_b='%s' /
+&solver theta=0 /""" % (fix, fix, value, down, *names))
+        text = self.dotyk("case.nml", code=code)
+        contact = self.results("case.vtkhdf")["dotyk/contact/c"]
+        return np.sum(contact["weight"][:] * contact["pressure"][:]), contact.attrs["force_uncertainty"], text
+
+    def test_uncertainty_covers_the_error(self):
+        """Facets in whose middle a cylinder touches: forces are wrong by up to all of it, and told to be. A fine mesh has
+        hardly an uncertainty."""
+        exact, doubt, text = self.round_on_flat(81, "quad8", code=0)
+        self.assertLess(doubt, 0.01 * exact)
+        self.assertNotIn("uncertain ", text)
+        for n, kind, options in ((3, "quad4", {}), (5, "quad4", {}), (3, "quad8", {}),
+                                 (5, "quad8", {}), (80, "quad4", {"n_round": 3, "round_is_slave": True}),
+                                 (80, "quad4", {"n_round": 5, "round_is_slave": True})):
+            with self.subTest(n=n, kind=kind, **options):
+                force, doubt, text = self.round_on_flat(n, kind, code=1, **options)
+                self.assertGreaterEqual(doubt, abs(force - exact))
+                self.assertIn("gaps of 'c' are known to 0.0", text)
+                self.assertIn("not valid: results depend on gaps", text)
+        for n, kind in (9, "quad4"), (9, "quad8"), (17, "quad4"):
+            force, doubt, text = self.round_on_flat(n, kind, code=0)
+            self.assertGreaterEqual(doubt, abs(force - exact))
+            self.assertIn("uncertain by", text)
+
+    def test_ball_in_the_middle_of_a_facet(self):
+        """In three dimensions likewise: the force is 22.6 with facets of 0.1, and 0 with facets of 2/3."""
+        force, doubt, _ = self.round_on_flat(3, "hex8", 6, code=1, down=0.04)
+        self.assertGreaterEqual(doubt, abs(force - 22.6))
+
+    def test_curve_that_facets_do_not_determine(self):
+        """A quarter of a bush whose bore, a CAD face, has two facets: its arc is right, as it happens, but known to 0.6 only.
+        With five facets nothing is uncertain. Lame: 0.809."""
+        for n, code in (2, 1), (5, 0):
+            self.write("p.geo", """Point(1) = {0,0,0}; Point(2) = {1,0,0}; Point(3) = {2.002,0,0}; Point(4) = {0,1,0};
+Point(5) = {0,2.002,0}; Line(1) = {2,3}; Circle(2) = {3,1,5}; Line(3) = {5,4}; Circle(4) = {4,1,2};
+Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
+Point(12) = {2,0,0}; Point(13) = {3,0,0}; Point(14) = {0,2,0}; Point(15) = {0,3,0}; Line(11) = {12,13};
+Circle(12) = {13,1,15}; Line(13) = {15,14}; Circle(14) = {14,1,12};
+Curve Loop(2) = {11:14}; Plane Surface(2) = {2};
+Transfinite Curve {2,4} = 9; Transfinite Curve {1,3,11,13} = 5; Transfinite Curve {12,14} = %d;
+Transfinite Surface {1,2}; Recombine Surface {1,2};
+Physical Surface("a") = {1}; Physical Surface("b") = {2}; Physical Curve("ax") = {1}; Physical Curve("ay") = {3};
+Physical Curve("bx") = {11}; Physical Curve("by") = {13}; Physical Curve("ao") = {2}; Physical Curve("bi") = {14};
+""" % (n + 1))
+            self.write("case.nml", "&scene mesh='p.geo', analysis='plane_strain' /\n" + SOFT + """
+&body name='a', volume='a', material='m' /
+&body name='b', volume='b', material='m' /
+&support body='a', surface='ax', fix='y' /
+&support body='a', surface='ay', fix='x' /
+&support body='b', surface='bx', fix='y' /
+&support body='b', surface='by', fix='x' /
+&contact name='c', surface_a='a:ao', surface_b='b:bi' /
+&solver theta=0 /""")
+            self.dotyk("case.nml", code=code)
+            contact = self.results("case.vtkhdf")["dotyk/contact/c"]
+            force, doubt = np.sum(contact["weight"][:] * contact["pressure"][:]), contact.attrs["force_uncertainty"]
+            if n == 2:
+                self.assertGreaterEqual(doubt, abs(force - 0.809))
+            else:
+                self.assertLess(doubt, 1e-6)
+                self.assertAlmostEqual(force, 0.809, delta=0.02)
+
 
 if __name__ == "__main__":
     dotyk_case.main()

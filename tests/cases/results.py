@@ -129,11 +129,12 @@ class Results(dotyk_case.Case):
         joint = own["contact/joint"]
         m = joint["weight"].shape[0]
         self.check_shapes(joint, {
-            **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap", "pressure",
+            **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap_uncertainty", "gap", "pressure",
                                               "pressure_projected")},
             **{name: ((m, 3), "f") for name in ("position", "normal")}})
         self.assertEqual(joint.attrs["force"].shape, (3,))
-        self.assertEqual(np.shape(joint.attrs["theta"]), ())
+        for name in ("theta", "force_uncertainty", "contact_area_uncertainty", "displacement_uncertainty"):
+            self.assertEqual(np.shape(joint.attrs[name]), (), name)
         normal = joint["normal"][:]
         # n = -n_b: into surface_b, which lies below.
         np.testing.assert_allclose(normal, np.eye(3)[[d - 1] * m] * -1, rtol=0, atol=1e-12)

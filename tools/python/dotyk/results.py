@@ -79,6 +79,7 @@ class Pair(Record):
     weight = _field('weight', 'Areas of the rows (n) [length^2]; in the plane per unit thickness, axisymmetric with 2 pi r.')
     theta = _field('theta', 'Penalty parameters of the rows (n) [length/pressure]; attributes["theta"] is that of the pair.')
     gap_initial = _field('gap_initial', 'Weighted gaps before deformation (n) [length], negative where the bodies overlap.')
+    gap_uncertainty = _field('gap_uncertainty', 'How uncertain the gaps are (n) [length].')
     gap = _field('gap', 'Weighted gaps after deformation (n) [length]; with theta > 0 negative under pressure.')
     pressure = _field('pressure', 'Lagrange multipliers (n) [pressure], positive in compression.')
     pressure_projected = _field('pressure_projected', 'Pressures projected on the slave surface (n) [pressure]: the values to look at.')

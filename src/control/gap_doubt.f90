@@ -1,0 +1,197 @@
+!> What hangs on gaps that the meshes do not tell exactly: how contact forces and displacements change where all gaps
+!> are smaller by their uncertainty, and, with several pairs, where every second one is greater instead.
+!>
+!> The scheme solves the QP again from its solution: the active set is nearly the same, and what it needs of the
+!> compliance is known.
+module dotyk_control_gap_doubt
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_body_solution, only: displacements_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_scheme_active_set, only: foundation_stiffness
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
+  use dotyk_scheme_stopping, only: solver_settings_t
+  implicit none
+  private
+
+  type, public :: gap_doubt_t  !! Of one pair; NaN where it is not known.
+    real(dp) :: uncertainty = 0  !! Uncertainty of its gaps where they matter: of rows that may be active [length].
+    real(dp) :: force = 0, force_change = 0  !! Sum of its contact forces, and its uncertainty [force].
+    real(dp) :: area_change = 0  !! Uncertainty of the area of its active rows [as the weights].
+    real(dp) :: moved_change = 0  !! Uncertainty of normal displacements of its sides against each other [length].
+    !> Both uncertainties as parts of the greatest force of all pairs and the greatest displacement of all bodies [].
+    real(dp) :: force_part = 0, moved_part = 0
+  end type gap_doubt_t
+
+  public :: find_gap_doubt, is_doubtful
+
+  !> Part of the greatest of the forces, or of the displacements, from which on their uncertainty makes the results
+  !> doubtful [].
+  real(dp), parameter :: doubtful_part = 0.5_dp
+  !> Part of the greatest force or displacement below which a rough estimate of its uncertainty is good enough: bodies
+  !> in contact are stiffer than their foundation, by the ratio of their size to that of the contact [].
+  real(dp), parameter :: negligible = 1.0e-3_dp
+  integer, parameter :: most_systems = 3  !! Linear systems of another solution at most: it is an estimate.
+
+contains
+
+  !> Whether the results hang on what is not known of the gaps.
+  pure logical function is_doubtful(doubt)
+    type(gap_doubt_t), intent(in) :: doubt(:)  !! Of all pairs (n_pairs).
+    is_doubtful = any(max(doubt%force_part, doubt%moved_part) > doubtful_part)
+  end function is_doubtful
+
+  !> Find it for all pairs.
+  subroutine find_gap_doubt(problem, qp, compliance, linear_solver, scheme, displacements, state, doubt)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator; entries that are formed stay there.
+    integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
+    class(scheme_t), intent(in) :: scheme  !! Scheme of the state.
+    type(displacements_t), intent(in) :: displacements  !! Displacements, where they are known.
+    type(solver_state_t), intent(in) :: state  !! The solution.
+    type(gap_doubt_t), allocatable, intent(out) :: doubt(:)  !! (n_pairs)
+    real(dp) :: shift(qp%n_rows), sign, moved
+    class(scheme_t), allocatable :: solver
+    integer :: k, pattern
+    allocate (doubt(size(problem%pair)))
+    if (all(state%ended /= [ended_converged, ended_stalled, ended_solves])) then
+      doubt%force_change = ieee_value(sign, ieee_quiet_nan)
+      doubt%area_change = doubt%force_change
+      doubt%moved_change = doubt%force_change
+      return
+    end if
+    shift = 0
+    do k = 1, size(doubt)
+      shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1) = problem%pair(k)%row_uncertainty()
+    end do
+    moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%y + qp%gap)]))
+    call estimate_roughly(qp, state, shift, doubt)
+    call find_parts(moved, doubt)
+    if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
+    doubt%force_change = 0
+    doubt%moved_change = 0
+    if (scheme%allows_zero_theta()) then
+      allocate (solver, source=scheme)
+    else
+      allocate (dual_t :: solver)
+    end if
+    do pattern = 1, merge(2, 1, size(doubt) > 1)
+      sign = -1
+      do k = 1, size(doubt)
+        associate (of_pair => shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
+          of_pair = sign*abs(of_pair)
+          ! Pairs whose gaps are exact are not counted.
+          if (pattern == 2 .and. any(abs(of_pair) > 0)) sign = -sign
+        end associate
+      end do
+      call compare(qp, compliance, linear_solver, solver, state, shift, doubt)
+    end do
+    call find_parts(moved, doubt)
+  end subroutine find_gap_doubt
+
+  !> Greatest component of all displacements, or else what is given [length].
+  real(dp) function greatest_displacement(problem, displacements, given) result(moved)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    type(displacements_t), intent(in) :: displacements  !! Their displacements, where they are known.
+    real(dp), intent(in) :: given  !! What is known without [length].
+    real(dp) :: greatest(1)
+    integer :: b
+    greatest = given
+    if (allocated(displacements%body)) then
+      do b = 1, size(displacements%body)
+        if (problem%ranks%is_own(b) .and. allocated(displacements%body(b)%displacement)) &
+          greatest = max(greatest, maxval(abs(displacements%body(b)%displacement)))
+      end do
+    end if
+    call problem%ranks%share_greatest(greatest)
+    moved = greatest(1)
+  end function greatest_displacement
+
+  !> Uncertainties as parts of the greatest values.
+  pure subroutine find_parts(moved, doubt)
+    real(dp), intent(in) :: moved  !! Greatest displacement [length].
+    type(gap_doubt_t), intent(inout) :: doubt(:)  !! (n_pairs)
+    doubt%force_part = doubt%force_change/max(tiny(moved), maxval(doubt%force))
+    doubt%moved_part = doubt%moved_change/max(tiny(moved), moved)
+  end subroutine find_parts
+
+  !> Forces of the solution, and their uncertainty where the bodies are a Winkler foundation: rows that are active, or
+  !> would be, have the stiffness that schemes begin with.
+  subroutine estimate_roughly(qp, state, shift, doubt)
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    type(solver_state_t), intent(in) :: state  !! The solution.
+    real(dp), intent(in) :: shift(:)  !! Uncertainty of the gaps (n_rows) [length].
+    type(gap_doubt_t), intent(inout) :: doubt(:)  !! (n_pairs)
+    real(dp) :: closed(qp%n_rows), force(qp%n_rows)
+    integer :: k
+    closed = max(0.0_dp, shift + min(0.0_dp, state%y))
+    force = foundation_stiffness(qp)*closed
+    do k = 1, size(doubt)
+      associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))
+        associate (w => qp%weight(first:last), m => state%m(first:last))
+          of%force = sum(w*m)
+          of%uncertainty = maxval([0.0_dp, pack(shift(first:last), m > 0)])
+          of%force_change = sum(force(first:last))
+          of%moved_change = maxval([0.0_dp, closed(first:last)])
+        end associate
+      end associate
+    end do
+  end subroutine estimate_roughly
+
+  !> Solve with other gaps, and compare.
+  subroutine compare(qp, compliance, linear_solver, solver, state, shift, doubt)
+    type(contact_qp_t), intent(in) :: qp  !! As in `find_gap_doubt`.
+    class(compliance_t), intent(inout) :: compliance  !! As in `find_gap_doubt`.
+    integer, intent(in) :: linear_solver  !! As in `find_gap_doubt`.
+    class(scheme_t), intent(in) :: solver  !! Solves the QP.
+    type(solver_state_t), intent(in) :: state  !! The solution.
+    real(dp), intent(in) :: shift(:)  !! Added to the gaps (n_rows) [length].
+    type(gap_doubt_t), intent(inout) :: doubt(:)  !! Changes become greater (n_pairs).
+    type(solver_settings_t) :: settings
+    type(contact_qp_t) :: shifted
+    type(solver_state_t) :: other
+    type(monitor_t) :: silent
+    type(error_t), allocatable :: error
+    integer :: k
+    settings%linear_solver = linear_solver
+    settings%tolerance = max(settings%tolerance, state%error_bound)
+    settings%max_iterations = state%history%n + most_systems
+    shifted = qp
+    call shifted%shift_gap(shift)
+    other = state
+    other%y = state%y - shift
+    call solver%solve(shifted, compliance, settings, silent, other, error)
+    if (allocated(error)) then
+      if (allocated(other%m)) deallocate (other%m)
+    else if (all(other%ended /= [ended_converged, ended_limit, ended_solves, ended_stalled]) .and. &
+             allocated(other%m)) then
+      deallocate (other%m)
+    end if
+    do k = 1, size(doubt)
+      associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))
+        associate (w => qp%weight(first:last), m => state%m(first:last), moved => state%y(first:last) + qp%gap(first:last))
+          if (.not. allocated(other%m)) then
+            of%force_change = ieee_value(of%force, ieee_quiet_nan)
+            of%area_change = of%force_change
+            of%moved_change = of%force_change
+          else if (.not. ieee_is_nan(of%force_change)) then
+            associate (m_2 => other%m(first:last))
+              of%force_change = max(of%force_change, abs(sum(w*m_2) - of%force))
+              of%area_change = max(of%area_change, abs(sum(w, mask=m_2 > 0) - sum(w, mask=m > 0)))
+              of%moved_change = max(of%moved_change, &
+                                       maxval([0.0_dp, abs(other%y(first:last) + shifted%gap(first:last) - moved)]))
+              of%uncertainty = maxval([of%uncertainty, pack(abs(shift(first:last)), m_2 > 0)])
+            end associate
+          end if
+        end associate
+      end associate
+    end do
+  end subroutine compare
+end module dotyk_control_gap_doubt
