@@ -131,8 +131,8 @@ contains
     list = pack([(i, i=1, n)], projection%status == projection_found)
     if (.not. any(list <= n - corners)) return
     gap = projection(list)%distance
-    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, bend, &
-                    uncertainty)
+    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, &
+                    bend, uncertainty)
     projection(list)%uncertainty = projection(list)%uncertainty + uncertainty
     projection(list)%distance = gap
     projection(list)%bend = bend
@@ -191,7 +191,8 @@ contains
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
-    !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, which changes [length].
+    !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, which changes
+    !> [length].
     real(dp), intent(out) :: uncertainty
     type(element_kind_t) :: properties
     real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)

@@ -86,8 +86,8 @@ contains
   end subroutine fit_slope
 
   !> How uncertain the surface is halfway between the vertex and others: by the slope that a fit of third order has in
-  !> the frame of the normal, and by the terms of second order that it does not confirm, as the vertices do not determine
-  !> the third power along the same axis.
+  !> the frame of the normal, and by the terms of second order that it does not confirm, as the vertices do not
+  !> determine the third power along the same axis.
   !>
   !> The smooth edge between vertices is off by s/8 where the tangents at both its ends rise by s over its length, and
   !> the middle of the chord of c s^2 by a quarter.
@@ -132,8 +132,8 @@ contains
     end do
   end subroutine uncertain_heights
 
-  !> (h/Q)^2 |grad Q|^2/4 with the terms Q of second order: h = Q (1 + this) on spheres, where it is h^2/(u^2+v^2), and on
-  !> cylinders of any direction [].
+  !> (h/Q)^2 |grad Q|^2/4 with the terms Q of second order: h = Q (1 + this) on spheres, where it is h^2/(u^2+v^2), and
+  !> on cylinders of any direction [].
   pure real(dp) function bending(dimension, coefficient, principal, q, h)
     integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
     real(dp), intent(in) :: coefficient(:)  !! Of first and second order [length].
@@ -144,7 +144,8 @@ contains
     c = 0
     c(:max(1, 3*(dimension - 2))) = coefficient(dimension:)
     quadratic = c(1)*q(1)**2 + c(2)*q(1)*q(2) + c(3)*q(2)**2
-    bending = sum(principal(:, 1)**2)*(c(1)*q(1) + c(2)*q(2)/2)**2 + sum(principal(:, 2)**2)*(c(3)*q(2) + c(2)*q(1)/2)**2
+    bending = sum(principal(:, 1)**2)*(c(1)*q(1) + c(2)*q(2)/2)**2 + &
+              sum(principal(:, 2)**2)*(c(3)*q(2) + c(2)*q(1)/2)**2
     ! Not along directions in which the surface is not curved.
     if (2*abs(quadratic) > abs(h)) bending = bending*(h/quadratic)**2
   end function bending

@@ -61,7 +61,8 @@ contains
     call geometry_b%init(division, x_b, surface_b, candidate_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i, smooth) &
-    !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, at_vertices, x, xi, projection)
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, at_vertices, x, xi, &
+    !$omp projection)
     do f = 1, surface_a%n_facets
       do i = offset(f) + 1, offset(f + 1)
         smooth = projection(i)

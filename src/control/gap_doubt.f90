@@ -176,7 +176,8 @@ contains
     end if
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))
-        associate (w => qp%weight(first:last), m => state%m(first:last), moved => state%y(first:last) + qp%gap(first:last))
+        associate (w => qp%weight(first:last), m => state%m(first:last), &
+                   moved => state%y(first:last) + qp%gap(first:last))
           if (.not. allocated(other%m)) then
             of%force_change = ieee_value(of%force, ieee_quiet_nan)
             of%area_change = of%force_change

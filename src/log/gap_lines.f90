@@ -32,7 +32,8 @@ contains
       if (doubt(k)%force_part > considerable) &
         line = ' contact force '//to_text(doubt(k)%force, 4)//', uncertain by '//to_text(doubt(k)%force_change, 2)
       if (doubt(k)%moved_part > considerable) line = &
-        line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '//to_text(doubt(k)%moved_change, 2)
+        line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
+        to_text(doubt(k)%moved_change, 2)
       call log%line('  uncertain        gaps of '//quoted(pair(k)%name)//' are known to '// &
                     to_text(doubt(k)%uncertainty, 2)//' only:'//line)
     end do

@@ -171,19 +171,22 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
     # Gaps that the meshes do not tell
 
     def round_on_flat(self, n, kind, n_round=80, round_is_slave=False, code=None, radius=2, down=0.02):
-        """Contact force of a stiff cylinder, in three dimensions a ball, on a block of n facets a side; its uncertainty,
-        and the exit code."""
+        """Contact force of a stiff cylinder, in three dimensions a ball, on a block of n facets a side; its
+        uncertainty, and the exit code."""
         d = 3 if kind.startswith(("hex", "tet")) else 2
         def cap(x):
             y = x.copy()
             y[:, -1] += (1 - x[:, -1]) * (radius - np.sqrt(radius**2 - np.sum(x[:, :-1]**2, axis=1)))
             return y
-        blocks = [grid.Block("up", *[grid.even(-1, 1, n_round)] * (d - 1), grid.even(0, 1, 2 if d == 3 else 8), shape=cap),
-                  grid.Block("low", *[grid.even(-1, 1, n)] * (d - 1), grid.even(-1, 0, 4 if d == 3 else max(4, n // 2)))]
+        blocks = [grid.Block("up", *[grid.even(-1, 1, n_round)] * (d - 1), grid.even(0, 1, 2 if d == 3 else 8),
+                             shape=cap),
+                  grid.Block("low", *[grid.even(-1, 1, n)] * (d - 1),
+                             grid.even(-1, 0, 4 if d == 3 else max(4, n // 2)))]
         grid.write_mesh(self.folder / "m.msh", blocks, kind)
         names = ["low:top", "up:bottom"][::-1 if round_is_slave else 1]
         fix, value = ("xyz", "0,0,") if d == 3 else ("xy", "0,")
-        self.write("case.nml", "&scene mesh='m.msh'%s /\n" % ("" if d == 3 else ", analysis='plane_strain'") + SOFT + """
+        plane = "" if d == 3 else ", analysis='plane_strain'"
+        self.write("case.nml", "&scene mesh='m.msh'%s /\n" % plane + SOFT + """
 &material name='w', young=1e6, poisson=0.3 /
 &body name='up', volume='up', material='w' /
 &body name='low', volume='low', material='m' /
@@ -196,8 +199,8 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         return np.sum(contact["weight"][:] * contact["pressure"][:]), contact.attrs["force_uncertainty"], text
 
     def test_uncertainty_covers_the_error(self):
-        """Facets in whose middle a cylinder touches: forces are wrong by up to all of it, and told to be. A fine mesh has
-        hardly an uncertainty."""
+        """Facets in whose middle a cylinder touches: forces are wrong by up to all of it, and told to be. A fine mesh
+        has hardly an uncertainty."""
         exact, doubt, text = self.round_on_flat(81, "quad8", code=0)
         self.assertLess(doubt, 0.01 * exact)
         self.assertNotIn("uncertain ", text)
@@ -220,8 +223,8 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         self.assertGreaterEqual(doubt, abs(force - 22.6))
 
     def test_curve_that_facets_do_not_determine(self):
-        """A quarter of a bush whose bore, a CAD face, has two facets: its arc is right, as it happens, but known to 0.6 only.
-        With five facets nothing is uncertain. Lame: 0.809."""
+        """A quarter of a bush whose bore, a CAD face, has two facets: its arc is right, as it happens, but known to 0.6
+        only. With five facets nothing is uncertain. Lame: 0.809."""
         for n, code in (2, 1), (5, 0):
             self.write("p.geo", """Point(1) = {0,0,0}; Point(2) = {1,0,0}; Point(3) = {2.002,0,0}; Point(4) = {0,1,0};
 Point(5) = {0,2.002,0}; Line(1) = {2,3}; Circle(2) = {3,1,5}; Line(3) = {5,4}; Circle(4) = {4,1,2};

@@ -9,6 +9,7 @@ import numpy as np
 
 import dotyk_case
 from blocks import block_geo, mesh
+import moved_scenes
 
 # The iteration stops at 1e-11 of the energy norm; displacements are then as near as this, relative to the largest.
 CLOSE = 1e-8
@@ -117,6 +118,17 @@ class Invariance(dotyk_case.Case):
     def test_quarter_turn(self):
         """Axes along axes: nothing but the order of the coordinates changes."""
         self.check_same(turn=np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+
+    def test_random_scenes(self):
+        """Turned, mirrored, renumbered, with other bodies first: 100 of them by tools/invariance.py."""
+        n_touching = 0
+        for seed in range(20):
+            scene = moved_scenes.Scene(seed)
+            with self.subTest(seed=seed, scene=str(scene)):
+                found = scene.differences(self.folder)
+                self.assertLess(max(found.values()), 1e-9, found)
+                n_touching += scene.run(self.folder)[1][0] > 1e-6
+        self.assertGreater(n_touching, 10)
 
     def test_translated(self):
         self.check_same(shift=(100.0, -50.0, 20.0))
