@@ -8,7 +8,8 @@
 #   runners   unit tests under pFUnit (CONTRIBUTING.md) and under the small runner: as many as the .pf files have, both times
 #   package   the Python package of tools/python installs by pip, and its tests pass with the h5py and numpy that pip finds
 #   slurm     tools/batch.slurm under a Slurm of its own on this machine (tests/slurm); skipped where Slurm is absent
-#   scenes    the examples of inputs/ under debug and under asan, built without tests: no trap, no bad access, no leak
+#   quick     small examples of inputs/ under debug, built without tests: a second build for each push
+#   scenes    all examples of inputs/ under debug and under asan, likewise: no trap, no bad access, no leak
 #   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
 #   asan      all tests with the address and undefined-behaviour sanitizers
 #   coverage  lines of src/ that the tests reach: build/coverage/coverage.html
@@ -16,7 +17,7 @@ set -uo pipefail
 
 tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$tools/.."
-parts=(lint werror api flang runners package slurm scenes debug asan coverage)
+parts=(lint werror api flang runners package slurm quick scenes debug asan coverage)
 
 # A Python environment with the tools of check_requirements.txt.
 environment() {
@@ -76,19 +77,25 @@ slurm() {
   PYTHONPATH=tests/support OMP_WAIT_POLICY=passive "$tools/python.sh" tests/slurm/jobs.py
 }
 
-# In copies, as many at once as there are cores.
-scenes() {
+# run_examples PRESET NAME...: examples in copies of their folders, as many at once as there are cores.
+run_examples() {
   "$tools/setup.sh" --run || return
-  local preset build
-  for preset in debug asan; do
-    build=$PWD/build/${preset}_scenes
-    cmake --preset $preset -B "$build" -DDOTYK_TESTS=OFF > "$build.log" 2>&1 || { tail -n 20 "$build.log"; return 1; }
-    cmake --build "$build" > "$build.log" 2>&1 || { tail -n 50 "$build.log"; return 1; }
-    rm -rf "$build/inputs" && cp -r inputs "$build"
-    find "$build/inputs" -name '*.nml' -print0 | sanitized xargs -0 -n 1 -P "$(nproc)" bash -c '
-      timeout 900 "$0" --quiet --threads 1 "$1" > "$1.log" 2>&1 && exit
-      echo "check: $1: exit code $?" >&2; tail -n 30 "$1.log" >&2; exit 1' "$build/dotyk" || return
-  done
+  local preset=$1 build=$PWD/build/$1_scenes
+  shift
+  cmake --preset "$preset" -B "$build" -DDOTYK_TESTS=OFF > "$build.log" 2>&1 || { tail -n 20 "$build.log"; return 1; }
+  cmake --build "$build" > "$build.log" 2>&1 || { tail -n 50 "$build.log"; return 1; }
+  rm -rf "$build/inputs" && cp -r inputs "$build"
+  find "${@/#/$build/inputs/}" -name '*.nml' -print0 | sanitized xargs -0 -n 1 -P "$(nproc)" bash -c '
+    timeout 900 "$0" --quiet --threads 1 "$1" > "$1.log" 2>&1 && exit
+    echo "check: $1: exit code $?" >&2; tail -n 30 "$1.log" >&2; exit 1' "$build/dotyk"
+}
+
+quick() {
+  run_examples debug bearing column composite conrod cylinder groove multilayer press_fit punch receding ssnv104 wavy
+}
+
+scenes() {
+  run_examples debug . && run_examples asan .
 }
 
 sanitized() {

@@ -22,8 +22,8 @@ module dotyk_control_slow_multigrid
   !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four
   !> cycles, those of trial, solution without contact and active sets, of 1e4 operations each.
   real(dp), parameter :: work_of_step = 4.0e4_dp
-  !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that are so.
-  real(dp), parameter :: dense_factors = 10, active = 0.5_dp
+  !> Operations of ten factors of the active rows in the corner spaces, half of the rows, over the cube of the rows.
+  real(dp), parameter :: work_of_rows = 0.4_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
   !> the operations of theirs, a tenth of the square of the unknowns.
   real(dp), parameter :: of_aggregates = 0.1_dp
@@ -42,7 +42,7 @@ contains
     type(factor_size_t), intent(inout) :: size_of(:)  !! Analysed; says which ones are slow on return (n_bodies).
     real(dp) :: flops, of_rows
     integer :: b
-    of_rows = n_cases*dense_factors*(active*n_rows)**3/3
+    of_rows = n_cases*work_of_rows*real(n_rows, dp)**3
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))

@@ -17,16 +17,15 @@ module dotyk_control_split_costs
 
   !> Iterations of a contact problem over those of the solution without contact.
   integer, parameter, public :: iterations_per_step = 5
-  !> Operations and entries of a factor of n unknowns, over n^2 and n^(4/3), for cubes: 14 to 19, and 22, of balls and
-  !> blocks of 76,000 to 230,000 unknowns; a fifth, and half, of a plate of four layers, as the compactness tells.
-  real(dp), parameter :: flops_per_square = 14, entries_per_power = 22
-  !> Operations of a factorization in the time of an iteration, set-ups included, per unknown: 34,000 to 229,000
-  !> unknowns.
-  real(dp), parameter :: work_of_iteration = 2.0e4_dp
-  !> Iterations that are no reason for factors; and the factor of the estimate: it is rough, and the work is lost.
-  real(dp), parameter :: always_allowed = 300, patience = 5
-  !> Stiffness of quadratic elements with the graph of its nodes, and an entry of a factor [bytes].
-  real(dp), parameter :: bytes_of_unknown = 1000, bytes_of_entry = 8
+  !> Iterations in five times the time of a factor, over the unknowns of a cube: its operations are 14 to 19 times the
+  !> square of the unknowns of balls and blocks of 76,000 to 230,000 unknowns, a fifth of that of a plate of four layers,
+  !> as the compactness tells, and 20,000 of them per unknown take the time of an iteration with its set-ups. The
+  !> estimate is rough, and the work is lost.
+  real(dp), parameter :: iterations_per_unknown = 3.5e-3_dp
+  integer, parameter :: always_allowed = 300  !! Iterations that are no reason for factors.
+  !> Stiffness of quadratic elements with the graph of its nodes, over the unknowns n; factor of a cube, 22 entries of 8
+  !> bytes over n^(4/3) [bytes].
+  real(dp), parameter :: bytes_of_unknown = 1000, bytes_of_power = 176
 
 contains
 
@@ -54,11 +53,11 @@ contains
   !> Iterations of conjugate gradients that take far longer than to factorize each body on one rank; the same on all.
   integer function iterations_worth_factors(body) result(n)
     type(body_t), intent(in) :: body(:)  !! Bodies in parts (n_bodies).
-    real(dp) :: flops(size(body)), of_iteration
-    flops = flops_per_square*real(body%n_unknowns(), dp)**2*compactness_of(body)**3
-    of_iteration = work_of_iteration*sum(real(body%n_unknowns(), dp))/n_ranks()
-    n = int(min(real(huge(1), dp)/2, &
-                max(always_allowed, patience*max(maxval(flops), sum(flops)/n_ranks())/max(of_iteration, 1.0_dp))))
+    real(dp) :: square(size(body)), of_rank
+    square = real(body%n_unknowns(), dp)**2*compactness_of(body)**3
+    of_rank = max(1.0_dp, sum(real(body%n_unknowns(), dp))/n_ranks())
+    n = max(always_allowed, int(min(real(huge(1), dp)/2, iterations_per_unknown* &
+                                    max(maxval(square), sum(square)/n_ranks())/of_rank)))
   end function iterations_worth_factors
 
   !> Whether the memory suffices for factors, each on one rank; the same on all ranks, which call it together.
@@ -67,7 +66,7 @@ contains
     type(memory_t) :: memory
     real(dp) :: bytes(size(body))
     bytes = bytes_of_unknown*body%n_unknowns() + &
-      bytes_of_entry*entries_per_power*real(body%n_unknowns(), dp)**(4.0_dp/3)*compactness_of(body)
+      bytes_of_power*real(body%n_unknowns(), dp)**(4.0_dp/3)*compactness_of(body)
     memory = memory_now()
     ! The ranks of a node share its memory.
     fit = .not. on_any_rank(memory%is_known .and. &

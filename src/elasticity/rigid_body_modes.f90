@@ -272,8 +272,8 @@ contains
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
     character(:), allocatable :: motion
-    real(dp) :: combined(6, size(amplitude, 2)), basis(6, 6)
-    integer :: p, k, j, n
+    real(dp) :: combined(6, size(amplitude, 2)), projector(6, 6), basis(6, 6), length(6)
+    integer :: p, k, j, n, order(6)
     !> Entries and singular values below this fraction of the largest one are errors of the mesh: facets turn axes by
     !> 1e-4 and more.
     real(dp), parameter :: small = 1.0e-2_dp
@@ -285,9 +285,17 @@ contains
           if (self%component(k) == p) combined(:, j) = combined(:, j) + amplitude(k, j)*self%coefficient(:, k)
         end do
       end do
-      where (abs(combined) <= small*maxval(abs(combined))) combined = 0
       call orthonormal_range(combined, small, basis, n)
       if (n == 0) cycle
+      ! The projector, its longest columns first, is the same for any combinations of the same span.
+      projector = matmul(basis(:, :n), transpose(basis(:, :n)))
+      where (abs(projector) <= small*maxval(abs(projector))) projector = 0
+      length = norm2(projector, dim=1)
+      do j = 1, 6
+        order(j) = maxloc(length, 1)
+        length(order(j)) = -1
+      end do
+      call orthonormal_range(projector(:, order), small, basis(:, :n), n)
       call describe_rigid_motions(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion, &
                                   on_contact=.true.)
       if (n == merge(6, 3, self%analysis == analysis_3d)) motion = 'any motion'

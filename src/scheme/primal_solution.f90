@@ -34,8 +34,9 @@ module dotyk_scheme_primal_solution
   !> How often a bound above the tolerance is followed by a more accurate solution.
   integer, parameter :: most_attempts = 5
   integer, parameter :: most_sets = 100  !! Active sets at most: where it converges, it takes a third of them.
-  !> Accuracy of the displacements that is asked for first, as a fraction of the tolerance; factor of the next one [].
-  real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
+  !> Accuracy of the displacements that is asked for, as a fraction of the tolerance, and the next one of the last one:
+  !> bounds are a few times the accuracy [].
+  real(dp), parameter :: share = 0.1_dp
   !> Accuracy that is asked for at least: forces of floating bodies balance their loads then [].
   real(dp), parameter :: least_accuracy = 1.0e-4_dp
 
@@ -89,7 +90,7 @@ contains
     call clear(state)
     held = qp
     limit = min(most_sets, settings%max_iterations)
-    accuracy = min(first_share*tolerance, least_accuracy)
+    accuracy = min(share*tolerance, least_accuracy)
     rounds: do round = 1, most_rounds
       if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (round == most_rounds .or. .not. is_worth_screening(working)) working = .true.
@@ -138,7 +139,7 @@ contains
         if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
         if (total%steps >= limit) exit rounds
         last = state%error_bound
-        accuracy = next_share*accuracy
+        accuracy = share*accuracy
         call monitor%step(state%history, tolerance, state%error_bound)
       end do
       if (.not. any(violated)) exit rounds

@@ -185,7 +185,7 @@ contains
     worst(7) = difference_of_ranks([part%mesh%diameter(), shortest_extent(part%mesh)])
     call greatest(worst)
     call note(name, is_good .and. all(worst <= accuracy) .and. .not. max(worst(5), worst(7)) > 0, worst)
-    if (.not. is_good .and. this_rank() == 0) write (output_unit, '(a)') text, text_of_part
+    if (.not. is_good) write (output_unit, '(a)') text, text_of_part
   end subroutine compare
 
   !> Bodies in parts are told from whole ones and from surfaces of bodies of other ranks.
