@@ -31,8 +31,8 @@ module dotyk_control_gap_doubt
 
   public :: find_gap_doubt, is_doubtful
 
-  !> Part of the greatest of the forces, or of the displacements, from which on their uncertainty makes the results
-  !> doubtful [].
+  !> Part of the greatest force from which on the uncertainty of a force makes the results doubtful []. Displacements
+  !> are told only: floating bodies on coarse facets move by more than their load moves them.
   real(dp), parameter :: doubtful_part = 0.5_dp
   !> Part of the greatest force or displacement below which a rough estimate of its uncertainty is good enough: bodies
   !> in contact are stiffer than their foundation, by the ratio of their size to that of the contact [].
@@ -44,7 +44,7 @@ contains
   !> Whether the results hang on what is not known of the gaps.
   pure logical function is_doubtful(doubt)
     type(gap_doubt_t), intent(in) :: doubt(:)  !! Of all pairs (n_pairs).
-    is_doubtful = any(max(doubt%force_part, doubt%moved_part) > doubtful_part)
+    is_doubtful = any(doubt%force_part > doubtful_part)
   end function is_doubtful
 
   !> Find it for all pairs.
@@ -186,8 +186,9 @@ contains
             associate (m_2 => other%m(first:last))
               of%force_change = max(of%force_change, abs(sum(w*m_2) - of%force))
               of%area_change = max(of%area_change, abs(sum(w, mask=m_2 > 0) - sum(w, mask=m > 0)))
-              of%moved_change = max(of%moved_change, &
-                                       maxval([0.0_dp, abs(other%y(first:last) + shifted%gap(first:last) - moved)]))
+              of%moved_change = maxval([of%moved_change, &
+                                        pack(abs(other%y(first:last) + shifted%gap(first:last) - moved), &
+                                             m > 0 .or. m_2 > 0)])
               of%uncertainty = maxval([of%uncertainty, pack(abs(shift(first:last)), m_2 > 0)])
             end associate
           end if

@@ -34,8 +34,13 @@ contains
       if (doubt(k)%moved_part > considerable) line = &
         line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
         to_text(doubt(k)%moved_change, 2)
-      call log%line('  uncertain        gaps of '//quoted(pair(k)%name)//' are known to '// &
-                    to_text(doubt(k)%uncertainty, 2)//' only:'//line)
+      if (doubt(k)%uncertainty > 0) then
+        call log%line('  uncertain        gaps of '//quoted(pair(k)%name)//' are known to '// &
+                      to_text(doubt(k)%uncertainty, 2)//' only:'//line)
+      else
+        call log%line('  uncertain        gaps of other pairs than '//quoted(pair(k)%name)//' are known to '// &
+                      to_text(maxval(doubt%uncertainty), 2)//' only: its'//line)
+      end if
     end do
     i = count(part > considerable) - most_lines
     if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
