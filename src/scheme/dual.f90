@@ -15,7 +15,6 @@ module dotyk_scheme_dual
   use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: rounding
-  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
     update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
@@ -31,7 +30,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: form_aggregate, join_qp, join_state, part_state, restrict_qp
+  use dotyk_scheme_restriction, only: form_aggregate, transformed_qp_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
@@ -100,7 +99,7 @@ contains
     !> came before there was a state.
     type(error_t), allocatable, intent(out) :: error
     type(active_system_t) :: system
-    type(contact_qp_t) :: part
+    type(transformed_qp_t) :: part
     type(history_t) :: earlier
     logical, allocatable :: working(:), violated(:)
     type(solver_settings_t) :: left
@@ -142,11 +141,10 @@ contains
       if (all(working)) then
         call solve_working_set(qp, compliance, left, monitor, system, warm, state, error)
       else
-        call restrict_qp(qp, working, part)
-        if (warm) state%m = pack(state%m, working)
-        if (warm) state%y = pack(state%y, working)
-        call solve_working_set(part, compliance, left, monitor, system, warm, state, error)
-        if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
+        call part%restrict(qp, working)
+        if (warm) call part%take(state)
+        call solve_working_set(part%qp, compliance, left, monitor, system, warm, state, error)
+        if (.not. allocated(error) .and. allocated(state%m)) call part%give_back(qp, compliance, state)
       end if
       call state%history%finish()
       call state%history%put_after(earlier)
@@ -207,22 +205,15 @@ contains
     class(monitor_t), intent(inout) :: monitor  !! As in `dual_solve`.
     type(solver_state_t), intent(inout) :: state  !! As in `dual_solve`.
     type(error_t), allocatable, intent(out) :: error  !! As in `dual_solve`.
-    type(contact_qp_t) :: joined
+    type(transformed_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
-    type(sparse_rows_t) :: fraction
-    real(dp), allocatable :: z(:), motion(:)
-    call join_qp(qp, joined, fraction)
-    call form_aggregate(joined, compliance, of_joined)
-    call join_state(fraction, state)
-    call self%solve(joined, of_joined, settings, monitor, state, error)
+    call joined%join(qp)
+    call form_aggregate(joined%qp, compliance, of_joined)
+    call joined%take(state)
+    call self%solve(joined%qp, of_joined, settings, monitor, state, error)
     if (allocated(error)) return
     if (state%rigid_row > 0) state%rigid_row = findloc(qp%seam%column, state%rigid_row, 1)
-    if (.not. allocated(state%m)) return
-    call part_state(qp, state)
-    allocate (z(qp%n_rows), motion(qp%n_rows))
-    call compliance%multiply(qp, qp%weight*state%m, z)
-    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
-    state%y = qp%initial_penetration - z + motion
+    if (allocated(state%m)) call joined%give_back(qp, compliance, state)
   end subroutine solve_joined
 
   !> A warm start may have pressures alone.
@@ -258,21 +249,6 @@ contains
     now%y = qp%initial_penetration + motion
     now%lambda = qp%weight/(qp%foundation + qp%theta)*max(0.0_dp, now%y)
   end subroutine begin_on_foundation
-
-  !> The state on all rows, from that on the working set.
-  subroutine complete(qp, compliance, working, state)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    logical, intent(in) :: working(:)  !! Working set (n_rows).
-    !> The start where it has pressures; the last iterate on return, with its history.
-    type(solver_state_t), intent(inout) :: state
-    real(dp), allocatable :: z(:), motion(:)
-    allocate (z(size(working)), motion(size(working)), source=0.0_dp)
-    state%m = unpack(state%m, working, z)
-    call compliance%multiply(qp, qp%weight*state%m, z)
-    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
-    state%y = unpack(state%y, working, qp%initial_penetration - z + motion)
-  end subroutine complete
 
   !> Solve with all rows of a QP in the working set.
   subroutine solve_working_set(qp, compliance, settings, monitor, system, warm, state, error)

@@ -16,8 +16,7 @@ module dotyk_scheme_multilevel_start
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_restriction, only: aggregate_compliance, aggregate_qp, aggregate_values, &
-    form_aggregate
+  use dotyk_scheme_restriction, only: form_aggregate, transformed_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
@@ -50,12 +49,12 @@ contains
     type(iterate_t), intent(out) :: now  !! The iterate.
     logical, intent(out) :: active(:)  !! Active set (n_rows).
     type(error_t), allocatable, intent(out) :: error  !! As in `find_active_set`, for the groups.
-    type(contact_qp_t) :: coarse
+    type(transformed_qp_t) :: coarse
     type(dense_compliance_t) :: of_groups
     type(iterate_t) :: start
     type(active_system_t) :: system
     integer, allocatable :: group(:)
-    real(dp), allocatable :: fraction(:), motion(:), indentation(:)
+    real(dp), allocatable :: motion(:), indentation(:)
     logical, allocatable :: all_rows(:)
     logical :: found
     integer :: n_groups
@@ -65,25 +64,25 @@ contains
     allocate (group(qp%n_rows))
     call group_rows(qp, group, n_groups)
     if (least_mean*n_groups > qp%n_rows) return
-    call aggregate_qp(qp, group, n_groups, coarse, fraction)
+    call coarse%aggregate(qp, group, n_groups)
     ! Mean normals may not carry what the rows carry.
     if (qp%coarse%n > 0) then
       allocate (motion(qp%coarse%n))
-      call find_unbounded_direction(coarse, motion, found)
+      call find_unbounded_direction(coarse%qp, motion, found)
       if (found) return
     end if
     allocate (all_rows(n_groups), source=.true.)
     if (compliance%is_formed(qp)) then
-      call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
-      call choose_coupling(coarse, of_groups, linear_solver_auto, all_rows, system)
-      call solve_groups(coarse, of_groups, system, start, indentation, error)
+      call coarse%compliance_of_groups(qp, compliance, of_groups)
+      call choose_coupling(coarse%qp, of_groups, linear_solver_auto, all_rows, system)
+      call solve_groups(coarse%qp, of_groups, system, start, indentation, error)
     else
-      call choose_coupling(coarse, compliance, linear_solver_auto, all_rows, system)
+      call choose_coupling(coarse%qp, compliance, linear_solver_auto, all_rows, system)
       if (system%needs_entries()) then
-        call form_aggregate(coarse, compliance, of_groups)
-        call solve_groups(coarse, of_groups, system, start, indentation, error)
+        call form_aggregate(coarse%qp, compliance, of_groups)
+        call solve_groups(coarse%qp, of_groups, system, start, indentation, error)
       else
-        call solve_groups(coarse, compliance, system, start, indentation, error)
+        call solve_groups(coarse%qp, compliance, system, start, indentation, error)
       end if
     end if
     call system%destroy()
@@ -93,7 +92,7 @@ contains
       return
     end if
     ! Distribute the forces of the groups.
-    now%lambda = start%lambda(group)*qp%weight/coarse%weight(group)
+    now%lambda = qp%weight*coarse%pressures(start%lambda/coarse%qp%weight)
     now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     now%alpha = start%alpha
     call update_penetrations(qp, compliance, now)

@@ -19,7 +19,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_primal_solution, only: presses_rigid_rows, solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
-  use dotyk_scheme_restriction, only: join_qp, join_state, part_state
+  use dotyk_scheme_restriction, only: transformed_qp_t
   use dotyk_scheme_scheme, only: reason_aggregates, reason_near_null_modes, reason_no_rows, &
     reason_none, reason_rigid_rows, scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves
@@ -191,20 +191,20 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `primal_solve`.
     type(primal_system_t), target :: system
     type(proximal_outcome_t) :: total
-    type(contact_qp_t) :: joined
-    type(sparse_rows_t) :: fraction
+    type(transformed_qp_t) :: joined
     real(dp), allocatable :: v(:)
     logical, allocatable :: is_rigid(:)
     system%compliance => compliance
     if (allocated(qp%seam)) then
-      call join_qp(qp, joined, fraction)
-      allocate (is_rigid(joined%n_rows))
-      call find_rigid_rows(joined, compliance, is_rigid)
-      call join_state(fraction, state)
-      call solve_by_displacements(system, joined, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
+      call joined%join(qp)
+      allocate (is_rigid(joined%qp%n_rows))
+      call find_rigid_rows(joined%qp, compliance, is_rigid)
+      call joined%take(state)
+      call solve_by_displacements(system, joined%qp, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
                                   error)
       if (allocated(error) .or. .not. allocated(state%m)) return
-      call part_state(qp, state)
+      state%m = joined%pressures(state%m)
+      deallocate (state%y)
       allocate (state%y(qp%n_rows))
       call system%find_penetrations(qp, v, state%y)
     else

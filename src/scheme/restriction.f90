@@ -1,7 +1,8 @@
-!> A contact QP on fewer rows: restricted to some of them, or with rows aggregated to groups.
+!> Transformations of a contact QP, and their ways back: restricted to some of its rows, with rows aggregated to groups,
+!> or with the pressures that are left at seams.
 !>
-!> A restriction leaves out rows that stay inactive; it has the same compliance operator. A group of an aggregation is
-!> one row: weighted mean gap and displacement of its rows, one force distributed over them by weight.
+!> All are one: the pressures of the rows are sums of other ones, which stand for weighted means of gaps and
+!> displacements. A restriction screens inactive rows; it has the same compliance operator.
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: rounding
@@ -14,81 +15,152 @@ module dotyk_scheme_restriction
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance, form_aggregate, join_qp, join_state, &
-    merge_bodies, part_state
+  public :: form_aggregate, merge_bodies, restrict_qp
 
   type, public :: index_list_t  !! Some rows.
     integer, allocatable :: value(:)  !! Their numbers.
   end type index_list_t
 
+  type, public :: transformed_qp_t  !! A QP in other pressures than another one.
+    type(contact_qp_t) :: qp  !! The QP.
+    !> Pressures of the rows of the other one from these, without entries for screened rows, and fractions of those rows
+    !> in the weights of these (n_rows of the other one, n_rows) [].
+    type(sparse_rows_t), private :: share, fraction
+  contains
+    procedure :: restrict => transformed_restrict
+    procedure :: aggregate => transformed_aggregate
+    procedure :: join => transformed_join
+    procedure :: compliance_of_groups => transformed_compliance_of_groups
+    procedure :: take => transformed_take
+    procedure :: pressures => transformed_pressures
+    procedure :: give_back => transformed_give_back
+  end type transformed_qp_t
 
 contains
 
-  !> The QP on some of its rows.
+  !> A QP on some of its rows, where there is no way back.
   subroutine restrict_qp(qp, keep, part)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     logical, intent(in) :: keep(:)  !! Rows to keep (n_rows).
     type(contact_qp_t), intent(out) :: part  !! The QP of these rows.
-    real(dp), allocatable :: fraction(:)
-    integer, allocatable :: group(:)
-    integer :: i, n
-    allocate (group(size(keep)), source=0)
-    n = count(keep)
-    group(pack([(i, i=1, size(keep))], keep)) = [(i, i=1, n)]
-    call join_groups(qp, group, n, part, fraction)
-    part%level = qp%level
-    part%parent_row = pack(qp%parent_row, keep)
+    type(transformed_qp_t) :: restricted
+    call restricted%restrict(qp, keep)
+    part = restricted%qp
   end subroutine restrict_qp
 
-  !> The QP on groups of its rows.
-  subroutine aggregate_qp(qp, group, n_groups, aggregated, fraction)
+  !> A QP on some of its rows.
+  subroutine transformed_restrict(self, qp, keep)
+    class(transformed_qp_t), intent(out) :: self
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    logical, intent(in) :: keep(:)  !! Rows to keep (n_rows).
+    integer :: i
+    call join_rows(qp, selection(unpack([(i, i=1, count(keep))], keep, 0), count(keep)), self)
+    self%qp%level = qp%level
+    self%qp%parent_row = pack(qp%parent_row, keep)
+  end subroutine transformed_restrict
+
+  !> A QP on groups of its rows.
+  subroutine transformed_aggregate(self, qp, group, n_groups)
+    class(transformed_qp_t), intent(out) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     integer, intent(in) :: group(:)  !! Group of each row; groups are numbered pair by pair (n_rows).
     integer, intent(in) :: n_groups  !! Number of groups.
-    type(contact_qp_t), intent(out) :: aggregated  !! The QP of the groups.
-    real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
+    call join_rows(qp, selection(group, n_groups), self)
+  end subroutine transformed_aggregate
+
+  !> The QP of the pressures that are left at seams (`seam`).
+  subroutine transformed_join(self, qp)
+    class(transformed_qp_t), intent(out) :: self
+    type(contact_qp_t), intent(in) :: qp  !! With seams.
+    integer :: b, k
+    call join_rows(qp, qp%seam, self)
+    ! Motions that move the rows of both sides in opposite directions, as a rotation moves the two rows of one vertex of
+    ! a polygon, leave rounding in their mean.
+    do b = 1, size(self%qp%block)
+      associate (mean => self%qp%coarse%block(b)%value, each => qp%coarse%block(b)%value)
+        do k = 1, size(mean, 2)
+          where (abs(mean(:, k)) < rounding*maxval(abs(each(:, k)))) mean(:, k) = 0
+        end do
+      end associate
+    end do
+  end subroutine transformed_join
+
+  !> A state of the rows of the other QP as a start.
+  subroutine transformed_take(self, state)
+    class(transformed_qp_t), intent(in) :: self
+    type(solver_state_t), intent(inout) :: state  !! The state.
+    real(dp) :: mean(self%qp%n_rows)
+    if (allocated(state%m)) then
+      call self%fraction%multiply_transposed(state%m, mean)
+      state%m = mean
+    end if
+    if (allocated(state%y)) then
+      call self%fraction%multiply_transposed(state%y, mean)
+      state%y = mean
+    end if
+  end subroutine transformed_take
+
+  !> The pressures of the rows of the other QP.
+  function transformed_pressures(self, pressure) result(of_rows)
+    class(transformed_qp_t), intent(in) :: self
+    real(dp), intent(in) :: pressure(:)  !! Those of this one (n_rows) [pressure].
+    real(dp) :: of_rows(self%share%n_rows)  !! [pressure]
+    call self%share%multiply(pressure, of_rows)
+  end function transformed_pressures
+
+  !> The state of the other QP from one of this one.
+  subroutine transformed_give_back(self, qp, compliance, state)
+    class(transformed_qp_t), intent(in) :: self
+    type(contact_qp_t), intent(in) :: qp  !! The other one.
+    class(compliance_t), intent(inout) :: compliance  !! Its compliance.
+    type(solver_state_t), intent(inout) :: state  !! The state.
+    real(dp) :: y(qp%n_rows), motion(qp%n_rows)
     integer :: i
-    call join_groups(qp, group, n_groups, aggregated, fraction)
-    aggregated%level = qp%level + 1
-    aggregated%parent_row = [(i, i=1, n_groups)]
-  end subroutine aggregate_qp
+    state%m = self%pressures(state%m)
+    call compliance%multiply(qp, qp%weight*state%m, y)
+    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
+    y = qp%initial_penetration - y + motion
+    ! Rows that are in both.
+    do i = 1, qp%n_rows
+      associate (k => self%share%row_start(i))
+        if (self%share%row_start(i + 1) /= k + 1) cycle
+        if (.not. self%fraction%value(k) < 1) y(i) = state%y(self%share%column(k))
+      end associate
+    end do
+    state%y = y
+  end subroutine transformed_give_back
 
   !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
-  subroutine aggregate_compliance(qp, compliance, group, fraction, aggregated, of_groups)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+  subroutine transformed_compliance_of_groups(self, qp, compliance, of_groups)
+    class(transformed_qp_t), intent(in) :: self
+    type(contact_qp_t), intent(in) :: qp  !! The QP of the rows.
     class(compliance_t), intent(in) :: compliance  !! Formed at the rows of `qp`.
-    integer, intent(in) :: group(:)  !! Group of each row (n_rows).
-    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
-    type(contact_qp_t), intent(in) :: aggregated  !! The QP of the groups.
-    type(dense_compliance_t), intent(out) :: of_groups  !! Their compliance.
+    type(dense_compliance_t), intent(out) :: of_groups  !! Compliance of the groups.
     integer, allocatable :: place_of(:)
-    real(dp), allocatable :: entries(:, :), half(:, :), value(:, :)
+    real(dp), allocatable :: entries(:, :), value(:, :)
     integer :: b, i, j, n
-    call of_groups%init(aggregated)
-    allocate (place_of(aggregated%n_rows))
+    call of_groups%init(self%qp)
+    allocate (place_of(self%qp%n_rows))
     do b = 1, size(qp%block)
-      associate (row => qp%block(b)%row, group_row => aggregated%block(b)%row)
+      ! Each row is in one group.
+      associate (row => qp%block(b)%row, group_row => self%qp%block(b)%row, fraction => self%fraction%value, &
+                 group => self%fraction%column)
         n = size(group_row)
         place_of(group_row) = [(i, i=1, n)]
         call compliance%get_entries(qp, b, row, entries)
-        allocate (half(n, size(row)), value(n, n), source=0.0_dp)
+        allocate (value(n, n), source=0.0_dp)
         do j = 1, size(row)
           do i = 1, size(row)
-            associate (at => place_of(group(row(i))))
-              half(at, j) = half(at, j) + fraction(row(i))*entries(i, j)
+            associate (of_both => value(place_of(group(row(i))), place_of(group(row(j)))))
+              of_both = of_both + fraction(row(i))*fraction(row(j))*entries(i, j)
             end associate
           end do
         end do
-        do j = 1, size(row)
-          associate (at => place_of(group(row(j))))
-            value(:, at) = value(:, at) + fraction(row(j))*half(:, j)
-          end associate
-        end do
-        call of_groups%set(aggregated, b, value)
-        deallocate (half, value)
+        call of_groups%set(self%qp, b, value)
+        deallocate (value)
       end associate
     end do
-  end subroutine aggregate_compliance
+  end subroutine transformed_compliance_of_groups
 
   !> The entries of groups whose rows have none.
   subroutine form_aggregate(aggregated, compliance, of_groups)
@@ -103,51 +175,6 @@ contains
       call of_groups%set(aggregated, b, entries(b)%value)
     end do
   end subroutine form_aggregate
-
-  !> The QP of the pressures that are left at seams (`seam`).
-  subroutine join_qp(qp, joined, fraction)
-    type(contact_qp_t), intent(in) :: qp  !! With seams.
-    type(contact_qp_t), intent(out) :: joined  !! The QP.
-    type(sparse_rows_t), intent(out) :: fraction  !! Fraction of each row in the weight of the joined ones [].
-    integer :: b, i, k
-    call join_rows(qp, qp%seam, joined, fraction)
-    joined%level = qp%level + 1
-    joined%parent_row = [(i, i=1, joined%n_rows)]
-    ! Motions that move the rows of both sides in opposite directions, as a rotation moves the two rows of one vertex of
-    ! a polygon, leave rounding in their mean.
-    do b = 1, size(joined%block)
-      associate (mean => joined%coarse%block(b)%value, each => qp%coarse%block(b)%value)
-        do k = 1, size(mean, 2)
-          where (abs(mean(:, k)) < rounding*maxval(abs(each(:, k)))) mean(:, k) = 0
-        end do
-      end associate
-    end do
-  end subroutine join_qp
-
-  !> A state of the rows as a start for the pressures that are left at seams.
-  subroutine join_state(fraction, state)
-    type(sparse_rows_t), intent(in) :: fraction  !! As in `join_qp`.
-    type(solver_state_t), intent(inout) :: state  !! The state.
-    real(dp) :: left(fraction%n_columns)
-    if (allocated(state%m)) then
-      call fraction%multiply_transposed(state%m, left)
-      state%m = left
-    end if
-    if (allocated(state%y)) then
-      call fraction%multiply_transposed(state%y, left)
-      state%y = left
-    end if
-  end subroutine join_state
-
-  !> The pressures of all rows from those that are left at seams.
-  subroutine part_state(qp, state)
-    type(contact_qp_t), intent(in) :: qp  !! With seams.
-    type(solver_state_t), intent(inout) :: state  !! The state; its penetrations are left to the caller.
-    real(dp) :: m(qp%n_rows)
-    call qp%seam%multiply(state%m, m)
-    state%m = m
-    if (allocated(state%y)) deallocate (state%y)
-  end subroutine part_state
 
   !> The QP in which groups of bodies are one body each, with the rigid body motions of the group. Its rows of B are
   !> empty: the compliance of the groups is known otherwise.
@@ -192,84 +219,70 @@ contains
     end associate
   end subroutine merge_bodies
 
-  !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
-  subroutine join_groups(qp, group, n_groups, joined, fraction)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
+  !> Each row has the pressure of its group.
+  pure function selection(group, n_groups) result(share)
+    integer, intent(in) :: group(:)  !! Group of each row, 0 where it has none (n_rows).
     integer, intent(in) :: n_groups  !! Number of groups.
-    type(contact_qp_t), intent(out) :: joined  !! The QP of the groups.
-    real(dp), allocatable, intent(out) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
-    type(sparse_rows_t) :: share, of_rows
+    type(sparse_rows_t) :: share  !! (n_rows, n_groups) [].
     integer :: i
     share%n_rows = size(group)
     share%n_columns = n_groups
-    allocate (share%row_start(size(group) + 1))
-    share%row_start(1) = 1
+    allocate (share%row_start(size(group) + 1), source=1)
     do i = 1, size(group)
       share%row_start(i + 1) = share%row_start(i) + merge(1, 0, group(i) > 0)
     end do
     share%column = pack(group, group > 0)
     share%value = [(1.0_dp, i=1, size(share%column))]
-    call join_rows(qp, share, joined, of_rows)
-    fraction = unpack(of_rows%value, group > 0, [(0.0_dp, i=1, size(group))])
-  end subroutine join_groups
+  end function selection
 
   !> The QP of other pressures, of which those of the rows are sums.
-  subroutine join_rows(qp, share, joined, fraction)
+  subroutine join_rows(qp, share, joined)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    !> Pressures of the rows from the other ones; no entries for rows that are left out (n_rows, n_joined) [].
-    type(sparse_rows_t), intent(in) :: share
-    type(contact_qp_t), intent(out) :: joined  !! The QP of the other pressures.
-    type(sparse_rows_t), intent(out) :: fraction  !! Fractions of the rows in the weights of these [].
+    type(sparse_rows_t), intent(in) :: share  !! As in `transformed_qp_t`.
+    class(transformed_qp_t), intent(inout) :: joined  !! The QP of the other pressures, of a level of its own.
     integer :: home(share%n_columns), i, k, b
-    associate (n => share%n_columns)
-      joined%n_rows = n
-      joined%dimension = qp%dimension
-      allocate (joined%is_tied(n), source=.false.)
-      allocate (joined%weight(n), joined%gap(n), joined%theta(n), joined%initial_penetration(n), &
-                joined%load_displacement(n), joined%foundation(n))
-      call share%multiply_transposed(qp%weight, joined%weight)
-      fraction = share
+    joined%share = share
+    joined%fraction = share
+    associate (n => share%n_columns, part => joined%qp, fraction => joined%fraction)
+      part%n_rows = n
+      part%dimension = qp%dimension
+      part%level = qp%level + 1
+      part%parent_row = [(i, i=1, n)]
+      part%weight = means(qp%weight)
+      part%is_tied = [(.false., i=1, n)]
       home = share%n_rows
       do i = share%n_rows, 1, -1
         do k = share%row_start(i), share%row_start(i + 1) - 1
           associate (j => share%column(k))
-            fraction%value(k) = share%value(k)*qp%weight(i)/joined%weight(j)
-            joined%is_tied(j) = qp%is_tied(i)
+            fraction%value(k) = share%value(k)*qp%weight(i)/part%weight(j)
+            part%is_tied(j) = qp%is_tied(i)
             ! Interpolated rows may be in pairs before.
             if (.not. share%value(k) < 1) home(j) = i
           end associate
         end do
       end do
-      call fraction%multiply_transposed(qp%gap, joined%gap)
-      call fraction%multiply_transposed(qp%theta, joined%theta)
-      call fraction%multiply_transposed(qp%initial_penetration, joined%initial_penetration)
-      call fraction%multiply_transposed(qp%load_displacement, joined%load_displacement)
-      call fraction%multiply_transposed(qp%foundation, joined%foundation)
+      part%gap = means(qp%gap)
+      part%theta = means(qp%theta)
+      part%initial_penetration = means(qp%initial_penetration)
+      part%load_displacement = means(qp%load_displacement)
+      part%foundation = means(qp%foundation)
+      part%pair_first_row = [(1 + count(home < qp%pair_first_row(k)), k=1, size(qp%pair_first_row))]
+      part%energy_0 = qp%energy_0
+      part%norm_square_0 = qp%norm_square_0
+      allocate (part%block(size(qp%block)))
+      do b = 1, size(qp%block)
+        call join_block(qp%block(b), fraction, part%block(b))
+      end do
+      call join_modes(qp, fraction, part%block, part%coarse)
     end associate
-    joined%pair_first_row = [(1 + count(home < qp%pair_first_row(k)), k=1, size(qp%pair_first_row))]
-    joined%energy_0 = qp%energy_0
-    joined%norm_square_0 = qp%norm_square_0
-    allocate (joined%block(size(qp%block)))
-    do b = 1, size(qp%block)
-      call join_block(qp%block(b), fraction, joined%block(b))
-    end do
-    call join_modes(qp, fraction, joined%block, joined%coarse)
+  contains
+    !> Sums of values of the rows by fractions.
+    function means(value) result(mean)
+      real(dp), intent(in) :: value(:)  !! (n_rows) [any].
+      real(dp) :: mean(share%n_columns)  !! Of the joined rows.
+      call joined%fraction%multiply_transposed(value, mean)
+    end function means
   end subroutine join_rows
-
-  !> Weighted means of values over groups.
-  pure function aggregate_values(group, n_groups, fraction, value) result(mean)
-    integer, intent(in) :: group(:)  !! Group of each row, 0 where it is not in the aggregation (n_rows).
-    integer, intent(in) :: n_groups  !! Number of groups.
-    real(dp), intent(in) :: fraction(:)  !! Fraction of each row in the weight of its group (n_rows) [].
-    real(dp), intent(in) :: value(:)  !! Values of the rows (n_rows) [any].
-    real(dp) :: mean(n_groups)  !! Of the groups (n_groups).
-    integer :: j
-    mean = 0
-    do j = 1, size(value)
-      if (group(j) > 0) mean(group(j)) = mean(group(j)) + fraction(j)*value(j)
-    end do
-  end function aggregate_values
 
   !> One body's rows of B, joined.
   subroutine join_block(fine, fraction, joined)
