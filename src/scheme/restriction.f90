@@ -1,8 +1,8 @@
 !> Transformations of a contact QP, and their ways back: restricted to some of its rows, with rows aggregated to groups,
 !> or with the pressures that are left at seams.
 !>
-!> All are one: the pressures of the rows are sums of other ones, which stand for weighted means of gaps and
-!> displacements. A restriction screens inactive rows; it has the same compliance operator.
+!> All are one: pressures of the original rows are sums of those of the transformed QP, whose gaps and displacements are
+!> weighted means of the original ones. A restriction screens inactive rows; it has the same compliance operator.
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: rounding
@@ -21,10 +21,10 @@ module dotyk_scheme_restriction
     integer, allocatable :: value(:)  !! Their numbers.
   end type index_list_t
 
-  type, public :: transformed_qp_t  !! A QP in other pressures than another one.
-    type(contact_qp_t) :: qp  !! The QP.
-    !> Pressures of the rows of the other one from these, without entries for screened rows, and fractions of those rows
-    !> in the weights of these (n_rows of the other one, n_rows) [].
+  type, public :: transformed_qp_t  !! A QP, and how its pressures make up those of the original QP.
+    type(contact_qp_t) :: qp  !! The transformed QP.
+    !> Pressures of the original rows from those of this QP, without entries for screened rows, and fractions of the
+    !> original rows in the weights of its rows (n_original, n_rows) [].
     type(sparse_rows_t), private :: share, fraction
   contains
     procedure :: restrict => transformed_restrict
@@ -85,7 +85,7 @@ contains
     end do
   end subroutine transformed_join
 
-  !> A state of the rows of the other QP as a start.
+  !> A state of the original QP as a start.
   subroutine transformed_take(self, state)
     class(transformed_qp_t), intent(in) :: self
     type(solver_state_t), intent(inout) :: state  !! The state.
@@ -100,18 +100,18 @@ contains
     end if
   end subroutine transformed_take
 
-  !> The pressures of the rows of the other QP.
+  !> The pressures of the original rows.
   function transformed_pressures(self, pressure) result(of_rows)
     class(transformed_qp_t), intent(in) :: self
-    real(dp), intent(in) :: pressure(:)  !! Those of this one (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Those of the transformed QP (n_rows) [pressure].
     real(dp) :: of_rows(self%share%n_rows)  !! [pressure]
     call self%share%multiply(pressure, of_rows)
   end function transformed_pressures
 
-  !> The state of the other QP from one of this one.
+  !> The state of the original QP from one of the transformed QP.
   subroutine transformed_give_back(self, qp, compliance, state)
     class(transformed_qp_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! The other one.
+    type(contact_qp_t), intent(in) :: qp  !! The original QP.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance.
     type(solver_state_t), intent(inout) :: state  !! The state.
     real(dp) :: y(qp%n_rows), motion(qp%n_rows)
@@ -235,11 +235,11 @@ contains
     share%value = [(1.0_dp, i=1, size(share%column))]
   end function selection
 
-  !> The QP of other pressures, of which those of the rows are sums.
+  !> The QP of pressures of which those of the original rows are sums.
   subroutine join_rows(qp, share, joined)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(sparse_rows_t), intent(in) :: share  !! As in `transformed_qp_t`.
-    class(transformed_qp_t), intent(inout) :: joined  !! The QP of the other pressures, of a level of its own.
+    class(transformed_qp_t), intent(inout) :: joined  !! The transformed QP, of a level of its own.
     integer :: home(share%n_columns), i, k, b
     joined%share = share
     joined%fraction = share
