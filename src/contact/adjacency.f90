@@ -15,6 +15,7 @@ module dotyk_contact_adjacency
     integer, allocatable :: facet(:)
   contains
     procedure :: init => adjacency_init
+    procedure :: facets_at => adjacency_facets_at
   end type adjacency_t
 
 contains
@@ -70,6 +71,31 @@ contains
       end do
     end do
   end subroutine adjacency_init
+
+  !> Facets that share a point on edges of a facet, ascending, the facet itself included.
+  pure subroutine adjacency_facets_at(self, corners, facet, n_edges, edges, shared, vertex)
+    class(adjacency_t), intent(in) :: self
+    integer, intent(in) :: corners  !! Number of corners of the facet.
+    integer, intent(in) :: facet  !! Facet number.
+    integer, intent(in) :: n_edges  !! Number of its edges that contain the point, 0 to 2; of a line its end points.
+    integer, intent(in) :: edges(2)  !! These edges, ascending (2).
+    integer, allocatable, intent(out) :: shared(:)  !! The facets (n).
+    integer, intent(out) :: vertex  !! The vertex, 0 where the point is none.
+    integer :: corner, other
+    vertex = 0
+    if (n_edges == 2 .or. (n_edges == 1 .and. corners == 2)) then
+      ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1; a line ends at corner i.
+      corner = edges(n_edges)
+      if (corners > 2 .and. edges(1) == 1 .and. corner == corners) corner = 1
+      vertex = self%vertex(corner, facet)
+      shared = self%facet(self%start(vertex):self%start(vertex + 1) - 1)
+    else
+      other = 0
+      if (n_edges == 1) other = self%neighbour(edges(1), facet)
+      shared = [facet]
+      if (other > 0) shared = [min(facet, other), max(facet, other)]
+    end if
+  end subroutine adjacency_facets_at
 
   !> First other facet at vertex a that has vertex b too; for lines, the first other facet at vertex a. 0 if there is
   !> none.

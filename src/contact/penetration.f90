@@ -14,6 +14,7 @@ module dotyk_contact_penetration
     real(dp) :: unresolved = 0
     real(dp) :: unresolved_position(3) = 0  !! Its position after deformation (3) [length].
   contains
+    procedure :: add => penetration_add
     procedure :: keep_unresolved => penetration_keep_unresolved
     procedure :: outweighs => penetration_outweighs
   end type penetration_t
@@ -21,6 +22,19 @@ module dotyk_contact_penetration
   real(dp), parameter, public :: same_depth = 1.0e-9_dp  !! Depths that differ by less, relative to them, are the same.
 
 contains
+
+  !> Add the points of another one.
+  pure subroutine penetration_add(self, other)
+    class(penetration_t), intent(inout) :: self
+    class(penetration_t), intent(in) :: other  !! The other one.
+    self%n_nodes = self%n_nodes + other%n_nodes
+    self%n_edges = self%n_edges + other%n_edges
+    self%n_passed = self%n_passed + other%n_passed
+    call self%keep_unresolved(other%unresolved, other%unresolved_position)
+    if (.not. other%depth > (1 + same_depth)*self%depth) return
+    self%depth = other%depth
+    self%position = other%position
+  end subroutine penetration_add
 
   !> Whether a penetration is deeper than another one, or as deep but for rounding, and with more nodes.
   pure logical function penetration_outweighs(self, other) result(outweighs)

@@ -122,14 +122,15 @@ contains
     real(dp), intent(inout) :: normal(3)  !! Normal of the facet there (3) [].
     logical, intent(out) :: ridge  !! More than one facet at the closest point faces x.
     logical, intent(out) :: inside  !! x projects inside the union of the facets.
-    integer :: around(max_around), kept(max_around), n_around, n_kept, i, k, other, n_on, on(2), best
+    integer, allocatable :: around(:)
+    integer :: kept(max_around), vertex, n_kept, i, k, other, n_on, on(2), best
     real(dp) :: xi_at(2, max_around), position_at(3, max_around), normal_at(3, max_around), facing(max_around)
     real(dp) :: xu(3, max_around), xv(3, max_around), square
     real(dp) :: closest_xi(2), closest(3), unused_normal(3), unused_u(3), unused_v(3)
-    call facets_at(self%adjacency, self%set%corners(facet), facet, n_edges, edges, n_around, around)
+    call self%adjacency%facets_at(self%set%corners(facet), facet, n_edges, edges, around, vertex)
     n_kept = 0
     inside = .true.
-    do i = 1, n_around
+    do i = 1, min(max_around, size(around))
       k = n_kept + 1
       if (around(i) == facet) then
         xi_at(:, k) = xi
@@ -171,36 +172,6 @@ contains
     position = position_at(:, best)
     normal = normal_at(:, best)
   end subroutine resolve_edge
-
-  !> Facets that share the edge or the corner on which a closest point lies, ascending, the facet itself included.
-  pure subroutine facets_at(adjacency, corners, facet, n_edges, edges, n, around)
-    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
-    integer, intent(in) :: corners  !! Number of corners of the facet.
-    integer, intent(in) :: facet  !! Facet number.
-    integer, intent(in) :: n_edges  !! Number of edges of the facet that contain the point, 1 or 2.
-    integer, intent(in) :: edges(2)  !! These edges (2).
-    integer, intent(out) :: n  !! Number of facets.
-    integer, intent(out) :: around(max_around)  !! Facets (max_around); the first n are set.
-    integer :: corner, other, vertex
-    around = 0
-    if (n_edges == 1) then
-      other = adjacency%neighbour(edges(1), facet)
-      if (other == 0) then
-        n = 1
-        around(1) = facet
-      else
-        n = 2
-        around(1:2) = [min(facet, other), max(facet, other)]
-      end if
-    else
-      ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1.
-      corner = edges(2)
-      if (edges(1) == 1 .and. edges(2) == corners) corner = 1
-      vertex = adjacency%vertex(corner, facet)
-      n = min(max_around, adjacency%start(vertex + 1) - adjacency%start(vertex))
-      around(1:n) = adjacency%facet(adjacency%start(vertex):adjacency%start(vertex) + n - 1)
-    end if
-  end subroutine facets_at
 
   !> Unit vector in the tangent plane that points out of a facet across an edge.
   pure function conormal(corners, edge, xu, xv, normal) result(m)

@@ -256,22 +256,9 @@ contains
     real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
     integer, allocatable, intent(out) :: shared(:)  !! The facets (n).
     integer, intent(out) :: vertex  !! The vertex, 0 where the point is none.
-    integer :: n, edges(2), corner, corners
-    corners = self%set%corners(facet)
-    vertex = 0
-    call edges_at(corners, xi, edge_tolerance, n, edges)
-    if (n == 0) then
-      shared = [facet]
-    else if (n == 1 .and. corners > 2) then
-      shared = [facet, self%adjacency%neighbour(edges(1), facet)]
-      shared = pack(shared, shared > 0)
-    else
-      ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1; a line ends at corner i.
-      corner = edges(min(n, 2))
-      if (corners > 2 .and. edges(1) == 1 .and. edges(2) == corners) corner = 1
-      vertex = self%adjacency%vertex(corner, facet)
-      shared = self%adjacency%facet(self%adjacency%start(vertex):self%adjacency%start(vertex + 1) - 1)
-    end if
+    integer :: n, edges(2)
+    call edges_at(self%set%corners(facet), xi, edge_tolerance, n, edges)
+    call self%adjacency%facets_at(self%set%corners(facet), facet, n, edges, shared, vertex)
   end subroutine solid_facets_at
 
   !> Facets around some nodes, not each once (n).

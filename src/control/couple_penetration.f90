@@ -1,6 +1,5 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
 module dotyk_control_couple_penetration
-  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
@@ -14,11 +13,11 @@ module dotyk_control_couple_penetration
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_control_shared_interior, only: find_shared_interior
-  use dotyk_linalg_dense, only: solve_dense
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_mean_rotation, only: mean_rotation
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
@@ -192,9 +191,8 @@ contains
     type(parts_t), intent(in) :: parts_b  !! Parts of the second body.
     real(dp), intent(out) :: moved  !! Largest displacement beside the common motion [length].
     real(dp), intent(out) :: rounding  !! Rounding of the coordinates before and after deformation [length].
-    type(error_t), allocatable :: error
     real(dp), allocatable :: x(:, :), u(:, :)
-    real(dp) :: inertia(3, 3), rotation(3, 1)
+    real(dp) :: rotation(3)
     integer :: i
     allocate (x(3, 0), u(3, 0))
     call append(parts_a%part)
@@ -205,19 +203,9 @@ contains
     rounding = coordinate_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
     x = x - spread(sum(x, dim=2)/size(x, 2), 2, size(x, 2))
     u = u - spread(sum(u, dim=2)/size(u, 2), 2, size(u, 2))
-    inertia = -matmul(x, transpose(x))
-    rotation = 0
-    do i = 1, 3
-      inertia(i, i) = inertia(i, i) + sum(x**2)
-    end do
+    rotation = mean_rotation(x, u)
     do i = 1, size(x, 2)
-      rotation(:, 1) = rotation(:, 1) + cross(x(:, i), u(:, i))
-    end do
-    ! Singular for points on a line: these have no rotation to take away.
-    call solve_dense(inertia, rotation, error)
-    if (allocated(error)) rotation = 0
-    do i = 1, size(x, 2)
-      moved = max(moved, norm2(u(:, i) - cross(rotation(:, 1), x(:, i))))
+      moved = max(moved, norm2(u(:, i) - cross(rotation, x(:, i))))
     end do
 
   contains
@@ -265,17 +253,6 @@ contains
       depth(p%node) = max(depth(p%node), own)
       !$omp end critical (penetration_of_body)
     end if
-    call here%keep_unresolved(worst%unresolved, worst%unresolved_position)
-    here%n_nodes = here%n_nodes + worst%n_nodes
-    here%n_edges = here%n_edges + worst%n_edges
-    here%n_passed = here%n_passed + worst%n_passed
-    if (here%outweighs(worst)) then
-      worst = here
-    else
-      worst%n_nodes = here%n_nodes
-      worst%n_edges = here%n_edges
-      worst%n_passed = here%n_passed
-      call worst%keep_unresolved(here%unresolved, here%unresolved_position)
-    end if
+    call worst%add(here)
   end subroutine check_parts
 end module dotyk_control_couple_penetration

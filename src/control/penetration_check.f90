@@ -47,7 +47,7 @@ module dotyk_control_penetration_check
     procedure :: deepest_unresolved => check_deepest_unresolved
   end type penetration_check_t
 
-  public :: body_penetration_t, check_couples, check_penetration
+  public :: body_penetration_t, check_penetration, find_initial_overlap
 
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
   integer, parameter :: many = 4
@@ -55,6 +55,8 @@ module dotyk_control_penetration_check
   integer, parameter :: most_at_once = 2048
   !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
   real(dp), parameter :: least_divided = 1000
+  !> Overlaps below this fraction of the diameter of the smaller body, before loading, are those of meshes [].
+  real(dp), parameter :: least_overlap = 1.0e-3_dp
 
 contains
 
@@ -81,14 +83,38 @@ contains
     end if
   end function check_deepest_unresolved
 
+  !> Find bodies in no contact pair that overlap before they are loaded: parts of an assembly in the wrong place.
+  !>
+  !> The search for pairs takes overlaps of a few percent of a body for interference; pairs show their smallest gap.
+  subroutine find_initial_overlap(problem, found)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs, with what the search for pairs found.
+    !> Couples of bodies, the deepest first, without those that the search names (n_found).
+    type(body_penetration_t), allocatable, intent(out) :: found(:)
+    type(body_solution_t) :: at_rest(size(problem%body))
+    type(penetration_check_t) :: check
+    integer :: b, k
+    do b = 1, size(problem%body)
+      allocate (at_rest(b)%displacement, mold=problem%body(b)%mesh%x)
+      at_rest(b)%displacement = 0
+    end do
+    call check_penetration(problem, at_rest, [(1, k=0, size(problem%pair))], [real(dp) ::], 0.0_dp, check, &
+                           beside_pairs=.true.)
+    associate (of_body => check%found%body, other => check%found%other)
+      found = pack(check%found, [(check%found(k)%worst%depth > least_overlap* &
+                                  min(problem%body(of_body(k))%mesh%diameter(), &
+                                      problem%body(other(k))%mesh%diameter()), k=1, size(check%found))])
+    end associate
+  end subroutine find_initial_overlap
+
   !> Check all bodies.
-  subroutine check_penetration(problem, solution, first_row, y, error_bound, check)
+  subroutine check_penetration(problem, solution, first_row, y, error_bound, check, beside_pairs)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
     real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
     type(penetration_check_t), intent(out) :: check  !! Outcome.
+    logical, intent(in), optional :: beside_pairs  !! Only different bodies that no contact pair has; not if absent.
     integer, allocatable :: couple(:, :)
     real(dp) :: box(6, size(problem%body))
     integer :: b, k
@@ -105,10 +131,21 @@ contains
       call problem%ranks%share_greatest(box(k, :))
     end do
     call overlapping_boxes(-box(:3, :), box(4:, :), couple)
-    ! Where meshes of a tied surface do not fit, they overlap for good.
-    couple = couple(:, pack([(k, k=1, size(couple, 2))], &
-                            [(.not. problem%are_tied(couple(1, k), couple(2, k)), k=1, size(couple, 2))]))
+    couple = couple(:, pack([(k, k=1, size(couple, 2))], [(counts(couple(1, k), couple(2, k)), k=1, size(couple, 2))]))
     call check_couples(problem, solution, first_row, y, error_bound, couple, check)
+
+  contains
+
+    !> Whether two bodies are checked.
+    logical function counts(a, c)
+      integer, intent(in) :: a  !! Index of a body.
+      integer, intent(in) :: c  !! Index of the other body, not lower.
+      ! Where meshes of a tied surface do not fit, they overlap for good.
+      counts = .not. problem%are_tied(a, c)
+      if (present(beside_pairs)) &
+        counts = counts .and. a /= c .and. .not. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
+                                                     max(problem%pair%body_a, problem%pair%body_b) == c)
+    end function counts
   end subroutine check_penetration
 
   !> Check some couples of bodies.

@@ -3,8 +3,7 @@ module dotyk_driver_penetration
   use dotyk_base_memory, only: set_stage
   use dotyk_contact_met_points, only: is_same, met_point_t
   use dotyk_control_contact_solution, only: contact_solution_t
-  use dotyk_control_initial_overlap, only: find_initial_overlap
-  use dotyk_control_penetration_check, only: body_penetration_t, check_penetration
+  use dotyk_control_penetration_check, only: body_penetration_t, check_penetration, find_initial_overlap
   use dotyk_driver_scene, only: scene_t
   use dotyk_log_large_motion, only: show_large_motion
   use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_met_points, show_penetration

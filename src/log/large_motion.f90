@@ -7,6 +7,7 @@ module dotyk_log_large_motion
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_mean_rotation, only: mean_rotation
   implicit none
   private
   public :: show_large_motion
@@ -33,7 +34,7 @@ contains
       associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
         ratio(b) = maxval(norm2(u, dim=1))/norm2(maxval(x, 2) - minval(x, 2))
         ! Of a part of a body the rotation of the part: parts of a body turn with it.
-        angle(b) = mean_rotation(x, u)
+        angle(b) = norm2(mean_rotation(x, u))
         stretch(b) = largest_stretch(problem%body(b)%mesh, u)
       end associate
     end do
@@ -89,47 +90,4 @@ contains
     text = ''
     if (n > 0) text = ' ('//counted(n, 'body', 'bodies')//' more, less)'
   end function others
-
-  !> Mean rotation of nodes about their centre, by least squares [rad].
-  pure real(dp) function mean_rotation(x, u) result(angle)
-    real(dp), intent(in) :: x(:, :)  !! Nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)  !! Their displacements (dimension, n_nodes) [length].
-    real(dp) :: centre(3), mean(3), r(3), v(3), inertia(3, 3), moment(3), omega(3), determinant
-    integer :: i, j, d
-    d = size(x, 1)
-    centre = 0
-    mean = 0
-    centre(1:d) = sum(x, 2)/size(x, 2)
-    mean(1:d) = sum(u, 2)/size(u, 2)
-    inertia = 0
-    moment = 0
-    r = 0
-    v = 0
-    do i = 1, size(x, 2)
-      r(1:d) = x(:, i) - centre(1:d)
-      v(1:d) = u(:, i) - mean(1:d)
-      do j = 1, 3
-        inertia(:, j) = inertia(:, j) - r*r(j)
-        inertia(j, j) = inertia(j, j) + dot_product(r, r)
-      end do
-      moment = moment + [r(2)*v(3) - r(3)*v(2), r(3)*v(1) - r(1)*v(3), r(1)*v(2) - r(2)*v(1)]
-    end do
-    if (d == 2) then
-      angle = abs(moment(3))/max(inertia(3, 3), tiny(angle))
-      return
-    end if
-    ! Cramer's rule; a body in three dimensions has a regular matrix.
-    determinant = triple(inertia(:, 1), inertia(:, 2), inertia(:, 3))
-    omega = [triple(moment, inertia(:, 2), inertia(:, 3)), triple(inertia(:, 1), moment, inertia(:, 3)), &
-             triple(inertia(:, 1), inertia(:, 2), moment)]
-    angle = norm2(omega)/max(abs(determinant), tiny(angle))
-  end function mean_rotation
-
-  !> Triple product.
-  pure real(dp) function triple(a, b, c)
-    real(dp), intent(in) :: a(3)  !! First vector (3) [any].
-    real(dp), intent(in) :: b(3)  !! Second vector (3) [any].
-    real(dp), intent(in) :: c(3)  !! Third vector (3) [any].
-    triple = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
-  end function triple
 end module dotyk_log_large_motion
