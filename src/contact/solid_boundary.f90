@@ -81,6 +81,7 @@ contains
       surface%n_facets = n
       surface%order_elevated = boundary%order_elevated
       surface%kind = boundary%kind(chosen)
+      if (allocated(boundary%entity)) surface%entity = boundary%entity(chosen)
       allocate (surface%node(max_facet_nodes, n), number(0:size(x, 2)))
       number = 0
       do f = 1, n

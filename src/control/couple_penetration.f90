@@ -13,7 +13,7 @@ module dotyk_control_couple_penetration
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_control_shared_interior, only: find_shared_interior
-  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_body_mesh, only: connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
@@ -49,24 +49,59 @@ module dotyk_control_couple_penetration
 contains
 
   !> Boundaries of the parts of a body.
-  subroutine split_parts(b, mesh, displacement, parts)
+  subroutine split_parts(b, problem, pairs, displacement, parts)
     integer, intent(in) :: b  !! Index of the body.
-    type(body_mesh_t), intent(in) :: mesh  !! Its mesh.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     real(dp), intent(in) :: displacement(:, :)  !! Displacements of its nodes (dimension, n_nodes) [length].
     type(parts_t), intent(out) :: parts  !! Its parts.
     type(surface_t) :: boundary
-    integer, allocatable :: component(:), of_facet(:)
+    integer, allocatable :: component(:), of_facet(:), list(:)
     integer :: n, k, f
-    call extract_boundary(mesh, boundary)
-    allocate (component(mesh%n_nodes()))
-    call connected_components(mesh, component, n)
-    allocate (parts%part(n), parts%swept(n))
-    of_facet = component(boundary%node(1, :))
-    do k = 1, n
-      call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
-      call parts%swept(k)%init(parts%part(k))
-    end do
+    associate (mesh => problem%body(b)%mesh)
+      call extract_boundary(mesh, boundary)
+      allocate (component(mesh%n_nodes()))
+      call connected_components(mesh, component, n)
+      allocate (boundary%entity(boundary%n_facets), source=0)
+      list = pairs%of(b)
+      do k = 1, size(list)
+        if (problem%pair(list(k))%body_a == b) call take_entities(problem%surface_a(list(k)), mesh%n_nodes(), boundary)
+        if (problem%pair(list(k))%body_b == b) call take_entities(problem%surface_b(list(k)), mesh%n_nodes(), boundary)
+      end do
+      allocate (parts%part(n), parts%swept(n))
+      of_facet = component(boundary%node(1, :))
+      do k = 1, n
+        call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+        call parts%swept(k)%init(parts%part(k))
+      end do
+    end associate
   end subroutine split_parts
+
+  !> Give facets of a boundary the geometric entities that a contact surface knows: what is smooth to the contact is so
+  !> to its check.
+  pure subroutine take_entities(surface, n_nodes, boundary)
+    type(surface_t), intent(in) :: surface  !! The contact surface.
+    integer, intent(in) :: n_nodes  !! Number of nodes of the body.
+    type(surface_t), intent(inout) :: boundary  !! The boundary; entities are set.
+    integer :: lowest(n_nodes), next(boundary%n_facets), f, g, k
+    if (.not. allocated(surface%entity)) return
+    ! Facets of the boundary by their lowest node.
+    lowest = 0
+    do f = 1, boundary%n_facets
+      k = minval(boundary%node(:kind_nodes(boundary%kind(f)), f))
+      next(f) = lowest(k)
+      lowest(k) = f
+    end do
+    do g = 1, surface%n_facets
+      associate (node => surface%node(:kind_nodes(surface%kind(g)), g))
+        f = lowest(minval(node))
+        do while (f > 0)
+          if (all([(any(boundary%node(:, f) == node(k)), k=1, size(node))])) boundary%entity(f) = surface%entity(g)
+          f = next(f)
+        end do
+      end associate
+    end do
+  end subroutine take_entities
 
   !> Check the parts of two bodies, or of one.
   subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, error_bound, depth, &

@@ -179,7 +179,7 @@ contains
     ! Couples are listed along an axis: of many bodies, few are held at once.
     do first = 1, size(found), most_at_once
       last = min(size(found), first + most_at_once - 1)
-      call split_bodies(problem, solution, couple(:, first:last), owner(first:last), parts)
+      call split_bodies(problem, pairs, solution, couple(:, first:last), owner(first:last), parts)
       ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
       !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) &
       !$omp& shared(owner, first, last)
@@ -263,8 +263,9 @@ contains
   end function owners_of
 
   !> Boundaries of the bodies of couples that this rank checks, unless they are there.
-  subroutine split_bodies(problem, solution, couple, owner, parts)
-    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+  subroutine split_bodies(problem, pairs, solution, couple, owner, parts)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     integer, intent(in) :: couple(:, :)  !! The couples (2, n_couples).
     integer, intent(in) :: owner(:)  !! Rank of each, or `all_ranks` (n_couples).
@@ -277,10 +278,10 @@ contains
       needed(couple(1, k)) = .true.
       needed(couple(2, k)) = .true.
     end do
-    !$omp parallel do default(none) shared(problem, solution, needed, parts) schedule(dynamic, 1)
+    !$omp parallel do default(none) shared(problem, pairs, solution, needed, parts) schedule(dynamic, 1)
     do b = 1, size(parts)
       if (needed(b) .and. .not. allocated(parts(b)%part)) &
-        call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
+        call split_parts(b, problem, pairs, solution(b)%displacement, parts(b))
     end do
     !$omp end parallel do
   end subroutine split_bodies
