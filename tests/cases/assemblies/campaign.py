@@ -15,13 +15,13 @@ SEEDS = "10:13"
 
 
 class Campaign(dotyk_case.Case):
-    def run_seeds(self, *options):
+    def run_seeds(self, *options, seeds=SEEDS, name="hand"):
         """Run some seeds; their entries."""
         script = str(dotyk_case.ROOT / "tools/assembly_campaign.py")
-        done = subprocess.run([sys.executable, "-B", script, "out", "--dotyk", os.environ["DOTYK"], "--seeds", SEEDS,
+        done = subprocess.run([sys.executable, "-B", script, "out", "--dotyk", os.environ["DOTYK"], "--seeds", seeds,
                                *options], cwd=self.folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.assertEqual(done.returncode, 0, done.stdout)
-        return [json.loads(line) for line in (self.folder / "out/hand.jsonl").read_text().splitlines()], done.stdout
+        return [json.loads(line) for line in (self.folder / "out" / (name + ".jsonl")).read_text().splitlines()], done.stdout
 
     def test_a_few_and_again(self):
         """Those that are known to be right are, and are not run again."""
@@ -31,6 +31,13 @@ class Campaign(dotyk_case.Case):
         again, text = self.run_seeds("--report")
         self.assertEqual(again, entries)
         self.assertIn("| all | 3 |", text)
+
+    def test_geometry(self):
+        """One scene of each kind with forces that are known, and a quarter of a shaft in two facets (seed 48)."""
+        for seeds in ("3:10", "48:49"):
+            entries, _ = self.run_seeds("--geometry", seeds=seeds, name="geometry hand")
+        self.assertEqual([entry["seed"] for entry in entries], [*range(3, 10), 48])
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"] * 8)
 
     def test_depth(self):
         """Cubes in each other, beside each other, displaced into each other, and an edge that has no node inside."""
