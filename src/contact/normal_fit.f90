@@ -9,13 +9,11 @@ module dotyk_contact_normal_fit
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: fit_normal, uncertain_heights
+  public :: fit_normal
 
-  integer, parameter :: n_second(2:3) = [2, 5]  !! Coefficients up to second order, in two and three dimensions.
-  integer, parameter :: n_third(2:3) = [3, 9]  !! Coefficients up to third order.
   integer, parameter :: n_fits = 3  !! Number of fits, each in the frame of the previous normal.
   !> With a pivot of the scaled normal equations below this the vertices hardly determine a coefficient: two layers of
-  !> them tell no curvature from a slope. Pivots of third order are smaller by as much again.
+  !> them tell no curvature from a slope.
   real(dp), parameter :: min_pivot = 0.02_dp
   !> Points are isotropic where their mixed moment is below this fraction of their polar moment: round-off.
   real(dp), parameter :: isotropy_round_off = 1.0e-14_dp
@@ -72,129 +70,41 @@ contains
     real(dp), intent(in) :: axis(3, 2)  !! Tangential axes of the frame (3, 2) [].
     real(dp), intent(out) :: slope(2)  !! Slopes along the axes (2) [].
     integer, intent(out) :: n_undetermined  !! As in `fit_normal`.
-    real(dp) :: p(2, size(point, 2)), principal(2, 2), coefficient(n_second(dimension)), h(size(point, 2))
-    logical :: is_determined(n_second(dimension))
-    p = matmul(transpose(axis), point)
-    h = matmul(normal, point)
-    call principal_axes(p, principal)
-    is_determined = .true.
-    call fit_heights(dimension, matmul(transpose(principal), p), h, 1 + h**2/max(sum(p**2, 1), tiny(h)), coefficient, &
-                     is_determined)
-    n_undetermined = count(.not. is_determined)
-    slope = principal(:, 1)*coefficient(1)
-    if (dimension == 3) slope = slope + principal(:, 2)*coefficient(2)
-  end subroutine fit_slope
-
-  !> How uncertain the surface is halfway between the vertex and others: by the slope that a fit of third order has in
-  !> the frame of the normal, and by the terms of second order that it does not confirm, as the vertices do not
-  !> determine the third power along the same axis.
-  !>
-  !> The smooth edge between vertices is off by s/8 where the tangents at both its ends rise by s over its length, and
-  !> the middle of the chord of c s^2 by a quarter.
-  pure subroutine uncertain_heights(dimension, point, normal, height, is_confirmed)
-    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
-    real(dp), intent(in) :: point(:, :)  !! Vertices of the patch relative to the vertex (3, n) [length].
-    real(dp), intent(in) :: normal(3)  !! Unit normal at the vertex (3) [].
-    real(dp), intent(out) :: height(:)  !! Uncertainty halfway to the first of them (at most n) [length].
-    logical, intent(out) :: is_confirmed  !! Whether all curvatures are.
-    real(dp) :: axis(3, 2), p(2, size(point, 2)), q(2, size(point, 2)), principal(2, 2), h(size(point, 2))
-    real(dp) :: factor(size(point, 2)), second(n_second(dimension)), third(n_third(dimension)), row(n_third(dimension))
-    logical :: is_second(n_second(dimension)), is_third(n_third(dimension))
-    integer :: i
-    call tangents(dimension, normal, axis)
-    p = matmul(transpose(axis), point)
-    h = matmul(normal, point)
-    call principal_axes(p, principal)
-    q = matmul(transpose(principal), p)
-    factor = 1 + h**2/max(sum(p**2, 1), tiny(h))
-    is_second = .true.
-    call fit_heights(dimension, q, h, factor, second, is_second)
-    ! Factors could make products independent which are not by the positions of the vertices.
-    factor = 1
-    is_third = .true.
-    call fit_heights(dimension, q, h, factor, third, is_third)
-    factor = [(1 + bending(dimension, second, principal, q(:, i), h(i)), i=1, size(h))]
-    call fit_heights(dimension, q, h, factor, third, is_third)
-    if (dimension == 2) then
-      if (is_third(3)) third(2) = 0
-    else
-      if (is_third(6)) third(3) = 0
-      if (any(is_third(7:8))) third(4) = 0
-      if (is_third(9)) third(5) = 0
-    end if
-    is_confirmed = all(is_second) .and. .not. any(abs(third(dimension:n_second(dimension))) > 0)
-    do i = 1, size(height)
-      row = powers(dimension, q(:, i))
-      associate (slope => third(:dimension - 1)*row(:dimension - 1), &
-                 curvature => third(dimension:n_second(dimension))*row(dimension:n_second(dimension)))
-        height(i) = (abs(sum(slope)) + abs(sum(curvature)))/4
-      end associate
-    end do
-  end subroutine uncertain_heights
-
-  !> (h/Q)^2 |grad Q|^2/4 with the terms Q of second order: h = Q (1 + this) on spheres, where it is h^2/(u^2+v^2), and
-  !> on cylinders of any direction [].
-  pure real(dp) function bending(dimension, coefficient, principal, q, h)
-    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
-    real(dp), intent(in) :: coefficient(:)  !! Of first and second order [length].
-    real(dp), intent(in) :: principal(2, 2)  !! Axes of the scaled coordinates (2, 2) [1/length].
-    real(dp), intent(in) :: q(2)  !! Scaled coordinates (2) [].
-    real(dp), intent(in) :: h  !! Height [length].
-    real(dp) :: c(3), quadratic
-    c = 0
-    c(:max(1, 3*(dimension - 2))) = coefficient(dimension:)
-    quadratic = c(1)*q(1)**2 + c(2)*q(1)*q(2) + c(3)*q(2)**2
-    bending = sum(principal(:, 1)**2)*(c(1)*q(1) + c(2)*q(2)/2)**2 + &
-              sum(principal(:, 2)**2)*(c(3)*q(2) + c(2)*q(1)/2)**2
-    ! Not along directions in which the surface is not curved.
-    if (2*abs(quadratic) > abs(h)) bending = bending*(h/quadratic)**2
-  end function bending
-
-  !> Products of the coordinates: of first, second and third order [].
-  pure function powers(dimension, q) result(row)
-    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
-    real(dp), intent(in) :: q(2)  !! Scaled tangential coordinates (2) [].
-    real(dp) :: row(n_third(dimension))
-    if (dimension == 2) then
-      row = [q(1), q(1)**2, q(1)**3]
-    else
-      row = [q(1), q(2), q(1)**2, q(1)*q(2), q(2)**2, q(1)**3, q(1)**2*q(2), q(1)*q(2)**2, q(2)**3]
-    end if
-  end function powers
-
-  !> Least-squares fit of heights, up to second or third order by the number of coefficients; those that the vertices do
-  !> not determine are zero, the last first.
-  pure subroutine fit_heights(dimension, q, h, factor, coefficient, is_determined)
-    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
-    real(dp), intent(in) :: q(:, :)  !! Scaled tangential coordinates of the vertices (2, n) [].
-    real(dp), intent(in) :: h(:)  !! Their heights (n) [length].
-    real(dp), intent(in) :: factor(:)  !! Factors of the terms above first order (n) [].
-    real(dp), intent(out) :: coefficient(:)  !! Coefficients of the products of coordinates [length].
-    !> Coefficients that may be determined on entry, those that the vertices determine on return.
-    logical, intent(inout) :: is_determined(:)
-    real(dp) :: gram(size(coefficient), size(coefficient)), row(n_third(dimension)), scale(size(coefficient))
+    real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2)
+    real(dp) :: square, curvature_factor
     integer :: i, n
-    n = size(coefficient)
+    n = merge(2, 5, dimension == 2)
+    p = matmul(transpose(axis), point)
+    h = matmul(normal, point)
+    call principal_axes(p, principal)
     gram = 0
-    coefficient = 0
+    right = 0
     do i = 1, size(h)
-      if (.not. sum(q(:, i)**2) > 0) cycle
-      row = powers(dimension, q(:, i))
-      row(dimension:) = factor(i)*row(dimension:)
-      ! weight 1/distance^2
-      gram = gram + spread(row(:n), 2, n)*spread(row(:n), 1, n)/sum(q(:, i)**2)
-      coefficient = coefficient + row(:n)*h(i)/sum(q(:, i)**2)
+      square = sum(p(:, i)**2)
+      if (.not. square > 0) cycle
+      curvature_factor = 1 + h(i)**2/square
+      associate (q => matmul(transpose(principal), p(:, i)))
+        if (dimension == 2) then
+          row(1:2) = [q(1), curvature_factor*q(1)**2]
+        else
+          row = [q(1), q(2), curvature_factor*q(1)**2, curvature_factor*q(1)*q(2), curvature_factor*q(2)**2]
+        end if
+        ! weight 1/distance^2
+        gram(1:n, 1:n) = gram(1:n, 1:n) + spread(row(1:n), 2, n)*spread(row(1:n), 1, n)/sum(q**2)
+        right(1:n) = right(1:n) + row(1:n)*h(i)/sum(q**2)
+      end associate
     end do
     scale = 1
     do i = 1, n
       if (gram(i, i) > 0) scale(i) = 1/sqrt(gram(i, i))
     end do
-    gram = gram*spread(scale, 2, n)*spread(scale, 1, n)
-    coefficient = coefficient*scale
-    call solve_determined(gram, [(merge(min_pivot, min_pivot**2, i <= n_second(dimension)), i=1, n)], coefficient, &
-                          is_determined)
-    coefficient = coefficient*scale
-  end subroutine fit_heights
+    gram = gram*spread(scale, 2, 5)*spread(scale, 1, 5)
+    right = right*scale
+    call solve_determined(gram(1:n, 1:n), right(1:n), n_undetermined)
+    right = right*scale
+    if (dimension == 2) right(2) = 0
+    slope = matmul(principal, right(1:2))
+  end subroutine fit_slope
 
   !> Principal axes of points and the origin about their mean, which follow the layers of a mesh, divided by the
   !> root-mean-square coordinates along them. An axis along which the points have no extent is zero.
@@ -224,23 +134,22 @@ contains
   end subroutine principal_axes
 
   !> Solve by Cholesky factorization, without the unknowns that those before them determine already: they are zero.
-  pure subroutine solve_determined(a, least, b, is_determined)
+  pure subroutine solve_determined(a, b, n_undetermined)
     real(dp), intent(in) :: a(:, :)  !! Symmetric matrix with diagonal 1, or 0 of unknowns that are zero (n, n) [].
-    real(dp), intent(in) :: least(:)  !! Least pivots (n) [].
     real(dp), intent(inout) :: b(:)  !! Right-hand side; solution on return (n) [any].
-    !> Unknowns that are not zero on entry, those of them that are determined on return (n).
-    logical, intent(inout) :: is_determined(:)
+    integer, intent(out) :: n_undetermined  !! Number of unknowns that are not determined.
     real(dp) :: l(size(b), size(b)), y(size(b)), pivot
     integer :: i, j
+    n_undetermined = 0
     l = 0
     do j = 1, size(b)
       pivot = a(j, j) - sum(l(j, :j - 1)**2)
-      is_determined(j) = is_determined(j) .and. pivot > least(j)
-      if (is_determined(j)) then
+      if (pivot > min_pivot) then
         l(j, j) = sqrt(pivot)
         l(j + 1:, j) = [((a(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j), i=j + 1, size(b))]
         y(j) = (b(j) - sum(l(j, :j - 1)*y(:j - 1)))/l(j, j)
       else
+        n_undetermined = n_undetermined + 1
         l(j, j) = 1
         y(j) = 0
       end if

@@ -96,7 +96,7 @@ contains
     if (settings%geometry == geometry_smooth) then
       call smooth_projections(settings%division, mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
                               facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
-                              master%set%depth, radius, interpolates, offset, x, xi, projection)
+                              master%set%depth, radius, offset, x, xi, projection)
     end if
     call drop_projections_through_bodies(slave, master, x, projection)
     if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)

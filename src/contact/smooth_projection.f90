@@ -37,7 +37,7 @@ contains
 
   !> Replace the projections of all points by those along the normals of the smooth surfaces.
   subroutine smooth_projections(division, x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, depth_a, &
-                                depth_b, search_radius, at_vertices, offset, x, xi, projection)
+                                depth_b, search_radius, offset, x, xi, projection)
     type(division_t), intent(in) :: division  !! How ranks divide the work; each has points of its own.
     real(dp), intent(in) :: x_a(:, :)  !! Nodal coordinates of body a (dimension, n_nodes) [length].
     type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
@@ -48,7 +48,6 @@ contains
     real(dp), intent(in) :: depth_a(:)  !! Thickness of body a behind its facets (n_facets) [length].
     real(dp), intent(in) :: depth_b(:)  !! Thickness of body b behind its facets (n_facets) [length].
     real(dp), intent(in) :: search_radius  !! Search radius: greatest distance of a projection [length].
-    logical, intent(in) :: at_vertices  !! Whether gaps are those of the slave vertices, which are exact.
     integer, intent(in) :: offset(:)  !! Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n) [length].
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (2, n) [].
@@ -61,12 +60,11 @@ contains
     call geometry_b%init(division, x_b, surface_b, candidate_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i, smooth) &
-    !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, at_vertices, x, xi, &
-    !$omp projection)
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, x, xi, projection)
     do f = 1, surface_a%n_facets
       do i = offset(f) + 1, offset(f + 1)
         smooth = projection(i)
-        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, at_vertices, smooth)
+        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, smooth)
         ! The line along the normal may lead to the far side of a thin body.
         if (smooth%status == projection_found .and. projection(i)%status == projection_outside) then
           if (-smooth%distance > min(depth_a(f), depth_b(smooth%facet))) cycle
@@ -78,30 +76,29 @@ contains
   end subroutine smooth_projections
 
   !> Replace the projection of a point.
-  pure subroutine smooth_projection(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, at_vertices, projection)
+  pure subroutine smooth_projection(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, projection)
     type(smooth_surface_t), intent(in) :: geometry_a  !! Smooth slave surface.
     integer, intent(in) :: facet_a  !! Slave facet of the point.
     real(dp), intent(in) :: xi_a(2)  !! Its reference coordinates (2) [].
     type(smooth_surface_t), intent(in) :: geometry_b  !! Smooth master surface.
     real(dp), intent(in) :: x(3)  !! Point (3) [length].
     real(dp), intent(in) :: search_radius  !! Search radius: greatest distance of a projection [length].
-    logical, intent(in) :: at_vertices  !! As in `smooth_projections`.
     type(projection_t), intent(inout) :: projection  !! Closest-point projection on entry, smooth projection on return.
-    real(dp) :: xi(2)
+    real(dp) :: xi(2), shift(3)
     integer :: sub_facet
     if (all(projection%status /= [projection_found, projection_outside])) return
     if (geometry_b%active) call project_along_normal(geometry_b, x, projection)
     if (projection%status /= projection_found) return
     if (geometry_b%active) then
       call geometry_b%sub_facets%locate(projection%facet, projection%xi, sub_facet, xi)
-      projection%distance = projection%distance + dot_product(projection%normal, geometry_b%shift(sub_facet, xi))
-      projection%uncertainty = geometry_b%uncertainty(sub_facet, xi)
+      shift = geometry_b%shift(sub_facet, xi)
+      projection%distance = projection%distance + dot_product(projection%normal, shift)
+      ! The vertices of the slave surface, between which rows interpolate, are exact.
+      projection%uncertainty = geometry_b%uncertainty(sub_facet, shift)
     end if
     if (geometry_a%active) then
       call geometry_a%sub_facets%locate(facet_a, xi_a, sub_facet, xi)
       projection%distance = projection%distance - dot_product(projection%normal, geometry_a%shift(sub_facet, xi))
-      if (.not. at_vertices) &
-        projection%uncertainty = projection%uncertainty + geometry_a%uncertainty(sub_facet, xi)
     end if
     if (abs(projection%distance) > search_radius) projection%status = projection_too_far
   end subroutine smooth_projection

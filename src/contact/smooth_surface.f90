@@ -19,7 +19,7 @@ module dotyk_contact_smooth_surface
   use dotyk_contact_sub_facets, only: split_facets, sub_facets_t
   use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
-    max_facet_nodes, shape_functions
+    max_facet_nodes
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
@@ -37,8 +37,6 @@ module dotyk_contact_smooth_surface
     !> Sub-facet across each edge, 0 where the normal is discontinuous (4, n).
     integer, allocatable :: smooth_neighbour(:, :)
     logical, allocatable :: boundary(:, :)  !! Edges at which the surface ends (4, n).
-    !> How uncertain the patches are halfway between their corners (n) [length].
-    real(dp), allocatable :: halfway(:)
   contains
     procedure :: init => geometry_init
     procedure :: shift
@@ -57,7 +55,7 @@ contains
     logical, intent(in) :: candidate(:)
     type(facet_set_t) :: set
     type(adjacency_t) :: adjacency
-    real(dp), allocatable :: vertex(:, :), at_corner(:, :)
+    real(dp), allocatable :: vertex(:, :)
     logical, allocatable :: flat(:), wanted(:)
     logical :: on_chords(surface%n_facets)
     integer :: f, k
@@ -73,8 +71,7 @@ contains
           vertex(1:set%dimension, adjacency%vertex(k, f)) = sub_facets%x(:, set%corner_node(k, f))
         end do
       end do
-      allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%smooth_neighbour(4, set%n), &
-                at_corner(4, set%n))
+      allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%smooth_neighbour(4, set%n))
       self%boundary = adjacency%neighbour == 0
       flat = sub_facets%flat
       call find_smooth_sheets(set, adjacency, vertex, &
@@ -84,8 +81,7 @@ contains
         if (candidate(sub_facets%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
       end do
       call smooth_corner_normals(division, set, adjacency, vertex, self%smooth_neighbour, flat, wanted, &
-                                 self%corner_normal, at_corner)
-      self%halfway = maxval(at_corner, dim=1)
+                                 self%corner_normal)
       do f = 1, set%n
         self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
         if (.not. self%changed(f)) cycle
@@ -181,18 +177,23 @@ contains
     shift = y - x
   end function shift
 
-  !> How uncertain the patch is at a point: not at all at its corners [length].
-  pure real(dp) function uncertainty(self, sub_facet, xi)
+  !> How far a patch may be from the surface at a point, for a vector `shift` there: a parabola through the ends and the
+  !> middle of a circular arc of the angle w and the height s is off by s w^2/64 at most [length].
+  pure real(dp) function uncertainty(self, sub_facet, shift)
     class(smooth_surface_t), intent(in) :: self
     integer, intent(in) :: sub_facet  !! Sub-facet number.
-    real(dp), intent(in) :: xi(2)  !! Reference coordinates on the sub-facet (2) [].
-    real(dp) :: phi(max_facet_nodes)
-    type(element_kind_t) :: kind
-    uncertainty = 0
-    if (.not. self%changed(sub_facet)) return
-    kind = element_kind(self%sub_facets%surface%kind(sub_facet))
-    call shape_functions(kind%corner_kind, xi(:self%element%dimension - 1), phi)
-    ! 1 in the middle of an edge.
-    uncertainty = self%halfway(sub_facet)*2*(1 - sum(phi(:kind%n_corners)**2))
+    real(dp), intent(in) :: shift(3)  !! Vector from the facet to the patch (3) [length].
+    real(dp) :: turn
+    integer :: i, j
+    turn = 0
+    associate (kind => element_kind(self%sub_facets%element%kind(sub_facet)), &
+               normal => self%corner_normal(:, :, sub_facet))
+      do i = 2, kind%n_corners
+        do j = 1, i - 1
+          turn = max(turn, sum((normal(:, i) - normal(:, j))**2))
+        end do
+      end do
+    end associate
+    uncertainty = norm2(shift)*turn/64
   end function uncertainty
 end module dotyk_contact_smooth_surface

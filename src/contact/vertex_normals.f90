@@ -10,7 +10,7 @@ module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_normal_fit, only: fit_normal, uncertain_heights
+  use dotyk_contact_normal_fit, only: fit_normal
   use dotyk_contact_smooth_sheets, only: is_smooth_edge
   use dotyk_mesh_facet, only: cross
   use dotyk_ranks_division, only: division_t
@@ -161,7 +161,7 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(division, set, adjacency, x, smooth_neighbour, flat, wanted, normal, uncertainty)
+  subroutine smooth_corner_normals(division, set, adjacency, x, smooth_neighbour, flat, wanted, normal)
     type(division_t), intent(in) :: division  !! How ranks divide the vertices.
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
@@ -170,53 +170,44 @@ contains
     integer, intent(in) :: smooth_neighbour(:, :)  !! Facet across each smooth edge, 0 at the others (4, n).
     logical, intent(in) :: wanted(:)  !! Vertices at which normals are wanted (n_vertices).
     real(dp), intent(out) :: normal(:, :, :)  !! Outward normals, 0 at the other vertices (3, 4, n) [].
-    !> Uncertainty of the surface between the corners, by the fit at each (4, n) [length].
-    real(dp), intent(out) :: uncertainty(:, :)
     integer :: v, first, last
     normal = 0
-    uncertainty = 0
     call division%portion(merge(1.0_dp, 0.0_dp, wanted), first, last)
     !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(set, adjacency, x, smooth_neighbour, flat, wanted, normal, uncertainty, first, last)
+    !$omp shared(set, adjacency, x, smooth_neighbour, flat, wanted, normal, first, last)
     do v = first, last
-      if (wanted(v)) call normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal, uncertainty)
+      if (wanted(v)) call normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
     end do
     !$omp end parallel do
-    if (division%is_divided) call share_normals(division, set, adjacency, first, last, normal, uncertainty)
+    if (division%is_divided) call share_normals(division, set, adjacency, first, last, normal)
   end subroutine smooth_corner_normals
 
   !> Make the normals at the vertices of all ranks known to all.
-  subroutine share_normals(division, set, adjacency, first, last, normal, uncertainty)
+  subroutine share_normals(division, set, adjacency, first, last, normal)
     type(division_t), intent(in) :: division  !! How ranks divide the vertices.
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     integer, intent(in) :: first  !! First vertex of this rank.
     integer, intent(in) :: last  !! Its last vertex.
     real(dp), intent(inout) :: normal(:, :, :)  !! Normals at the vertices of this rank in, at all out (3, 4, n) [].
-    real(dp), intent(inout) :: uncertainty(:, :)  !! Likewise (4, n) [length].
     real(dp), allocatable :: at_vertex(:, :)
     integer :: v, k
-    allocate (at_vertex(4, size(adjacency%facet)))
+    allocate (at_vertex(3, size(adjacency%facet)))
     do v = first, last
       do k = adjacency%start(v), adjacency%start(v + 1) - 1
-        associate (f => adjacency%facet(k), c => corner_of(set, adjacency, v, adjacency%facet(k)))
-          at_vertex(:, k) = [normal(:, c, f), uncertainty(c, f)]
-        end associate
+        at_vertex(:, k) = normal(:, corner_of(set, adjacency, v, adjacency%facet(k)), adjacency%facet(k))
       end do
     end do
     call division%fill(at_vertex, adjacency%start(first), adjacency%start(last + 1) - 1)
     do v = 1, size(adjacency%start) - 1
       do k = adjacency%start(v), adjacency%start(v + 1) - 1
-        associate (f => adjacency%facet(k), c => corner_of(set, adjacency, v, adjacency%facet(k)))
-          normal(:, c, f) = at_vertex(:3, k)
-          uncertainty(c, f) = at_vertex(4, k)
-        end associate
+        normal(:, corner_of(set, adjacency, v, adjacency%facet(k)), adjacency%facet(k)) = at_vertex(:, k)
       end do
     end do
   end subroutine share_normals
 
   !> Normals at one vertex, sheet by sheet.
-  subroutine normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal, uncertainty)
+  subroutine normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     real(dp), intent(in) :: x(:, :)  !! Positions of the vertices (3, n_vertices) [length].
@@ -225,10 +216,7 @@ contains
     integer, intent(in) :: v  !! Vertex number.
     !> Normals at the corners of the facets; those at the vertex are set (3, 4, n) [].
     real(dp), intent(inout) :: normal(:, :, :)
-    real(dp), intent(inout) :: uncertainty(:, :)  !! Likewise (4, n) [length].
     integer :: first, last, i, j, k, n, f, edge(2)
-    integer, allocatable :: vertex(:)
-    real(dp), allocatable :: height(:)
     integer, allocatable :: sheet(:), corner(:)
     real(dp) :: mean(3), plane(3), own(3), weight
     logical :: has_plane
@@ -270,15 +258,10 @@ contains
           mean = plane/max(norm2(plane), tiny(1.0_dp))
         else
           mean = mean/norm2(mean)
-          call fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, pack(around, sheet == k), mean, &
-                                 vertex, height)
+          call fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, pack(around, sheet == k), mean)
         end if
         do i = 1, n
-          f = around(i)
-          if (sheet(i) /= k .or. flat(f)) cycle
-          normal(:, corner(i), f) = mean
-          if (.not. has_plane) uncertainty(corner(i), f) = &
-            maxval(height, mask=[(any(adjacency%vertex(:, f) == vertex(j)), j=1, size(height))])
+          if (sheet(i) == k .and. .not. flat(around(i))) normal(:, corner(i), around(i)) = mean
         end do
       end do
     end associate
@@ -286,8 +269,8 @@ contains
 
   !> Fit the normal at a vertex to the vertices of the facets of one sheet around it, with as few rings of facets as
   !> determine as many coefficients as any. A fit is rejected if it differs from the mean by more than twice the
-  !> greatest angle between the mean and the facets around. One more ring tells how uncertain the surface is.
-  subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal, vertex, height)
+  !> greatest angle between the mean and the facets around.
+  subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal)
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
     real(dp), intent(in) :: x(:, :)  !! Positions of the vertices (3, n_vertices) [length].
@@ -297,13 +280,10 @@ contains
     integer, intent(in) :: start(:)  !! Facets of the sheet at the vertex (number of these facets).
     !> Weighted mean of the facet normals on entry, fitted normal on return (3) [].
     real(dp), intent(inout) :: normal(3)
-    integer, allocatable, intent(out) :: vertex(:)  !! Vertices of the fit, those of these facets first (n_vertices).
-    !> Uncertainty of the surface halfway to those of these facets (at most n_vertices) [length].
-    real(dp), allocatable, intent(out) :: height(:)
-    integer :: facet(max_facets), n, ring, i, e, k, last, other
+    integer :: facet(max_facets), vertex(4*max_facets), n, n_vertices, ring, i, e, k, last, other
     real(dp) :: mean(3), facet_normal(3), least_cosine, fitted(3)
     integer :: n_undetermined, fewest
-    logical :: planar, is_confirmed
+    logical :: planar
     mean = normal
     n = min(size(start), max_facets)
     facet(:n) = start(:n)
@@ -315,36 +295,23 @@ contains
       least_cosine = min(least_cosine, facing(facet(i)))
     end do
     fewest = huge(fewest)
-    allocate (vertex(0))
-    last = 0
-    call add_vertices()
-    allocate (height(size(vertex)))
     do ring = 1, max_rings
+      n_vertices = 0
+      do i = 1, n
+        do k = 1, set%corners(facet(i))
+          other = adjacency%vertex(k, facet(i))
+          if (other == v .or. any(vertex(:n_vertices) == other)) cycle
+          n_vertices = n_vertices + 1
+          vertex(n_vertices) = other
+        end do
+      end do
       fitted = mean
-      call fit_normal(set%dimension, relative(), fitted, n_undetermined)
+      call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), fitted, n_undetermined)
       if (n_undetermined < fewest) then
         fewest = n_undetermined
         normal = fitted
       end if
       if (fewest == 0) exit
-      call add_ring()
-      if (n == last) exit
-      least_cosine = min(least_cosine, minval([(facing(facet(i)), i=last + 1, n)]))
-      call add_vertices()
-    end do
-    if (dot_product(normal, mean) < 2*least_cosine**2 - 1) normal = mean
-    do ring = ring + 1, max_rings + 1
-      call add_ring()
-      call add_vertices()
-      call uncertain_heights(set%dimension, relative(), normal, height, is_confirmed)
-      if (is_confirmed .or. n == last) return
-    end do
-    call uncertain_heights(set%dimension, relative(), normal, height, is_confirmed)
-
-  contains
-
-    !> Add the facets around; `last` is the number of those before.
-    subroutine add_ring()
       last = n
       do i = 1, last
         do e = 1, set%corners(facet(i))
@@ -352,27 +319,16 @@ contains
           if (other == 0 .or. n == max_facets) cycle
           if (flat(other) .or. any(facet(:n) == other)) cycle
           if (facing(other) < min_fit_cosine) cycle
+          least_cosine = min(least_cosine, facing(other))
           n = n + 1
           facet(n) = other
         end do
       end do
-    end subroutine add_ring
+      if (n == last) exit
+    end do
+    if (dot_product(normal, mean) < 2*least_cosine**2 - 1) normal = mean
 
-    !> Add the vertices of the facets that were added last.
-    subroutine add_vertices()
-      do i = last + 1, n
-        do k = 1, set%corners(facet(i))
-          other = adjacency%vertex(k, facet(i))
-          if (other /= v .and. .not. any(vertex == other)) vertex = [vertex, other]
-        end do
-      end do
-    end subroutine add_vertices
-
-    !> Positions of the vertices relative to the one of the fit (3, n_vertices) [length].
-    function relative() result(point)
-      real(dp) :: point(3, size(vertex))
-      point = x(:, vertex) - spread(x(:, v), 2, size(vertex))
-    end function relative
+  contains
 
     !> Cosine of the angle between a facet and the mean normal [].
     real(dp) function facing(f)

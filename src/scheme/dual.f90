@@ -35,6 +35,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_scheme_undetermined_motion, only: find_undetermined
   use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, screen_rows
   implicit none
   private
@@ -322,7 +323,7 @@ contains
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest
     state%excess = motion%excess
-    call motion%find_undetermined(qp, foundation, active, state%indeterminate)
+    call find_undetermined(motion, qp, foundation, active, state%indeterminate)
     call finish(qp, with_springs, compliance, settings%tolerance, system, now, state, is_held)
   end subroutine solve_working_set
 

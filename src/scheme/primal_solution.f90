@@ -25,6 +25,7 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_scheme_undetermined_motion, only: find_undetermined
   use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, screen_rows
   implicit none
   private
@@ -145,7 +146,7 @@ contains
       if (.not. any(violated)) exit rounds
       call add_violated(now%y, violated, working)
     end do rounds
-    call motion%find_undetermined(qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
+    call find_undetermined(motion, qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest

