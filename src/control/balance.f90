@@ -59,11 +59,11 @@ module dotyk_control_balance
 contains
 
   !> Forces on all bodies. All ranks take part.
-  subroutine find_balance(problem, qp, m, y, solution, want_nodal, balance, error)
+  subroutine find_balance(problem, qp, pressure, penetration, solution, want_nodal, balance, error)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     logical, intent(in) :: want_nodal  !! Whether reactions at nodes are wanted.
     type(balance_t), intent(out) :: balance  !! The forces.
@@ -75,7 +75,8 @@ contains
     allocate (balance%body(size(problem%body)), item(size(problem%body)))
     do b = 1, size(problem%body)
       if (.not. problem%ranks%is_own(b)) cycle
-      call body_numbers(problem%body(b), qp, b, m, solution(b), want_nodal, balance%body(b)%nodal, item(b)%value, error)
+      call body_numbers(problem%body(b), qp, b, pressure, solution(b), want_nodal, balance%body(b)%nodal, &
+                        item(b)%value, error)
       if (allocated(error)) exit
     end do
     call agree_on_error(error)
@@ -95,16 +96,16 @@ contains
     do b = 1, size(item)
       call take_numbers(problem%body(b), item(b)%value, balance%body(b))
     end do
-    balance%tie = find_tie_forces(problem, m, y)
+    balance%tie = find_tie_forces(problem, pressure, penetration)
     call judge(balance)
   end subroutine find_balance
 
   !> Numbers of one body, of which each rank that computes it has a part.
-  subroutine body_numbers(body, qp, b, m, solution, want_nodal, nodal, numbers, error)
+  subroutine body_numbers(body, qp, b, pressure, solution, want_nodal, nodal, numbers, error)
     type(body_t), intent(in) :: body  !! The body.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     integer, intent(in) :: b  !! Index of the body.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     type(body_solution_t), intent(in) :: solution  !! Its displacements.
     logical, intent(in) :: want_nodal  !! Whether reactions at nodes are wanted.
     real(dp), allocatable, intent(out) :: nodal(:, :)  !! Reactions at nodes, where wanted (dim, n_nodes) [force].
@@ -116,7 +117,7 @@ contains
     n_fixed = body%directions%n_supports()
     n = n_fixed + body%constraint%foundation%n_springs()
     allocate (numbers(at_supports - 1 + 6*n), of_support(6, n))
-    call qp%body_force(b, m, contact)
+    call qp%body_force(b, pressure, contact)
     associate (node => qp%block(b)%contact_node, mesh => body%mesh)
       call find_reactions(body, solution%displacement, node, contact, reaction, error)
       if (allocated(error)) return

@@ -42,7 +42,7 @@ module dotyk_control_body_solution
   type, public :: displacements_t  !! Displacements of all bodies in a load case, and the errors of the mesh in them.
     !> The load case, to be taken by the bodies first where several are in a block; 0: it acts on them already.
     integer :: case = 0
-    real(dp), allocatable :: m(:)  !! Contact pressures of a load case in a block (n_rows) [pressure].
+    real(dp), allocatable :: pressure(:)  !! Contact pressures of a load case in a block (n_rows) [pressure].
     !> Displacements and stresses; not allocated where they are not known (n_bodies).
     type(body_solution_t), allocatable :: body(:)
     !> Squared errors of the elements; not allocated where they are not known, or for bodies of other ranks (n_bodies)
@@ -67,7 +67,7 @@ contains
   subroutine displacements_forget(self)
     class(displacements_t), intent(inout) :: self
     self%case = 0
-    if (allocated(self%m)) deallocate (self%m)
+    if (allocated(self%pressure)) deallocate (self%pressure)
     if (allocated(self%body)) deallocate (self%body)
     if (allocated(self%square)) deallocate (self%square)
     if (allocated(self%recovered)) deallocate (self%recovered)
@@ -75,17 +75,17 @@ contains
 
   !> Begin the displacements of a load case whose contact is solved, while it acts on the bodies: motions along its
   !> modes, bodies that touch no other, and the forces on all others.
-  subroutine displacements_begin(self, problem, qp, m, alpha)
+  subroutine displacements_begin(self, problem, qp, pressure, alpha)
     class(displacements_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     !> Amplitudes of the modes of all bodies, body after body (number of modes) [length]; of size 0 where there are
     !> none.
     real(dp), intent(in) :: alpha(:)
     integer :: b, first(size(problem%body) + 1)
     call self%forget()
-    self%m = m
+    self%pressure = pressure
     allocate (self%body(size(problem%body)))
     first = first_mode(problem%modes, problem%tie)
     do b = 1, size(problem%body)
@@ -96,7 +96,7 @@ contains
         else
           allocate (solution%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
           allocate (solution%force(body%constraint%n_equations))
-          call forces_on_body(body, qp, b, m, solution%force)
+          call forces_on_body(body, qp, b, pressure, solution%force)
         end if
         call add_modes(problem%modes(b), alpha(first(b):first(b) + problem%modes(b)%n - 1), solution%displacement)
       end associate
@@ -104,16 +104,16 @@ contains
   end subroutine displacements_begin
 
   !> Recover the bodies of the load case that acts on them.
-  subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
+  subroutine recover_bodies(problem, qp, compliance, pressure, alpha, want_stress, solution)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: m(:), alpha(:)  !! As in `displacements_begin`.
+    real(dp), intent(in) :: pressure(:), alpha(:)  !! As in `displacements_begin`.
     logical, intent(in) :: want_stress  !! Whether stresses are wanted.
     !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
     type(displacements_t) :: block(1)
-    call block(1)%begin(problem, qp, m, alpha)
+    call block(1)%begin(problem, qp, pressure, alpha)
     call recover_block(problem, compliance, want_stress, block)
     call move_alloc(block(1)%body, solution)
   end subroutine recover_bodies
@@ -207,15 +207,15 @@ contains
   end subroutine share_solution
 
   !> Loads and contact forces over the equations of a body.
-  subroutine forces_on_body(body, qp, b, m, x)
+  subroutine forces_on_body(body, qp, b, pressure, x)
     type(body_t), intent(in) :: body  !! The body; its right-hand side is that of the loads.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     integer, intent(in) :: b  !! Its number.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     real(dp), intent(out) :: x(:)  !! (n_equations) [force]
     real(dp), allocatable :: force(:, :), of_nodes(:, :)
     allocate (of_nodes(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
-    call qp%body_force(b, m, force)
+    call qp%body_force(b, pressure, force)
     of_nodes(:, qp%block(b)%contact_node) = force
     call body%constraint%reduce(of_nodes, x)
     x = x + body%rhs

@@ -106,9 +106,9 @@ contains
     real(dp), allocatable :: alpha(:)
     associate (state => self%state, qp => self%qp)
       allocate (alpha, source=state%alpha/qp%coarse%scale)
-      energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
-      energies%penalty = sum(qp%penalty_of_rows(state%m, state%y))
-      energies%load_work = qp%load_work(state%m, alpha)
+      energies%strain = qp%energy_norm(state%pressure, state%penetration, alpha)**2/2
+      energies%penalty = sum(qp%penalty_of_rows(state%pressure, state%penetration))
+      energies%load_work = qp%load_work(state%pressure, alpha)
       if (allocated(state%terms)) then
         energies%strain = state%terms(1)
         energies%load_work = state%terms(2)
@@ -157,8 +157,8 @@ contains
     solution%round = 1
     solution%bending = 0*qp%gap
     ! A guess: the contact spans what it did before, or else what overlaps without contact.
-    if (allocated(solution%state%m)) then
-      is_bent = has_bent(problem, solution%state%m, solution)
+    if (allocated(solution%state%pressure)) then
+      is_bent = has_bent(problem, solution%state%pressure, solution)
     else
       is_bent = has_bent(problem, qp%initial_penetration, solution)
     end if
@@ -181,10 +181,11 @@ contains
       call monitor%begin_phase(phase_iterate)
       call now%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
       if (allocated(error)) return
-      if (.not. allocated(solution%state%m)) return
+      if (.not. allocated(solution%state%pressure)) return
       call solution%displacements%forget()
-      if (solution%n_bendings == most_bendings .or. all(solution%state%ended /= [ended_converged, ended_stalled])) return
-      if (.not. has_bent(problem, solution%state%m, solution)) return
+      if (solution%n_bendings == most_bendings) return
+      if (all(solution%state%ended /= [ended_converged, ended_stalled])) return
+      if (.not. has_bent(problem, solution%state%pressure, solution)) return
       ! Schemes that continue from the solution of other gaps bound their errors less well.
       solution%n_bendings = solution%n_bendings + 1
       solution%state = solver_state_t()
@@ -206,12 +207,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     now = run
-    do while (allocated(solution%state%m))
+    do while (allocated(solution%state%pressure))
       now%settings%tolerance = solution%tolerance
       call find_displacements(problem, solution%qp, compliance, now, monitor, goal%needs_displacements(), goal%stress, &
                               solution%conditioning, solution%displacements, solution%state, error)
       if (allocated(error)) return
-      if (.not. allocated(solution%state%m)) return
+      if (.not. allocated(solution%state%pressure)) return
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, &
                            goal%needs_mesh_error(), goal%needs_penalty_error(), solution%displacements, kept, &
@@ -250,7 +251,8 @@ contains
     has_bent = any(abs(bending - solution%bending) > 0)
     if (.not. has_bent) return
     call solution%qp%shift_gap(bending - solution%bending)
-    if (allocated(solution%state%y)) solution%state%y = solution%state%y - (bending - solution%bending)
+    if (allocated(solution%state%penetration)) solution%state%penetration = solution%state%penetration - &
+      (bending - solution%bending)
     solution%bending = bending
   end function has_bent
 
@@ -270,7 +272,7 @@ contains
     more = .false.
     last = solution%round == most_rounds
     associate (state => solution%state, budget => solution%budget)
-      if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%m) == 0) return
+      if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%pressure) == 0) return
       if (.not. goal%depends_on_errors()) return
       factor = 1
       ! An error that is not known changes nothing.
@@ -338,7 +340,7 @@ contains
     yielding = 0
     energies = solution%energies()
     if (.not. energies%strain > 0) return
-    penalty = solution%qp%penalty_of_rows(solution%state%m, solution%state%y)
+    penalty = solution%qp%penalty_of_rows(solution%state%pressure, solution%state%penetration)
     associate (first_row => solution%qp%pair_first_row)
       do k = 1, size(goal%theta_given)
         if (.not. goal%theta_given(k)) &

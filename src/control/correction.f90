@@ -49,7 +49,7 @@ contains
     real(dp) :: left, before
     integer :: k
     rounding = 0
-    if (size(state%m) == 0 .or. .not. any(conditioning%needs_refinement())) return
+    if (size(state%pressure) == 0 .or. .not. any(conditioning%needs_refinement())) return
     if (any(state%ended == [ended_interrupted, ended_time])) then
       ! Rounding is not known.
       state%error_bound = huge(before)
@@ -57,26 +57,26 @@ contains
     end if
     now = run
     now%settings%time_limit = huge(now%settings%time_limit)
-    allocate (y(size(state%m)))
+    allocate (y(size(state%pressure)))
     before = huge(before)
     do k = 1, most_corrections
-      call recover_bodies(problem, qp, compliance, state%m, state%alpha, .false., solution)
+      call recover_bodies(problem, qp, compliance, state%pressure, state%alpha, .false., solution)
       n_recoveries = n_recoveries + 1
-      call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, solution, left, error)
+      call refine_bodies(problem, qp, compliance, state%pressure, state%alpha, conditioning, solution, left, error)
       if (allocated(error)) return
       call penetrations(qp, solution, y)
-      call qp%shift_penetration(y + qp%opened_by_slides(state%alpha) - state%y)
+      call qp%shift_penetration(y + qp%opened_by_slides(state%alpha) - state%penetration)
       last = state
       call now%solve(qp, compliance, problem%n_blas, monitor, state, error)
       if (allocated(error)) return
-      if (.not. allocated(state%m)) return
+      if (.not. allocated(state%pressure)) return
       if (interrupted()) then
         ! Rounding is not known.
         state%error_bound = huge(rounding)
         return
       end if
-      rounding = (compliance%distance(qp, state%m - last%m, state%alpha - last%alpha) + left)/ &
-                 max(tiny(left), qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale))
+      rounding = (compliance%distance(qp, state%pressure - last%pressure, state%alpha - last%alpha) + left)/ &
+                 max(tiny(left), qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale))
       if (rounding <= max(least_residual, small_correction*run%settings%tolerance) .or. &
           .not. rounding < least_contraction*before) exit
       before = rounding

@@ -104,13 +104,14 @@ contains
   end subroutine take_entities
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, error_bound, depth, &
+  subroutine check_bodies(division, problem, pairs, first_row, penetration, parts_a, parts_b, a, b, u, error_bound, &
+                          depth, &
                           found, met)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     integer, intent(in) :: first_row(:)  !! First row of each pair (n_pairs+1).
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     type(parts_t), intent(in) :: parts_a  !! Parts of the first body.
     type(parts_t), intent(in) :: parts_b  !! Parts of the second body.
     integer, intent(in) :: a  !! Index of the first body.
@@ -132,8 +133,8 @@ contains
     integer :: i, j
     allocate (met(0), met_b(0))
     if (a == b .and. size(parts_a%part) == 1) return
-    call find_left(problem, pairs, first_row, y, a, b, left_a)
-    call find_left(problem, pairs, first_row, y, b, a, left_b)
+    call find_left(problem, pairs, first_row, penetration, a, b, left_a)
+    call find_left(problem, pairs, first_row, penetration, b, a, left_b)
     only_corners = size(pairs%between(problem%pair, a, b)) == 0
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)

@@ -53,7 +53,7 @@ contains
     real(dp) :: distance(size(problem%body)), stored(size(problem%body)), found_rounding, rounding, gaps, norm, left
     associate (tolerance => run%settings%tolerance)
       rounding = 0
-      norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
+      norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
       stored = 0
       found_rounding = 0
       if (are_needed) then
@@ -70,7 +70,7 @@ contains
         call correct_contact(problem, qp, compliance, run, monitor, conditioning, displacements%body, &
                              displacements%n_recoveries, state, rounding, error)
         if (allocated(error)) return
-        if (.not. allocated(state%m)) return
+        if (.not. allocated(state%pressure)) return
         call monitor%begin_phase(phase_recover)
         call displacements%forget()
         if (are_needed) call recover_and_measure(.true.)
@@ -94,26 +94,28 @@ contains
       logical :: is_found(size(distance))
       integer :: b
       if (.not. allocated(displacements%body)) then
-        call recover_bodies(problem, qp, compliance, state%m, state%alpha, want_stress, displacements%body)
+        call recover_bodies(problem, qp, compliance, state%pressure, state%alpha, want_stress, displacements%body)
         displacements%n_recoveries = displacements%n_recoveries + 1
       end if
       if (refined) then
-        call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
+        call refine_bodies(problem, qp, compliance, state%pressure, state%alpha, conditioning, displacements%body, &
+                           left, error)
         if (allocated(error)) return
-        state%energy = energy_of(problem, qp, displacements%body, state%m, state%y)
+        state%energy = energy_of(problem, qp, displacements%body, state%pressure, state%penetration)
         ! The work of the tensions of bolts is none of loads on displacements.
         state%energy = state%energy - sum(qp%coarse%resultant*state%alpha, mask=qp%coarse%is_slide)
       end if
-      norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
+      norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
       call expect_rounding(problem, displacements%body, norm, distance)
       is_found = [(allocated(compliance%body(b)%found), b=1, size(distance))]
       gaps = 0
       if (refined .or. norm2(merge(of_block_rows, 1.0_dp, is_found)*distance) > &
           merge(worth_measuring_found, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
-        call measure_rounding(problem, qp, compliance, state%m, displacements%body, distance, error)
+        call measure_rounding(problem, qp, compliance, state%pressure, displacements%body, distance, error)
         ! The bound of a scheme that finds displacements has what they leave of the gaps.
         if (.not. any(is_found)) gaps = &
-          gap_rounding(qp, compliance, displacements%body, state%m, state%y - qp%opened_by_slides(state%alpha))
+          gap_rounding(qp, compliance, displacements%body, state%pressure, state%penetration - &
+                       qp%opened_by_slides(state%alpha))
       else
         where (is_found) distance = of_block_rows*distance
       end if

@@ -83,9 +83,9 @@ contains
     type(penalty_reference_t) :: reference
     real(dp) :: distance
     call budget%init()
-    budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
+    budget%norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%m, qp%theta, kept, budget, error)
+      call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%pressure, qp%theta, kept, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -110,7 +110,7 @@ contains
   !> Whether the iteration came near enough to its end for the other errors to be meaningful.
   pure logical function is_near(state)
     type(solver_state_t), intent(in) :: state  !! Where the scheme ended.
-    is_near = size(state%m) == 0
+    is_near = size(state%pressure) == 0
     if (.not. (is_near .or. ieee_is_nan(state%error_bound))) is_near = state%error_bound < near_enough
   end function is_near
 
@@ -129,11 +129,11 @@ contains
   end subroutine forget_mesh_error
 
   !> The error of the mesh.
-  subroutine estimate_mesh_error(problem, displacements, first_row, m, theta, kept, budget, error)
+  subroutine estimate_mesh_error(problem, displacements, first_row, pressure, theta, kept, budget, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(displacements_t), intent(inout) :: displacements  !! As in `estimate_errors`.
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     type(kept_estimates_t), intent(inout) :: kept  !! What the estimates keep.
     type(error_budget_t), intent(inout) :: budget  !! Gets discretization, contact and norm.
@@ -144,7 +144,7 @@ contains
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
     allocate (budget%of_body(size(problem%body)))
     if (.not. allocated(displacements%square)) then
-      block(1)%m = m
+      block(1)%pressure = pressure
       call move_alloc(displacements%body, block(1)%body)
       call estimate_mesh_errors(problem, first_row, kept, block, error)
       call move_alloc(block(1)%body, displacements%body)
@@ -162,7 +162,7 @@ contains
                  rows => [(i, i=first_row(k), first_row(k + 1) - 1)])
         associate (u_a => displacements%body(pair%body_a)%displacement, &
                    u_b => displacements%body(pair%body_b)%displacement)
-          work = work + complementarity_error(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows))
+          work = work + complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure(rows), theta(rows))
         end associate
       end associate
     end do

@@ -21,11 +21,11 @@ contains
 
   !> What contact pairs leave at the nodes of a body against another one: their own pairs, or, where they have none
   !> and only meet at edges, those with other bodies.
-  subroutine find_left(problem, pairs, first_row, y, body, other, left)
+  subroutine find_left(problem, pairs, first_row, penetration, body, other, left)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     integer, intent(in) :: body  !! The body.
     integer, intent(in) :: other  !! The other body.
     type(left_by_pairs_t), intent(out) :: left  !! Penetration and widths at the nodes of the body.
@@ -46,7 +46,7 @@ contains
     do i = 1, size(list)
       k = list(i)
       associate (pair => problem%pair(k))
-        call penetration_at_points(pair, y(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_a), &
+        call penetration_at_points(pair, penetration(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_a), &
                                    problem%surface_a(k), problem%body(pair%body_b), problem%surface_b(k), &
                                    at_points, width, is_between)
         if (pair%body_a == body) &
@@ -62,11 +62,11 @@ contains
     left%given = beside
   end subroutine find_left
 
-  !> Penetration at the points of a pair: the largest of the rows that they belong to, the uncertainty of their gaps, and
-  !> the part of a given gap that the surfaces do not have; and the widths of the slave facets of the points.
-  subroutine penetration_at_points(pair, y, body_a, surface_a, body_b, surface_b, at_points, width, with_gaps)
+  !> Penetration at the points of a pair: the largest of the rows that they belong to, the uncertainty of their gaps,
+  !> and the part of a given gap that the surfaces do not have; and the widths of the slave facets of the points.
+  subroutine penetration_at_points(pair, penetration, body_a, surface_a, body_b, surface_b, at_points, width, with_gaps)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
-    real(dp), intent(in) :: y(:)  !! Penetration of its rows, negative where they are open (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetration of its rows, negative where they are open (n_rows) [length].
     type(body_t), intent(in) :: body_a  !! Body of the slave side.
     type(surface_t), intent(in) :: surface_a  !! Slave surface.
     type(body_t), intent(in) :: body_b  !! Body of the master side.
@@ -91,10 +91,10 @@ contains
       width(k) = longest
     end do
     ! Before the solution there are none.
-    do i = 1, size(y)
-      if (.not. y(i) > 0) cycle
+    do i = 1, size(penetration)
+      if (.not. penetration(i) > 0) cycle
       do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
-        at_points(pair%average%column(k)) = max(at_points(pair%average%column(k)), y(i))
+        at_points(pair%average%column(k)) = max(at_points(pair%average%column(k)), penetration(i))
       end do
     end do
     if (allocated(pair%uncertainty)) at_points = at_points + pair%uncertainty

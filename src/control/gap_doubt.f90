@@ -7,6 +7,7 @@ module dotyk_control_gap_doubt
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_scheme_active_set, only: foundation_stiffness
@@ -71,8 +72,14 @@ contains
     do k = 1, size(doubt)
       shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1) = problem%pair(k)%row_uncertainty()
     end do
-    moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%y + qp%gap)]))
+    moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%penetration + qp%gap)]))
     call estimate_roughly(qp, state, shift, doubt)
+    if (moved <= rounding*maxval([0.0_dp, shift, abs(qp%gap)])) then
+      ! Nothing acts on bodies that may touch.
+      doubt%force_change = 0
+      doubt%moved_change = 0
+      return
+    end if
     call find_parts(moved, doubt)
     if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
     doubt%force_change = 0
@@ -131,11 +138,11 @@ contains
     type(gap_doubt_t), intent(inout) :: doubt(:)  !! (n_pairs)
     real(dp) :: closed(qp%n_rows), force(qp%n_rows)
     integer :: k
-    closed = max(0.0_dp, shift + min(0.0_dp, state%y))
+    closed = max(0.0_dp, shift + min(0.0_dp, state%penetration))
     force = foundation_stiffness(qp)*closed
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))
-        associate (w => qp%weight(first:last), m => state%m(first:last))
+        associate (w => qp%weight(first:last), m => state%pressure(first:last))
           of%force = sum(w*m)
           of%uncertainty = maxval([0.0_dp, pack(shift(first:last), m > 0)])
           of%force_change = sum(force(first:last))
@@ -166,28 +173,28 @@ contains
     shifted = qp
     call shifted%shift_gap(shift)
     other = state
-    other%y = state%y - shift
+    other%penetration = state%penetration - shift
     call solver%solve(shifted, compliance, settings, silent, other, error)
     if (allocated(error)) then
-      if (allocated(other%m)) deallocate (other%m)
+      if (allocated(other%pressure)) deallocate (other%pressure)
     else if (all(other%ended /= [ended_converged, ended_limit, ended_solves, ended_stalled]) .and. &
-             allocated(other%m)) then
-      deallocate (other%m)
+             allocated(other%pressure)) then
+      deallocate (other%pressure)
     end if
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))
-        associate (w => qp%weight(first:last), m => state%m(first:last), &
-                   moved => state%y(first:last) + qp%gap(first:last))
-          if (.not. allocated(other%m)) then
+        associate (w => qp%weight(first:last), m => state%pressure(first:last), &
+                   moved => state%penetration(first:last) + qp%gap(first:last))
+          if (.not. allocated(other%pressure)) then
             of%force_change = ieee_value(of%force, ieee_quiet_nan)
             of%area_change = of%force_change
             of%moved_change = of%force_change
           else if (.not. ieee_is_nan(of%force_change)) then
-            associate (m_2 => other%m(first:last))
+            associate (m_2 => other%pressure(first:last))
               of%force_change = max(of%force_change, abs(sum(w*m_2) - of%force))
               of%area_change = max(of%area_change, abs(sum(w, mask=m_2 > 0) - sum(w, mask=m > 0)))
               of%moved_change = maxval([of%moved_change, &
-                                        pack(abs(other%y(first:last) + shifted%gap(first:last) - moved), &
+                                        pack(abs(other%penetration(first:last) + shifted%gap(first:last) - moved), &
                                              m > 0 .or. m_2 > 0)])
               of%uncertainty = maxval([of%uncertainty, pack(abs(shift(first:last)), m_2 > 0)])
             end associate

@@ -150,7 +150,7 @@ contains
       if (all(square <= spread(least_of, 2, size(square, 2)))) return
       do j = 1, size(block)
         call act(problem, some, block(j)%case)
-        call collect_actions(problem, some, first_row, block(j)%m, block(j)%body, of_case(j))
+        call collect_actions(problem, some, first_row, block(j)%pressure, block(j)%body, of_case(j))
       end do
       data => of_case(1)
       if (size(block) > 1) then

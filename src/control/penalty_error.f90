@@ -224,7 +224,7 @@ contains
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
     type(solver_state_t), intent(in) :: one, other  !! Where schemes ended.
     if (is_usable(one) .and. is_usable(other)) then
-      distance = compliance%distance(qp, one%m - other%m, one%alpha - other%alpha)
+      distance = compliance%distance(qp, one%pressure - other%pressure, one%alpha - other%alpha)
     else
       distance = ieee_value(distance, ieee_quiet_nan)
     end if
@@ -234,7 +234,7 @@ contains
   real(dp) function uncertainty(qp, state)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
-    uncertainty = state%error_bound*qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
+    uncertainty = state%error_bound*qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
   end function uncertainty
 
   !> The solution with a smaller theta, from that with a larger one: by the scheme where it finds displacements, else a
@@ -251,7 +251,7 @@ contains
     type(solver_state_t), intent(inout) :: state
     type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
     type(monitor_t) :: silent
-    if (.not. any(state%m > 0)) return
+    if (.not. any(state%pressure > 0)) return
     if (solver%finds_displacements(qp, compliance)) then
       call solver%solve(qp, compliance, settings, silent, state, error)
     else
@@ -272,14 +272,14 @@ contains
     real(dp), allocatable :: lambda(:), alpha(:), forces(:)
     logical, allocatable :: active(:)
     integer :: k
-    associate (working => state%m > 0)
+    associate (working => state%pressure > 0)
       call restrict_qp(qp, working, part)
       ! As the dual scheme did it.
       call choose_coupling(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
                                                    compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
       system%reduction = reduction
       if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
-      lambda = part%weight*pack(state%m, working)
+      lambda = part%weight*pack(state%pressure, working)
       alpha = state%alpha/qp%coarse%scale
       ! Along motions that contact does not determine the bodies stay where they are.
       call motion%init(part, foundation_stiffness(part), lambda > 0, alpha)
@@ -297,17 +297,18 @@ contains
         if (all(lambda > 0 .or. .not. active) .or. .not. any(lambda > 0)) exit
       end do
       call system%destroy()
-      state%m = unpack(max(0.0_dp, lambda)/part%weight, working, 0*state%m)
+      state%pressure = unpack(max(0.0_dp, lambda)/part%weight, working, 0*state%pressure)
       state%alpha = qp%coarse%scale*alpha
     end associate
     ! NaN is not below infinity.
-    if (allocated(error) .or. .not. all(state%m <= huge(1.0_dp))) state%ended = ended_limit
+    if (allocated(error) .or. .not. all(state%pressure <= huge(1.0_dp))) state%ended = ended_limit
   end subroutine drop_tensile_forces
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)
     type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
-    is_usable = any(state%ended == [ended_converged, ended_stalled, ended_solves]) .and. allocated(state%m) .and. &
+    is_usable = any(state%ended == [ended_converged, ended_stalled, ended_solves]) .and. &
+      allocated(state%pressure) .and. &
                 .not. ieee_is_nan(state%error_bound)
   end function is_usable
 end module dotyk_control_penalty_error

@@ -54,11 +54,11 @@ contains
   end function pair_solution_is_rounding
 
   !> Pressures of all pairs.
-  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error, fields, forgotten)
+  subroutine project_pressures(problem, first_row, pressure, penetration, solution, nodal, error, fields, forgotten)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, pairs and their surfaces.
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     !> Pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: solution(:)
     type(nodal_field_t), allocatable, intent(out) :: nodal(:)  !! Projected pressure at the nodes (n_bodies) [pressure].
@@ -87,9 +87,9 @@ contains
     do k = 1, size(problem%pair)
       first = first_row(k)
       last = first_row(k + 1) - 1
-      solution(k)%pressure = m(first:last)
-      solution(k)%gap = -y(first:last)
-      active = merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0
+      solution(k)%pressure = pressure(first:last)
+      solution(k)%gap = -penetration(first:last)
+      active = merge(penetration(first:last), pressure(first:last), problem%pair(k)%row_theta > 0) > 0
       if (present(forgotten)) then
         if (forgotten(k)) then
           solution(k)%pressure = 0

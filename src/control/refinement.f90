@@ -39,11 +39,11 @@ module dotyk_control_refinement
 contains
 
   !> Refine the displacements of the bodies that need it.
-  subroutine refine_bodies(problem, rows, compliance, m, alpha, conditioning, solution, left, error)
+  subroutine refine_bodies(problem, rows, compliance, pressure, alpha, conditioning, solution, left, error)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
     type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     !> Amplitudes of the modes of all bodies, body after body (number of modes) [length].
     real(dp), intent(in) :: alpha(:)
     type(conditioning_t), intent(inout) :: conditioning(:)  !! Counts steps (n_bodies).
@@ -62,7 +62,7 @@ contains
       if (.not. conditioning(b)%needs_refinement() .or. .not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b), representative => problem%classes%first(b))
         load = body%load
-        call rows%body_force(b, m, force)
+        call rows%body_force(b, pressure, force)
         associate (node => rows%block(b)%contact_node)
           load(:, node) = load(:, node) + force
         end associate
@@ -136,32 +136,32 @@ contains
   end subroutine refuse
 
   !> Penetrations of the contact rows, from the displacements.
-  subroutine penetrations(rows, solution, y)
+  subroutine penetrations(rows, solution, penetration)
     type(contact_qp_t), intent(in) :: rows  !! Rows of B and gaps.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
-    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(out) :: penetration(:)  !! B u - d (n_rows) [length].
     real(dp), allocatable :: of_body(:)
     integer :: b
-    y = -rows%gap
+    penetration = -rows%gap
     do b = 1, size(solution)
       associate (block => rows%block(b))
         if (size(block%row) == 0) cycle
         allocate (of_body(size(block%row)))
         call block%matrix%multiply(reshape(solution(b)%displacement(:, block%contact_node), &
                                            [size(solution(b)%displacement, 1)*size(block%contact_node)]), of_body)
-        y(block%row) = y(block%row) + of_body
+        penetration(block%row) = penetration(block%row) + of_body
         deallocate (of_body)
       end associate
     end do
   end subroutine penetrations
 
   !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
-  real(dp) function energy_of(problem, rows, solution, m, y) result(energy)
+  real(dp) function energy_of(problem, rows, solution, pressure, penetration) result(energy)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
     type(contact_qp_t), intent(in) :: rows  !! Weights of the rows.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     real(dp), dimension(size(solution)) :: strained, work
     integer :: b
     strained = 0
@@ -173,7 +173,7 @@ contains
     end do
     call problem%ranks%share_sum(strained)
     call problem%ranks%share_sum(work)
-    energy = sum(rows%penalty_of_rows(m, y))
+    energy = sum(rows%penalty_of_rows(pressure, penetration))
     do b = 1, size(solution)
       energy = energy + strained(b) - work(b)
     end do

@@ -144,10 +144,10 @@ contains
   end function significant
 
   !> Greatest contact pressure, or stress of a body where it is known [pressure].
-  pure real(dp) function largest_stress(solution, m) result(largest)
+  pure real(dp) function largest_stress(solution, pressure) result(largest)
     type(body_solution_t), intent(in) :: solution  !! The body.
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
-    largest = maxval([0.0_dp, abs(m)])
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    largest = maxval([0.0_dp, abs(pressure)])
     if (allocated(solution%stress)) largest = max(largest, maxval(abs(solution%stress)))
   end function largest_stress
 

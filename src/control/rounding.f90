@@ -69,11 +69,11 @@ contains
   end subroutine expect_rounding
 
   !> The rounding error of each body.
-  subroutine measure_rounding(problem, rows, compliance, m, solution, distance, error)
+  subroutine measure_rounding(problem, rows, compliance, pressure, solution, distance, error)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
     type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
     real(dp), intent(out) :: distance(:)  !! In the energy norm (n_bodies) [sqrt(energy)].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
@@ -83,11 +83,11 @@ contains
     order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
-    !$omp& shared(problem, rows, compliance, m, solution, distance, order, failed) if (compliance%side_by_side)
+    !$omp& shared(problem, rows, compliance, pressure, solution, distance, order, failed) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
       if (.not. problem%ranks%is_own(b)) cycle
-      call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), &
+      call measure_body(problem%body(b), rows, compliance, b, pressure, solution(b)%displacement, distance(b), &
                         failed(b)%error)
     end do
     !$omp end parallel do
@@ -101,12 +101,12 @@ contains
   end subroutine measure_rounding
 
   !> One body.
-  subroutine measure_body(body, rows, compliance, b, m, u, square, error)
+  subroutine measure_body(body, rows, compliance, b, pressure, u, square, error)
     type(body_t), intent(in) :: body  !! The body.
     type(contact_qp_t), intent(in) :: rows  !! The quadratic programme, for its contact forces.
     type(body_compliance_t), intent(in) :: compliance  !! Its compliance operator.
     integer, intent(in) :: b  !! Index of the body.
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: u(:, :)  !! Displacement (dim, n_nodes) [length].
     real(dp), intent(out) :: square  !! Square of the rounding in the energy norm, the part of this rank [energy].
     type(error_t), allocatable, intent(out) :: error  !! As in `measure_rounding`.
@@ -121,7 +121,7 @@ contains
       return
     end if
     force = body%load - force
-    call rows%body_force(b, m, contact)
+    call rows%body_force(b, pressure, contact)
     associate (node => rows%block(b)%contact_node)
       force(:, node) = force(:, node) + contact
     end associate
@@ -134,19 +134,20 @@ contains
 
   !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
   !> pressure: the nodes at each row move alone, against their nodal stiffness.
-  real(dp) function gap_rounding(rows, compliance, solution, m, y) result(distance)
+  real(dp) function gap_rounding(rows, compliance, solution, pressure, penetration) result(distance)
     type(contact_qp_t), intent(in) :: rows  !! Rows of B, weights and gaps.
     type(body_compliance_t), intent(in) :: compliance  !! For the stiffness of the nodes.
     type(body_solution_t), intent(in) :: solution(:)  !! Recovered (n_bodies).
-    real(dp), intent(in) :: m(:)  !! Contact pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d of the scheme (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d of the scheme (n_rows) [length].
     real(dp), allocatable :: difference(:), yields(:)
-    allocate (difference(size(y)), yields(size(y)))
+    allocate (difference(size(penetration)), yields(size(penetration)))
     call penetrations(rows, solution, difference)
-    difference = difference - y
+    difference = difference - penetration
     call compliance%nodal_diagonal(rows, yields)
     yields = yields + rows%theta/rows%weight
-    distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=(m > 0 .or. rows%is_tied) .and. yields > 0))
+    distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=(pressure > 0 .or. rows%is_tied) .and. &
+                        yields > 0))
   end function gap_rounding
 
   !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double

@@ -46,14 +46,16 @@ contains
       earlier = state%history
       settings%max_iterations = max(1, settings%max_iterations - earlier%n)
       ! Pressures of other loads are no start where nothing acts.
-      if (is_unloaded(qp) .and. earlier%n == 0 .and. allocated(state%m)) state = from_nothing
+      if (is_unloaded(qp) .and. earlier%n == 0 .and. allocated(state%pressure)) state = from_nothing
     end if
     call set_blas_threads(n_blas)
     call self%scheme%solve(qp, compliance, settings, monitor, state, error)
     call set_blas_threads(1)
     if (allocated(error)) return
-    if (is_unloaded(qp) .and. allocated(state%m)) call leave_at_rest(qp, state)
-    if (allocated(state%y)) state%max_penetration = maxval([0.0_dp, pack(qp%of_vertices(state%y), .not. qp%is_tied)])
+    if (is_unloaded(qp) .and. allocated(state%pressure)) call leave_at_rest(qp, state)
+    if (allocated(state%penetration)) state%max_penetration = maxval([0.0_dp, &
+                                                                     pack(qp%of_vertices(state%penetration), &
+                                                                          .not. qp%is_tied)])
     if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
   end subroutine run_solve
@@ -84,10 +86,10 @@ contains
     y = qp%initial_penetration + y
     if (any(merge(abs(y), y, qp%is_tied) > rounding*maxval(abs(qp%initial_penetration))) .or. &
         maxval([0.0_dp, abs(qp%coarse%stiffness_forces(alpha))]) > 0) return
-    state%m = 0*state%m
-    state%y = y
+    state%pressure = 0*state%pressure
+    state%penetration = y
     state%max_penetration = maxval([0.0_dp, pack(y, .not. qp%is_tied)])
-    state%energy = qp%energy(state%m, y, alpha)
+    state%energy = qp%energy(state%pressure, y, alpha)
     state%error_bound = 0
     state%ended = ended_converged
     associate (history => state%history)

@@ -18,9 +18,9 @@ module dotyk_control_split_costs
   !> Iterations of a contact problem over those of the solution without contact.
   integer, parameter, public :: iterations_per_step = 5
   !> Iterations in five times the time of a factor, over the unknowns of a cube: its operations are 14 to 19 times the
-  !> square of the unknowns of balls and blocks of 76,000 to 230,000 unknowns, a fifth of that of a plate of four layers,
-  !> as the compactness tells, and 20,000 of them per unknown take the time of an iteration with its set-ups. The
-  !> estimate is rough, and the work is lost.
+  !> square of the unknowns of balls and blocks of 76,000 to 230,000 unknowns, a fifth of that of a plate of four
+  !> layers, as the compactness tells, and 20,000 of them per unknown take the time of an iteration with its set-ups.
+  !> The estimate is rough, and the work is lost.
   real(dp), parameter :: iterations_per_unknown = 3.5e-3_dp
   integer, parameter :: always_allowed = 300  !! Iterations that are no reason for factors.
   !> Stiffness of quadratic elements with the graph of its nodes, over the unknowns n; factor of a cube, 22 entries of 8

@@ -23,11 +23,11 @@ module dotyk_control_tie_forces
 contains
 
   !> Forces of all ties.
-  function find_tie_forces(problem, m, y) result(of_tie)
+  function find_tie_forces(problem, pressure, penetration) result(of_tie)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, pairs and ties, with the shortenings of the solution.
     !> Pressures of the contact rows and tractions of the ties after them (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    real(dp), intent(in) :: y(:)  !! B u - d of the same rows (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)
+    real(dp), intent(in) :: penetration(:)  !! B u - d of the same rows (n_rows) [length].
     type(tie_force_t), allocatable :: of_tie(:)  !! (n_ties).
     type(pair_resultant_t) :: part
     integer :: c, k, n
@@ -37,12 +37,13 @@ contains
       associate (tie => problem%tie(k), all => of_tie(k)%resultant)
         do c = 1, size(tie%component)
           associate (rows => tie%component(c), last => n + tie%component(c)%n_rows)
-            part = pair_resultant(rows, problem%body(rows%body_a)%analysis == analysis_axisymmetric, m(n + 1:last))
+            part = pair_resultant(rows, problem%body(rows%body_a)%analysis == analysis_axisymmetric, &
+                                  pressure(n + 1:last))
             all%force = all%force + part%force
             all%moment = all%moment + part%moment
             all%radial = all%radial + part%radial
             of_tie(k)%shortening = of_tie(k)%shortening + &
-              tie%normal(c)*sum(rows%row_weight*(y(n + 1:last) + rows%row_gap))/sum(rows%row_weight)
+              tie%normal(c)*sum(rows%row_weight*(penetration(n + 1:last) + rows%row_gap))/sum(rows%row_weight)
             n = last
           end associate
         end do

@@ -73,10 +73,10 @@ contains
       call monitor%log%take(self%solved(j)%told)
       if (n == 1) return
       associate (solved => self%solved(j), state => self%solved(j)%solution%state)
-        is_last = allocated(solved%error) .or. .not. allocated(state%m)
+        is_last = allocated(solved%error) .or. .not. allocated(state%pressure)
         if (.not. is_last) then
           n_displaced = j
-          call self%displacements(j)%begin(scene%problem, solved%solution%qp, state%m, state%alpha)
+          call self%displacements(j)%begin(scene%problem, solved%solution%qp, state%pressure, state%alpha)
           self%displacements(j)%case = self%last
         end if
         call leave_case(scene, solved)

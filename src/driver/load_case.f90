@@ -31,7 +31,8 @@ module dotyk_driver_load_case
     type(scheme_run_t) :: run  !! The scheme that solves it, and its settings.
     integer :: engine = engine_none  !! The engine that this belongs to, one of `engine_*`.
     integer :: reason = reason_none  !! Why this engine has not solved it, one of `reason_*`.
-    real(dp), allocatable :: start(:)  !! Pressures to start from; not allocated where there are none (n_rows) [pressure].
+    !> Pressures to start from; not allocated where there are none (n_rows) [pressure].
+    real(dp), allocatable :: start(:)
     character(:), allocatable :: told  !! Lines of the log that were held until the cases before it are told.
     real(dp) :: seconds = 0  !! Time of its iterations [s].
     type(error_t), allocatable :: error  !! What went wrong with it.

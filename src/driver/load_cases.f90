@@ -64,7 +64,7 @@ contains
         reason = solved%reason
         if (allocated(error) .or. reason /= reason_none) exit
         if (k == n) call scene%compliance%destroy()
-        if (allocated(solution%state%m)) call keep_shortenings(solution%state, scene%problem)
+        if (allocated(solution%state%pressure)) call keep_shortenings(solution%state, scene%problem)
         call find_rotations(scene%problem, solution%state, ratio)
         call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
         call check_bodies(scene, solution, may_add, monitor, met, has_met)

@@ -39,7 +39,8 @@ contains
     has_met = .false.
     call set_stage('checking for penetration')
     if (.not. all_displaced()) return
-    call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &
+    call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, &
+                           solution%state%penetration, &
                            solution%state%error_bound, solution%penetration)
     call monitor%watch%lap(monitor%timing%check)
     ! A point that has been added before has its row, or is excluded.

@@ -47,14 +47,15 @@ contains
     logical :: is_known
     associate (problem => scene%problem, qp => solution%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
-      call project_pressures(problem, qp%pair_first_row, solution%state%m, qp%of_vertices(solution%state%y), &
+      call project_pressures(problem, qp%pair_first_row, solution%state%pressure, &
+                             qp%of_vertices(solution%state%penetration), &
                              pair_solution, contact_pressure, error, contact)
       if (allocated(error)) return
       call refuse_overflow(case, problem, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
       is_known = all([(allocated(displacements(b)%displacement), b=1, size(displacements))])
       if (is_known) &
-        call find_balance(problem, qp, solution%state%m, solution%state%y, displacements, &
+        call find_balance(problem, qp, solution%state%pressure, solution%state%penetration, displacements, &
                           case%output%reaction, balance, error)
       if (allocated(error)) return
       if (allocated(balance%body)) then
@@ -66,7 +67,8 @@ contains
           end associate
         end do
         if (any(forgotten)) &
-          call project_pressures(problem, qp%pair_first_row, solution%state%m, qp%of_vertices(solution%state%y), &
+          call project_pressures(problem, qp%pair_first_row, solution%state%pressure, &
+                                 qp%of_vertices(solution%state%penetration), &
                                  pair_solution, contact_pressure, error, contact, forgotten)
         if (allocated(error)) return
       end if

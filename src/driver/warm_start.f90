@@ -49,7 +49,7 @@ contains
     if (len(restart) > 0) then
       call read_pressures(restart, name, problem%body, problem%pair, log, pressure, error)
     else if (case%has_cases()) then
-      if (case%load_case(k)%continues .and. allocated(before%m)) pressure = before%m
+      if (case%load_case(k)%continues .and. allocated(before%pressure)) pressure = before%pressure
     end if
   end subroutine initial_pressures
 
@@ -200,10 +200,10 @@ contains
     !> Initial state: pressures and penetrations, without history, L and amplitudes of rigid body modes.
     type(solver_state_t), intent(inout) :: state
     if (.not. any(pressure > 0)) return
-    state%m = [pressure, spread(0.0_dp, 1, qp%n_rows - size(pressure))]
+    state%pressure = [pressure, spread(0.0_dp, 1, qp%n_rows - size(pressure))]
     if (allocated(state%alpha)) deallocate (state%alpha)
-    allocate (state%alpha(qp%coarse%n), state%y(qp%n_rows), source=0.0_dp)
-    call compliance%multiply(qp, qp%weight*state%m, state%y)
-    state%y = qp%initial_penetration - state%y
+    allocate (state%alpha(qp%coarse%n), state%penetration(qp%n_rows), source=0.0_dp)
+    call compliance%multiply(qp, qp%weight*state%pressure, state%penetration)
+    state%penetration = qp%initial_penetration - state%penetration
   end subroutine start_from_pressures
 end module dotyk_driver_warm_start

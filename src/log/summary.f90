@@ -37,10 +37,10 @@ contains
     type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
     real(dp), intent(in) :: seconds  !! Time of the scheme [s].
     call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
-    if (size(solution%state%m) > 0) call show_energies(log, solution%state, solution%energies())
+    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
     call show_gap_doubt(log, problem%pair, solution%gap_doubt)
-    call show_idle_bodies(log, problem, solution%state%m, solution%qp%pair_first_row)
+    call show_idle_bodies(log, problem, solution%state%pressure, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
     call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
   end subroutine show_solution
@@ -55,7 +55,7 @@ contains
     real(dp), intent(in) :: seconds  !! Time of the scheme [s].
     character(:), allocatable :: predicted, bound
     call log%line('')
-    if (size(state%m) == 0) then
+    if (size(state%pressure) == 0) then
       call log%line('  solved           no contact, '//duration(seconds))
       call log%line('  potential energy '//to_text(state%energy, 10))
       return

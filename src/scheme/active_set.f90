@@ -30,7 +30,7 @@ module dotyk_scheme_active_set
 
   type, public :: iterate_t  !! An iterate of the dual scheme.
     !> Forces (n_rows) [force], penetrations (n_rows) [length], amplitudes (coarse%n) [length].
-    real(dp), allocatable :: lambda(:), y(:), alpha(:)
+    real(dp), allocatable :: lambda(:), penetration(:), alpha(:)
   end type iterate_t
 
   public :: find_active_set, foundation_stiffness, rest_on_winkler_foundation, update_penetrations, reference_norm, &
@@ -150,8 +150,8 @@ contains
       ! Rows may be active without any force, such as those that push a floating body away.
       largest_force = max(maxval(abs(now%lambda)), &
                           maxval(foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration), mask=.not. qp%is_tied))
-      largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
-      next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
+      largest_gap = max(maxval(abs(now%penetration)), maxval(abs(qp%initial_penetration)))
+      next = merge(now%lambda >= -rounding*largest_force, now%penetration > rounding*largest_gap, active)
       next = (next .or. qp%is_tied) .and. .not. is_rigid
       call add_support(with_springs, now, next)
       if (present(is_held)) next = next .and. .not. is_held
@@ -160,7 +160,7 @@ contains
         state%ended = ended_converged
         is_shared = joined
         if (joined) exit
-        call join_touching(qp%theta, now%y, rounding*largest_gap, is_rigid, active, next)
+        call join_touching(qp%theta, now%penetration, rounding*largest_gap, is_rigid, active, next)
         if (all(next .eqv. active)) exit
         joined = .true.
         unjoined = now
@@ -186,15 +186,15 @@ contains
 
   !> Rows that touch without force join the active set: where rows are redundant, as over the joint of two masters,
   !> those that left it have no way back, and forces would not be shared with them.
-  pure subroutine join_touching(theta, y, nearly_zero, is_rigid, active, next)
+  pure subroutine join_touching(theta, penetration, nearly_zero, is_rigid, active, next)
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations (n_rows) [length].
     real(dp), intent(in) :: nearly_zero  !! Penetrations below this are rounding errors [length].
     logical, intent(in) :: is_rigid(:)  !! Rows that no force moves (n_rows).
     logical, intent(in) :: active(:)  !! The active set (n_rows).
     logical, intent(out) :: next(:)  !! The same with rows that touch (n_rows).
     next = active
-    if (any(active)) next = active .or. (abs(y) <= nearly_zero .and. .not. theta > 0 .and. .not. is_rigid)
+    if (any(active)) next = active .or. (abs(penetration) <= nearly_zero .and. .not. theta > 0 .and. .not. is_rigid)
   end subroutine join_touching
 
   !> Whether the numbers of rows that change from one active set to the next do not get fewer.
@@ -218,8 +218,8 @@ contains
     now%lambda = 0
     call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp), qp%initial_penetration, now%alpha)
     call qp%mode_displacement(now%alpha, motion)
-    now%y = qp%initial_penetration + motion
-    active = now%y > 0 .or. qp%is_tied
+    now%penetration = qp%initial_penetration + motion
+    active = now%penetration > 0 .or. qp%is_tied
   end subroutine rest_on_winkler_foundation
 
   !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
@@ -233,9 +233,9 @@ contains
     call qp%mode_resultant(now%lambda, missing)
     missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(now%alpha)
     allocate (alpha(qp%coarse%n), motion(size(active)))
-    call winkler_equilibrium(qp, missing, foundation_stiffness(qp), now%y, alpha)
+    call winkler_equilibrium(qp, missing, foundation_stiffness(qp), now%penetration, alpha)
     call qp%mode_displacement(alpha, motion)
-    active = active .or. now%y + motion > 0
+    active = active .or. now%penetration + motion > 0
   end subroutine add_support
 
   !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
@@ -280,7 +280,7 @@ contains
     ! An array that is not allocated is an absent argument.
     if (present(starts_near)) then
       if (starts_near) then
-        start = merge(now%lambda/foundation_stiffness(qp), min(0.0_dp, now%y), now%lambda > 0 .or. qp%is_tied)
+        start = merge(now%lambda/foundation_stiffness(qp), min(0.0_dp, now%penetration), now%lambda > 0 .or. qp%is_tied)
         motion = now%alpha
       end if
     end if
@@ -313,7 +313,7 @@ contains
     allocate (z(size(now%lambda)), motion(size(now%lambda)))
     call compliance%multiply(qp, now%lambda, z)
     call qp%mode_displacement(now%alpha, motion)
-    now%y = qp%initial_penetration - z + motion
+    now%penetration = qp%initial_penetration - z + motion
   end subroutine update_penetrations
 
   !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
@@ -321,7 +321,7 @@ contains
   real(dp) function reference_norm(qp, now) result(norm)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(iterate_t), intent(in) :: now  !! The iterate.
-    norm = qp%energy_norm(now%lambda/qp%weight, now%y, now%alpha)
+    norm = qp%energy_norm(now%lambda/qp%weight, now%penetration, now%alpha)
     norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp)*qp%initial_penetration**2)))
   end function reference_norm
 
@@ -338,12 +338,13 @@ contains
     norm = reference_norm(qp, now)
     m = now%lambda/qp%weight
     ! That of closed ties.
-    gap = duality_gap(qp%weight, qp%theta, merge(0.0_dp, m, qp%is_tied), merge(0.0_dp, now%y, qp%is_tied))
+    gap = duality_gap(qp%weight, qp%theta, merge(0.0_dp, m, qp%is_tied), merge(0.0_dp, now%penetration, qp%is_tied))
     state%error_bound = huge(1.0_dp)
     if (gap < huge(1.0_dp) .and. is_balanced(qp, now%lambda, now%alpha)) &
       state%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call state%history%add(seconds, length, length/max(norm, tiny(norm)), state%error_bound, &
-                           qp%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied)), &
+                           qp%energy(m, now%penetration, now%alpha), &
+                             max(0.0_dp, maxval(now%penetration, mask=.not. qp%is_tied)), &
                            n_active)
   end subroutine add_to_history
 end module dotyk_scheme_active_set

@@ -20,37 +20,38 @@ contains
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Ties are equations, for which it is
   !> `(lambda - lambda_theta).r`, to first order mu.r. [sqrt(energy)]
-  real(dp) function admissible_bound(qp, with_springs, compliance, system, lambda, y, rounding) result(bound)
+  real(dp) function admissible_bound(qp, with_springs, compliance, system, lambda, penetration, rounding) result(bound)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes: what the system is that of.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
     type(active_system_t), intent(in) :: system  !! Linear system of the active set that the state came from.
     real(dp), intent(in) :: lambda(:)  !! Forces of contact, not negative, and of ties (n_rows) [force].
-    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations (n_rows) [length].
     !> Penetrations below this fraction of the largest initial one are rounding errors [].
     real(dp), intent(in) :: rounding
     real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)
     real(dp) :: remainder
     logical, allocatable :: active(:)
-    if (size(y) == 0) then
+    if (size(penetration) == 0) then
       bound = 0
       return
     end if
     bound = huge(bound)
     associate (row => system%row, weight => qp%weight)
-      allocate (mu(size(row)), beta(qp%coarse%n), z(size(y)), motion(size(y)), zero(qp%coarse%n))
+      allocate (mu(size(row)), beta(qp%coarse%n), z(size(penetration)), motion(size(penetration)), zero(qp%coarse%n))
       mu = 0
       zero = 0
-      residual = y(row) - qp%theta(row)/weight(row)*lambda(row)
+      residual = penetration(row) - qp%theta(row)/weight(row)*lambda(row)
       call system%solve(with_springs, compliance, -residual, zero, mu, beta)
-      allocate (all_mu(size(y)), source=0.0_dp)
+      allocate (all_mu(size(penetration)), source=0.0_dp)
       all_mu(row) = -mu
       call compliance%multiply(qp, all_mu, z)
       call qp%mode_displacement(beta, motion)
-      allocate (active(size(y)), source=.false.)
+      allocate (active(size(penetration)), source=.false.)
       active(row) = .true.
       ! B g = z + G beta.
-      if (any(.not. active .and. y > z + motion .and. y > rounding*maxval(abs(qp%initial_penetration)))) return
+      if (any(.not. active .and. penetration > z + motion .and. &
+              penetration > rounding*maxval(abs(qp%initial_penetration)))) return
       remainder = 2*sum(abs(merge(mu, lambda(row), qp%is_tied(row))* &
                             (z(row) + motion(row) - residual - qp%theta(row)/weight(row)*mu))) &
                   + sum(qp%theta(row)/weight(row)*mu**2)/4

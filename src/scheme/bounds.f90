@@ -51,24 +51,24 @@ contains
   !> `G = sum w [(y^+)^2/(2 theta) + theta m^2/2 - m y]`, evaluated as the squares that it is made of; `huge` where some
   !> m < 0, because the bound does not hold there, and where y > 0 with theta = 0. Free bodies must be in equilibrium
   !> with m.
-  pure real(dp) function duality_gap(weight, theta, m, y) result(gap)
+  pure real(dp) function duality_gap(weight, theta, pressure, penetration) result(gap)
     real(dp), intent(in) :: weight(:)  !! Weights of the contact points (n_rows) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: m(:)  !! State (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! State (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     integer :: i
     gap = 0
-    do i = 1, size(m)
-      if (m(i) < 0) then
+    do i = 1, size(pressure)
+      if (pressure(i) < 0) then
         gap = huge(gap)
         return
-      else if (y(i) > 0 .and. .not. theta(i) > 0) then
+      else if (penetration(i) > 0 .and. .not. theta(i) > 0) then
         gap = huge(gap)
         return
-      else if (y(i) > 0) then
-        gap = gap + weight(i)*(y(i) - theta(i)*m(i))**2/(2*theta(i))
+      else if (penetration(i) > 0) then
+        gap = gap + weight(i)*(penetration(i) - theta(i)*pressure(i))**2/(2*theta(i))
       else
-        gap = gap + weight(i)*m(i)*(theta(i)*m(i)/2 + abs(y(i)))
+        gap = gap + weight(i)*pressure(i)*(theta(i)*pressure(i)/2 + abs(penetration(i)))
       end if
     end do
   end function duality_gap

@@ -22,12 +22,12 @@ module dotyk_scheme_closed_ties
 contains
 
   !> Whether ties stay open: the state ends there.
-  subroutine check_ties(qp, compliance, lambda, alpha, y, state)
+  subroutine check_ties(qp, compliance, lambda, alpha, penetration, state)
     type(contact_qp_t), intent(in) :: qp  !! Rows of contact and ties.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
     real(dp), intent(in) :: lambda(:)  !! Forces of a solution (n_rows) [force].
     real(dp), intent(in) :: alpha(:)  !! Its amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: y(:)  !! Its penetrations (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Its penetrations (n_rows) [length].
     type(solver_state_t), intent(inout) :: state  !! Ended by a tie, or as it was.
     real(dp) :: yielded(qp%n_rows), moved(qp%n_rows), most
     integer :: b, i
@@ -39,14 +39,14 @@ contains
         moved(row) = moved(row) + matmul(abs(own), abs(alpha(qp%coarse%first(b):qp%coarse%first(b + 1) - 1)))
       end associate
     end do
-    i = maxloc(abs(y), 1, qp%is_tied)
+    i = maxloc(abs(penetration), 1, qp%is_tied)
     most = maxval(abs(qp%initial_penetration) + abs(yielded), mask=qp%is_tied)
     ! Large motions, on soft springs, leave their rounding.
-    if (.not. abs(y(i)) > max(most_open*most, rounding*maxval(moved, mask=qp%is_tied))) return
+    if (.not. abs(penetration(i)) > max(most_open*most, rounding*maxval(moved, mask=qp%is_tied))) return
     state%ended = ended_open_tie
     state%overlap_of = most
     state%rigid_row = qp%parent_row(i)
-    state%overlap = abs(y(i))
+    state%overlap = abs(penetration(i))
   end subroutine check_ties
 
   !> Find contact rows that ties hold. The state ends where surfaces overlap there.

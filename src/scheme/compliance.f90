@@ -122,15 +122,16 @@ module dotyk_scheme_compliance
 contains
 
   !> The energy norm of the difference of two states `u = u0 - K^+ B^T W m + R alpha`; one product.
-  real(dp) function compliance_distance(self, qp, m, alpha) result(distance)
+  real(dp) function compliance_distance(self, qp, pressure, alpha) result(distance)
     class(compliance_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
-    real(dp), intent(in) :: m(:)  !! Difference of the pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Difference of the pressures (n_rows) [pressure].
     real(dp), intent(in) :: alpha(:)  !! Difference of the amplitudes of the rigid body modes (coarse%n) [length].
     real(dp), allocatable :: z(:), amplitude(:)
-    allocate (z(size(m)))
-    call self%multiply(qp, qp%weight*m, z)
+    allocate (z(size(pressure)))
+    call self%multiply(qp, qp%weight*pressure, z)
     amplitude = alpha/qp%coarse%scale
-    distance = sqrt(max(0.0_dp, sum(qp%weight*m*z) + dot_product(amplitude, qp%coarse%stiffness_forces(amplitude))))
+    distance = sqrt(max(0.0_dp, sum(qp%weight*pressure*z) + &
+                        dot_product(amplitude, qp%coarse%stiffness_forces(amplitude))))
   end function compliance_distance
 end module dotyk_scheme_compliance

@@ -65,9 +65,12 @@ module dotyk_scheme_constraint_preconditioner
   !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
   !> M (1e-16 of it), far below what slows down the refinement: each step gains as many digits where rows are
   !> independent.
-  real(dp), parameter :: proximal_fraction = 1.0e-11_dp
+  real(dp), parameter :: proximal_fraction = 1.0e-9_dp
   !> Most of it, where weights or stiffnesses differ.
-  real(dp), parameter :: most_proximal_fraction = 1.0e-8_dp
+  real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
+  !> With ties, over the same without: the compliance of a facet of a slender body is as small beside that of bending.
+  !> Redundant rows share their force less exactly then.
+  real(dp), parameter :: with_ties = 1.0e-2_dp
   !> Compliance of rows between prescribed displacements, which get no force, as a multiple of the largest one.
   real(dp), parameter :: no_force = 1.0e16_dp
 
@@ -98,7 +101,8 @@ contains
       self%level = qp%level
     end if
     associate (k => self%matrix%column_start(:size(row)) + 1)
-      self%matrix%value(k) = self%diagonal + layer + proximal_term(self%diagonal + layer, layer, qp%weight(row))
+      self%matrix%value(k) = self%diagonal + layer + merge(with_ties, 1.0_dp, any(qp%is_tied(row)))* &
+        proximal_term(self%diagonal + layer, layer, qp%weight(row))
     end associate
     call self%factor%factorize(self%matrix, failed, error)
     if (allocated(error)) return

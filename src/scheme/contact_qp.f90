@@ -193,27 +193,27 @@ contains
   end subroutine qp_mode_resultant
 
   !> C W m = y_0 + G alpha - y, which costs no product.
-  pure subroutine find_compliance_product(self, y, product, alpha)
+  pure subroutine find_compliance_product(self, penetration, product, alpha)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     real(dp), intent(out) :: product(:)  !! C W m (n_rows) [length].
     real(dp), intent(in), optional :: alpha(:)  !! Zero if absent (coarse%n) [length].
     product = 0
     if (present(alpha)) call self%mode_displacement(alpha, product)
-    product = (self%initial_penetration + product) - y
+    product = (self%initial_penetration + product) - penetration
   end subroutine find_compliance_product
 
   !> The energy norm ||u||_A of u = u_0 - K^+ B^T W m + R alpha [sqrt(energy)].
-  pure real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
+  pure real(dp) function qp_energy_norm(self, pressure, penetration, alpha) result(norm)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
     real(dp), allocatable :: product(:)
-    allocate (product(size(y)))
-    call find_compliance_product(self, y, product, alpha)
-    norm = self%norm_square_0 + sum(self%weight*m*(product - 2*self%load_displacement))
+    allocate (product(size(penetration)))
+    call find_compliance_product(self, penetration, product, alpha)
+    norm = self%norm_square_0 + sum(self%weight*pressure*(product - 2*self%load_displacement))
     if (present(alpha)) then
       norm = norm + dot_product(alpha, self%coarse%stiffness_forces(alpha))
       if (allocated(self%coarse%lift)) norm = norm - 2*dot_product(alpha, self%coarse%lift)
@@ -223,72 +223,72 @@ contains
 
   !> The penalty term (18) of each row (n_rows) [energy]: that of its penetration, or of its force where the penetration
   !> is rounding, which a small theta would magnify; 0 where theta = 0.
-  pure function qp_penalty_of_rows(self, m, y) result(penalty)
+  pure function qp_penalty_of_rows(self, pressure, penetration) result(penalty)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
-    real(dp) :: penalty(size(y)), least
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    real(dp) :: penalty(size(penetration)), least
     least = rounding*maxval([0.0_dp, abs(self%initial_penetration)])
     penalty = 0
-    where (self%theta > 0 .and. y > least)
-      penalty = self%weight*y**2/(2*self%theta)
-    else where (self%theta > 0 .and. m > 0 .and. y > -least)
-      penalty = self%weight*self%theta*m**2/2
+    where (self%theta > 0 .and. penetration > least)
+      penalty = self%weight*penetration**2/(2*self%theta)
+    else where (self%theta > 0 .and. pressure > 0 .and. penetration > -least)
+      penalty = self%weight*self%theta*pressure**2/2
     end where
   end function qp_penalty_of_rows
 
   !> F_theta(u) of equations (19), (25) [energy]; without the energy of penetrations where theta = 0. The work of the
   !> loads cancels, because u_0 is in equilibrium with them, except for the work on rigid body modes.
-  real(dp) function qp_energy(self, m, y, alpha) result(energy)
+  real(dp) function qp_energy(self, pressure, penetration, alpha) result(energy)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
     real(dp), allocatable :: product(:)
-    allocate (product(size(y)))
-    call find_compliance_product(self, y, product, alpha)
-    energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + sum(self%penalty_of_rows(m, y))
+    allocate (product(size(penetration)))
+    call find_compliance_product(self, penetration, product, alpha)
+    energy = self%energy_0 + 0.5_dp*sum(self%weight*pressure*product) + sum(self%penalty_of_rows(pressure, penetration))
     if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - &
       self%coarse%resultant)
   end function qp_energy
 
   !> L(u), the work of the loads on u = u_0 - K^+ B^T W m + R alpha [energy].
-  pure real(dp) function qp_load_work(self, m, alpha) result(work)
+  pure real(dp) function qp_load_work(self, pressure, alpha) result(work)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(in) :: alpha(:)  !! Amplitudes of the rigid body modes (coarse%n) [length].
     ! F(u_0) = A(u_0,u_0)/2 - L(u_0).
-    work = self%norm_square_0/2 - self%energy_0 - sum(self%weight*m*self%load_displacement)
+    work = self%norm_square_0/2 - self%energy_0 - sum(self%weight*pressure*self%load_displacement)
     if (size(alpha) > 0) work = work + dot_product(self%coarse%resultant, alpha)
     ! Prescribed displacements do work on near-null-space modes, which is none of the loads.
     if (allocated(self%coarse%lift)) work = work - dot_product(self%coarse%lift, alpha)
   end function qp_load_work
 
   !> Penetrations in which the rows of one vertex have their mean (n_rows) [length].
-  pure function qp_of_vertices(self, y) result(mean)
+  pure function qp_of_vertices(self, penetration) result(mean)
     class(contact_qp_t), intent(in) :: self
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     real(dp), allocatable :: mean(:), weight(:), left(:)
-    mean = y
+    mean = penetration
     if (.not. allocated(self%seam)) return
     allocate (weight(self%seam%n_columns), left(self%seam%n_columns))
     call self%seam%multiply_transposed(self%weight, weight)
-    call self%seam%multiply_transposed(self%weight*y, left)
+    call self%seam%multiply_transposed(self%weight*penetration, left)
     call self%seam%multiply(left/weight, mean)
   end function qp_of_vertices
 
   !> Nodal contact forces on one body, - B_b^T W m.
-  subroutine qp_body_force(self, b, m, force)
+  subroutine qp_body_force(self, b, pressure, force)
     class(contact_qp_t), intent(in) :: self
     integer, intent(in) :: b  !! The body.
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
     !> At the contact nodes of the body (dimension, n_contact_nodes) [force].
     real(dp), allocatable, intent(out) :: force(:, :)
     real(dp), allocatable :: flat(:)
     associate (block => self%block(b))
       allocate (flat(self%dimension*size(block%contact_node)))
-      call block%matrix%multiply_transposed(self%weight(block%row)*m(block%row), flat)
+      call block%matrix%multiply_transposed(self%weight(block%row)*pressure(block%row), flat)
       force = reshape(-flat, [self%dimension, size(block%contact_node)])
     end associate
   end subroutine qp_body_force

@@ -28,7 +28,7 @@ module dotyk_scheme_corner_contact
 contains
 
   !> Solve; zero pressures of contact rows where there is no solution.
-  subroutine solve_corner_contact(system, qp, gap, load, m, u)
+  subroutine solve_corner_contact(system, qp, gap, load, pressure, u)
     !> The bodies and rows. Its compliances are lent to the dual scheme meanwhile.
     class(body_grids_t), intent(inout) :: system
     type(contact_qp_t), intent(in) :: qp  !! The rows and the rigid body modes.
@@ -36,7 +36,7 @@ contains
     real(dp), intent(in) :: gap(:)
     !> Loads and forces of prescribed displacements, over the unknowns of the system (n) [force].
     real(dp), intent(in), contiguous :: load(:)
-    real(dp), intent(out) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(out) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(out), contiguous :: u(:)  !! Displacements (n) [length].
     type(contact_qp_t) :: corner_qp
     type(dense_compliance_t) :: compliance
@@ -46,14 +46,14 @@ contains
     type(solver_state_t) :: state
     type(error_t), allocatable :: error
     real(dp), allocatable :: y(:), alpha(:), lambda(:)
-    m = 0
+    pressure = 0
     u = 0
     if (allocated(system%obstacle)) return
     allocate (alpha(system%first_mode(size(system%first_mode))), source=0.0_dp)
     ! Ties are springs between both sides, less the gap.
     lambda = -system%tie_stiffness()*gap
     if (any(.not. system%is_tied)) then
-      allocate (y(size(m)))
+      allocate (y(size(pressure)))
       call corner_displacement(system, load, lambda, y)
       call make_corner_qp(system, qp, y - gap - qp%initial_penetration, corner_qp)
       settings%tolerance = tolerance
@@ -62,16 +62,16 @@ contains
       call lend(system, corner_qp, compliance)
       call scheme%solve(corner_qp, compliance, settings, monitor, state, error)
       call take_back(system, compliance)
-      if (.not. allocated(error) .and. allocated(state%m)) then
-        m(:) = unpack(state%m, .not. system%is_tied, m)
+      if (.not. allocated(error) .and. allocated(state%pressure)) then
+        pressure(:) = unpack(state%pressure, .not. system%is_tied, pressure)
         if (size(state%alpha) == corner_qp%coarse%n) call take_amplitudes(system, state%alpha, alpha)
       end if
     end if
-    call corner_solution(system, load, qp%weight*m + lambda, alpha, u)
+    call corner_solution(system, load, qp%weight*pressure + lambda, alpha, u)
     if (.not. any(system%is_tied)) return
-    if (.not. allocated(y)) allocate (y(size(m)))
+    if (.not. allocated(y)) allocate (y(size(pressure)))
     call system%row_displacement(u, y)
-    where (system%is_tied) m = system%tie_stiffness()*(y - gap)/qp%weight
+    where (system%is_tied) pressure = system%tie_stiffness()*(y - gap)/qp%weight
   end subroutine solve_corner_contact
 
   !> The contact of groups of tied bodies, of which each is one body.

@@ -111,7 +111,7 @@ contains
       call solve_joined(self, qp, compliance, settings, monitor, state, error)
       return
     end if
-    warm = allocated(state%m)
+    warm = allocated(state%pressure)
     ! A state with a history is one of this problem; the loads may have changed since any other.
     explains = state%history%n == 0 .and. is_heap(qp)
     if (state%history%n == 0 .and. .not. explains) then
@@ -120,7 +120,7 @@ contains
     end if
     if (warm) then
       call complete_start(qp, state)
-      working = state%m > 0 .or. qp%is_tied
+      working = state%pressure > 0 .or. qp%is_tied
     else
       call screen_rows(qp, working)
     end if
@@ -145,7 +145,7 @@ contains
         call part%restrict(qp, working)
         if (warm) call part%take(state)
         call solve_working_set(part%qp, compliance, left, monitor, system, warm, state, error)
-        if (.not. allocated(error) .and. allocated(state%m)) call part%give_back(qp, compliance, state)
+        if (.not. allocated(error) .and. allocated(state%pressure)) call part%give_back(qp, compliance, state)
       end if
       call state%history%finish()
       call state%history%put_after(earlier)
@@ -155,13 +155,13 @@ contains
         call system%destroy()
         call choose_coupling(qp, compliance, linear_solver_direct, working, system)
         if (allocated(error)) deallocate (error)
-        if (allocated(state%m)) deallocate (state%m, state%y, state%alpha)
+        if (allocated(state%pressure)) deallocate (state%pressure, state%penetration, state%alpha)
         earlier = state%history
         warm = .false.
         cycle
       end if
-      if (allocated(error) .or. all(working) .or. .not. allocated(state%m)) exit
-      violated = .not. working .and. state%y > rounding*maxval(abs(qp%initial_penetration))
+      if (allocated(error) .or. all(working) .or. .not. allocated(state%pressure)) exit
+      violated = .not. working .and. state%penetration > rounding*maxval(abs(qp%initial_penetration))
       if (.not. any(violated)) exit
       if (interrupted()) then
         ! The bound is that of the working set.
@@ -169,7 +169,7 @@ contains
         state%error_bound = huge(state%error_bound)
         exit
       end if
-      call add_violated(state%y, violated, working)
+      call add_violated(state%penetration, violated, working)
       earlier = state%history
       ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to
       ! find.
@@ -214,7 +214,7 @@ contains
     call self%solve(joined%qp, of_joined, settings, monitor, state, error)
     if (allocated(error)) return
     if (state%rigid_row > 0) state%rigid_row = findloc(qp%seam%column, state%rigid_row, 1)
-    if (allocated(state%m)) call joined%give_back(qp, compliance, state)
+    if (allocated(state%pressure)) call joined%give_back(qp, compliance, state)
   end subroutine solve_joined
 
   !> A warm start may have pressures alone.
@@ -222,7 +222,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
-    if (.not. allocated(state%y)) state%y = qp%initial_penetration
+    if (.not. allocated(state%penetration)) state%penetration = qp%initial_penetration
     if (allocated(state%alpha)) then
       if (size(state%alpha) == qp%coarse%n) return
       deallocate (state%alpha)
@@ -235,7 +235,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(iterate_t), intent(out) :: now  !! The iterate.
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
-    now%y = qp%initial_penetration
+    now%penetration = qp%initial_penetration
   end subroutine begin_without_contact
 
   !> Floating bodies at rest on a Winkler foundation.
@@ -247,8 +247,8 @@ contains
     allocate (motion(qp%n_rows))
     call qp%mode_displacement(alpha, motion)
     now%alpha = alpha
-    now%y = qp%initial_penetration + motion
-    now%lambda = qp%weight/(qp%foundation + qp%theta)*max(0.0_dp, now%y)
+    now%penetration = qp%initial_penetration + motion
+    now%lambda = qp%weight/(qp%foundation + qp%theta)*max(0.0_dp, now%penetration)
   end subroutine begin_on_foundation
 
   !> Solve with all rows of a QP in the working set.
@@ -271,10 +271,10 @@ contains
     integer :: k
     if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
     if (warm) then
-      now%lambda = qp%weight*state%m
-      now%y = state%y
+      now%lambda = qp%weight*state%pressure
+      now%penetration = state%penetration
       now%alpha = state%alpha/qp%coarse%scale
-      active = state%m > 0 .or. qp%is_tied
+      active = state%pressure > 0 .or. qp%is_tied
     end if
     call clear(state)
     if (system%needs_entries()) then
@@ -313,7 +313,7 @@ contains
         call find_active_set(qp, with_springs, compliance, max(1, settings%max_iterations - state%history%n), monitor, &
                              system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
-        if (system%needs_entries()) call check_ties(qp, compliance, now%lambda, now%alpha, now%y, state)
+        if (system%needs_entries()) call check_ties(qp, compliance, now%lambda, now%alpha, now%penetration, state)
         if (state%ended == ended_open_tie) return
       end if
       starts_inside = .false.
@@ -343,9 +343,9 @@ contains
     logical :: has_equilibrium
     now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     call update_penetrations(qp, compliance, now)
-    if (present(is_held)) now%y = merge(0.0_dp, now%y, is_held)
-    state%m = now%lambda/qp%weight
-    state%y = now%y
+    if (present(is_held)) now%penetration = merge(0.0_dp, now%penetration, is_held)
+    state%pressure = now%lambda/qp%weight
+    state%penetration = now%penetration
     state%alpha = qp%coarse%scale*now%alpha
     call state%indeterminate%scale(qp%coarse%scale)
     norm = reference_norm(qp, now)
@@ -354,10 +354,11 @@ contains
                       .not. any(state%excess > qp%coarse%max_unbalanced)
     if (has_equilibrium) then
       ! Ties that are not closed to the bit leave none.
-      if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, qp%theta, state%m, state%y))
+      if (.not. any(qp%is_tied)) state%error_bound = sqrt(duality_gap(qp%weight, qp%theta, state%pressure, &
+                                                                      state%penetration))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
-        admissible = admissible_bound(qp, with_springs, compliance, system, now%lambda, now%y, rounding)
+        admissible = admissible_bound(qp, with_springs, compliance, system, now%lambda, now%penetration, rounding)
       ! A bound from half a solution is none.
       if (interrupted()) admissible = huge(norm)
       state%error_bound = min(state%error_bound, admissible)
@@ -373,9 +374,10 @@ contains
     end if
     ! There is none for loads whose squares overflow either.
     if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)
-    state%energy = qp%energy(state%m, state%y, now%alpha)
+    state%energy = qp%energy(state%pressure, state%penetration, now%alpha)
     state%max_penetration = 0
-    if (size(state%y) > 0) state%max_penetration = max(0.0_dp, maxval(state%y, mask=.not. qp%is_tied))
+    if (size(state%penetration) > 0) state%max_penetration = max(0.0_dp, &
+                                                                 maxval(state%penetration, mask=.not. qp%is_tied))
     if (state%history%n > 0) then
       state%history%error_bound(state%history%n) = state%error_bound
       state%history%energy(state%history%n) = state%energy

@@ -50,7 +50,7 @@ contains
     type(solver_state_t), intent(in) :: state  !! With pressures and amplitudes.
     real(dp), allocatable :: missing(:)
     allocate (missing(qp%coarse%n))
-    call qp%mode_resultant(qp%weight*state%m, missing)
+    call qp%mode_resultant(qp%weight*state%pressure, missing)
     missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(state%alpha/qp%coarse%scale)
     is_in_equilibrium = .not. maxval(abs(missing)) > imbalance*maxval(abs(qp%coarse%resultant))
   end function is_in_equilibrium

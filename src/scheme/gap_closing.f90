@@ -169,20 +169,20 @@ contains
   !>
   !> Rows with forces, theta = 0 and a remaining penetration are no admissible ones: as in 6.3 of docs/theory.md, twice
   !> its work stands for the displacement that closes it, and for those of ties and stiff layers likewise.
-  pure real(dp) function left_open(weight, theta, is_tied, lambda, y, closed, is_stiff) result(left)
+  pure real(dp) function left_open(weight, theta, is_tied, lambda, penetration, closed, is_stiff) result(left)
     real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
     logical, intent(in) :: is_tied(:)  !! Rows of ties, whose forces have any sign (n_rows).
     real(dp), intent(in) :: lambda(:)  !! Forces, not negative on contact rows (n_rows) [force].
-    real(dp), intent(in) :: y(:), closed(:)  !! Penetrations, and what is closed of them (n_rows) [length].
+    real(dp), intent(in) :: penetration(:), closed(:)  !! Penetrations, and what is closed of them (n_rows) [length].
     !> Whether theta = 0, or the layer is stiffer than the nodes of the row (n_rows).
     logical, intent(in) :: is_stiff(:)
     real(dp) :: rest, over, nothing, of_row
     integer :: i
     left = 0
-    nothing = rounding*maxval([0.0_dp, abs(closed)]) + epsilon(left)*maxval([0.0_dp, abs(y)])
-    do i = 1, size(y)
-      rest = y(i) - closed(i)
+    nothing = rounding*maxval([0.0_dp, abs(closed)]) + epsilon(left)*maxval([0.0_dp, abs(penetration)])
+    do i = 1, size(penetration)
+      rest = penetration(i) - closed(i)
       over = rest - theta(i)*lambda(i)/weight(i)
       if (is_tied(i)) then
         left = left + 2*abs(lambda(i)*rest)

@@ -96,7 +96,7 @@ contains
     now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     now%alpha = start%alpha
     call update_penetrations(qp, compliance, now)
-    active = now%y > -gap_over_indentation*indentation(group) .or. qp%is_tied
+    active = now%penetration > -gap_over_indentation*indentation(group) .or. qp%is_tied
   end subroutine find_start
 
   !> The contact problem of the groups.

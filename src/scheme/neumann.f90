@@ -88,19 +88,19 @@ contains
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
     type(solver_state_t), intent(inout) :: state  !! Its L stays, with the pressures if it has any.
     type(solver_state_t) :: start, empty
-    call move_alloc(state%m, start%m)
+    call move_alloc(state%pressure, start%pressure)
     start%lambda_max = state%lambda_max
     state = empty
-    state%y = qp%initial_penetration
+    state%penetration = qp%initial_penetration
     allocate (state%alpha(0))
-    allocate (state%m(qp%n_rows), source=0.0_dp)
+    allocate (state%pressure(qp%n_rows), source=0.0_dp)
     state%energy = qp%energy_0
     state%ended = ended_converged
     if (qp%n_rows == 0) return
-    if (allocated(start%m)) then
-      state%m = start%m
-      call compliance%multiply(qp, qp%weight*state%m, state%y)
-      state%y = qp%initial_penetration - state%y
+    if (allocated(start%pressure)) then
+      state%pressure = start%pressure
+      call compliance%multiply(qp, qp%weight*state%pressure, state%penetration)
+      state%penetration = qp%initial_penetration - state%penetration
     end if
     state%lambda_max = start%lambda_max
   end subroutine begin_iteration
@@ -131,9 +131,9 @@ contains
     allocate (p(qp%n_rows), z(qp%n_rows))
     gamma = state%gamma
     do
-      call evaluate_step(qp, compliance, state%m, state%y, p, z, residual)
-      state%m = gamma*p + (1 - gamma)*state%m
-      state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
+      call evaluate_step(qp, compliance, state%pressure, state%penetration, p, z, residual)
+      state%pressure = gamma*p + (1 - gamma)*state%pressure
+      state%penetration = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%penetration
       ! The new iterate has q times the error of the last at most.
       if (stopping%check(qp, state%q_predicted*residual, gamma*residual, gamma > state%constants%gamma_limit(), &
           monitor, state, state%constants%bound_of_paper(gamma, gamma*residual))) exit
@@ -143,17 +143,17 @@ contains
   !> Pressures by the penetrations of an iterate, which are j'_theta of equation (21) and Phi of equation (26), the
   !> displacements of the rows under them, and the residual of equation (23), `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C
   !> W (p-m)`, which bounds the error of the iterate. One product.
-  subroutine evaluate_step(qp, compliance, m, y, p, z, residual)
+  subroutine evaluate_step(qp, compliance, pressure, penetration, p, z, residual)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    real(dp), intent(in) :: m(:)  !! Contact pressures of the iterate (n_rows) [pressure].
-    real(dp), intent(in) :: y(:)  !! B u - d of the iterate (n_rows) [length].
+    real(dp), intent(in) :: pressure(:)  !! Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(in) :: penetration(:)  !! B u - d of the iterate (n_rows) [length].
     real(dp), intent(out) :: p(:)  !! max(0, y)/theta (n_rows) [pressure].
     real(dp), intent(out) :: z(:)  !! C W p (n_rows) [length].
     real(dp), intent(out) :: residual  !! Energy norm of the residual [sqrt(energy)].
-    p = max(0.0_dp, y)/qp%theta
+    p = max(0.0_dp, penetration)/qp%theta
     call compliance%multiply(qp, qp%weight*p, z)
     ! C W m = y_0 - y.
-    residual = sqrt(max(0.0_dp, sum(qp%weight*(p - m)*(z - (qp%initial_penetration - y)))))
+    residual = sqrt(max(0.0_dp, sum(qp%weight*(p - pressure)*(z - (qp%initial_penetration - penetration)))))
   end subroutine evaluate_step
 end module dotyk_scheme_neumann

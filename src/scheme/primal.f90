@@ -202,17 +202,17 @@ contains
       call joined%take(state)
       call solve_by_displacements(system, joined%qp, settings%tolerance, settings, is_rigid, monitor, v, total, state, &
                                   error)
-      if (allocated(error) .or. .not. allocated(state%m)) return
-      state%m = joined%pressures(state%m)
-      deallocate (state%y)
-      allocate (state%y(qp%n_rows))
-      call system%find_penetrations(qp, v, state%y)
+      if (allocated(error) .or. .not. allocated(state%pressure)) return
+      state%pressure = joined%pressures(state%pressure)
+      deallocate (state%penetration)
+      allocate (state%penetration(qp%n_rows))
+      call system%find_penetrations(qp, v, state%penetration)
     else
       allocate (is_rigid(qp%n_rows))
       call find_rigid_rows(qp, compliance, is_rigid)
       call solve_by_displacements(system, qp, settings%tolerance, settings, is_rigid, monitor, v, total, state, error)
     end if
-    if (.not. allocated(error) .and. allocated(state%m)) then
+    if (.not. allocated(error) .and. allocated(state%pressure)) then
       call system%keep_displacements(v, compliance)
       compliance%n_sweeps = compliance%n_sweeps + total%cg_steps
       call monitor%note('displacements    '//to_text(total%steps)//' active sets, '//to_text(total%cg_steps)// &

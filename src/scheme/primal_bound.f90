@@ -29,7 +29,7 @@ contains
   !> complementarity, s. The energy is strongly convex, so that `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`.
   !> |r| comes from the preconditioner and its least eigenvalue. `huge` where other rows penetrate. The least of several
   !> g: none, and such that close gaps of dependent rows with more or less force.
-  real(dp) function error_bound(system, weight, theta, is_tied, load, u, lambda, y) result(bound)
+  real(dp) function error_bound(system, weight, theta, is_tied, load, u, lambda, penetration) result(bound)
     class(proximal_system_t), intent(inout) :: system  !! The bodies and rows.
     real(dp), intent(in) :: weight(:)  !! Weights (n_rows) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n_rows) [length/pressure].
@@ -38,11 +38,11 @@ contains
     real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
     !> Forces, not negative on contact rows, in equilibrium with the loads of floating bodies (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    real(dp), intent(in) :: y(:)  !! Penetrations (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations (n_rows) [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: r(:)
-    real(dp) :: closed(size(y)), softness(size(y)), of_r, of_g, left
-    logical :: chosen(size(y))
+    real(dp) :: closed(size(penetration)), softness(size(penetration)), of_r, of_g, left
+    logical :: chosen(size(penetration))
     integer :: k
     allocate (r(system%n))
     call system%strain_forces(u, r)
@@ -51,52 +51,55 @@ contains
     of_r = system%force_norm(r)
     bound = huge(bound)
     ! Ties that are not closed to the bit leave none.
-    if (.not. any(is_tied)) bound = duality_gap(weight, theta, lambda/weight, y)
+    if (.not. any(is_tied)) bound = duality_gap(weight, theta, lambda/weight, penetration)
     if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
     softness = theta/weight
-    chosen = lambda > 0 .or. y > -slack(weight, theta, is_tied, lambda, y) .or. is_tied
+    chosen = lambda > 0 .or. penetration > -slack(weight, theta, is_tied, lambda, penetration) .or. is_tied
     do k = 1, size(shift)
-      call system%close_gaps(chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), closed, of_g, &
+      call system%close_gaps(chosen, merge(penetration - softness*lambda, 0.0_dp, chosen), softness, shift(k), &
+                             closed, of_g, &
                              error)
       if (allocated(error)) return
-      left = left_open(weight, theta, is_tied, lambda, y, closed, .not. softness > system%smoother_compliance())
+      left = left_open(weight, theta, is_tied, lambda, penetration, closed, &
+                       .not. softness > system%smoother_compliance())
       if (max(of_g, left) < largest_bound) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
     end do
   end function error_bound
 
   !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
-  pure real(dp) function slack(weight, theta, is_tied, lambda, y)
+  pure real(dp) function slack(weight, theta, is_tied, lambda, penetration)
     real(dp), intent(in) :: weight(:)  !! Weights (n) [area].
     real(dp), intent(in) :: theta(:)  !! Penalty parameters (n) [length/pressure].
     logical, intent(in) :: is_tied(:)  !! Rows of ties (n).
     real(dp), intent(in) :: lambda(:)  !! Contact forces (n) [force].
-    real(dp), intent(in) :: y(:)  !! Penetrations (n) [length].
-    slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0 .or. is_tied))])
+    real(dp), intent(in) :: penetration(:)  !! Penetrations (n) [length].
+    slack = nearly_closed*maxval([0.0_dp, abs(pack(penetration - theta/weight*lambda, lambda > 0 .or. is_tied))])
   end function slack
 
   !> Change the pressures of active rows and ties as little as the equilibrium of the floating bodies asks for.
-  subroutine balance(qp, m)
+  subroutine balance(qp, pressure)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(inout) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(inout) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:), share(:)
     integer, allocatable :: row(:)
     type(error_t), allocatable :: error
     integer :: i, pass
     if (qp%coarse%n == 0) return
-    row = pack([(i, i=1, size(m))], m > 0 .or. qp%is_tied)
+    row = pack([(i, i=1, size(pressure))], pressure > 0 .or. qp%is_tied)
     allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n), missing(qp%coarse%n))
     call qp%coarse%rows(row, g)
     ! Pressures change in proportion to themselves: none becomes tensile before the others do. Those of ties have any
     ! sign, and change in proportion to their mean.
-    share = m(row)
+    share = pressure(row)
     associate (tied => qp%is_tied(row))
-      if (any(tied)) where (tied) share = sum(qp%weight(row)*abs(m(row)), mask=tied)/sum(qp%weight(row), mask=tied)
+      if (any(tied)) where (tied) share = sum(qp%weight(row)*abs(pressure(row)), mask=tied)/sum(qp%weight(row), &
+                                                                                                mask=tied)
     end associate
     weighted = g*spread(qp%weight(row)*share, 2, size(g, 2))
     call symmetric_eigen(matmul(transpose(g), weighted), values, vectors, error)
     if (allocated(error)) return
     do pass = 1, 2
-      call qp%mode_resultant(qp%weight*m, missing)
+      call qp%mode_resultant(qp%weight*pressure, missing)
       missing = matmul(qp%coarse%resultant - missing, vectors)
       where (values > rank*maxval(values))
         missing = missing/values
@@ -105,7 +108,7 @@ contains
       end where
       change = matmul(g, matmul(vectors, missing))
       if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
-      m(row) = merge(m(row) + share*change, max(0.0_dp, m(row)*(1 + change)), qp%is_tied(row))
+      pressure(row) = merge(pressure(row) + share*change, max(0.0_dp, pressure(row)*(1 + change)), qp%is_tied(row))
     end do
   end subroutine balance
 end module dotyk_scheme_primal_bound

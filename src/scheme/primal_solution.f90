@@ -74,16 +74,16 @@ contains
       state%ended = ended_rigid_constraint
       return
     end if
-    warm = allocated(state%m)
+    warm = allocated(state%pressure)
     if (state%history%n == 0) then
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
     end if
     allocate (m(qp%n_rows), source=0.0_dp)
     if (warm) then
-      m(:) = state%m
+      m(:) = state%pressure
       working = m > 0 .or. qp%is_tied
-      if (allocated(state%y)) call add_violated(state%y, .not. qp%is_tied, working)
+      if (allocated(state%penetration)) call add_violated(state%penetration, .not. qp%is_tied, working)
     else
       call screen_rows(qp, working)
     end if
@@ -126,10 +126,11 @@ contains
         of_rows = pack(m, working)
         now%lambda = qp%weight*m
         now%alpha = system%resultants(u)/qp%coarse%scale
-        now%y = qp%initial_penetration
-        call system%find_penetrations(qp, u, now%y)
-        violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
-          slack(qp%weight, qp%theta, qp%is_tied, now%lambda, now%y)
+        now%penetration = qp%initial_penetration
+        call system%find_penetrations(qp, u, now%penetration)
+        violated = .not. (working .or. is_rigid) .and. &
+          now%penetration > rounding*maxval(abs(qp%initial_penetration)) - &
+          slack(qp%weight, qp%theta, qp%is_tied, now%lambda, now%penetration)
         has_equilibrium = is_balanced(held, now%lambda, now%alpha) .and. &
                           .not. any(motion%excess > qp%coarse%max_unbalanced)
         call judge(has_equilibrium .and. .not. any(violated))
@@ -144,7 +145,7 @@ contains
         call monitor%step(state%history, tolerance, state%error_bound)
       end do
       if (.not. any(violated)) exit rounds
-      call add_violated(now%y, violated, working)
+      call add_violated(now%penetration, violated, working)
     end do rounds
     call find_undetermined(motion, qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)
@@ -154,9 +155,9 @@ contains
     state%screened = count(.not. working)
     call state%history%finish()
     state%iterations = state%history%n
-    state%m = m
-    where (is_rigid .and. qp%theta > 0) state%m = max(0.0_dp, now%y)/qp%theta
-    state%y = now%y
+    state%pressure = m
+    where (is_rigid .and. qp%theta > 0) state%pressure = max(0.0_dp, now%penetration)/qp%theta
+    state%penetration = now%penetration
     state%alpha = qp%coarse%scale*now%alpha
     state%bound_is_guaranteed = .false.
     state%ended = ended_solves
@@ -179,18 +180,18 @@ contains
       if (has_bound) then
         bound = hypot(system%error_of_isolated, &
                       error_bound(system, part%weight, part%theta, part%is_tied, system%load, u, &
-                                  pack(now%lambda, working), pack(now%y, working)))
+                                  pack(now%lambda, working), pack(now%penetration, working)))
         if (bound <= largest_bound*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
       call system%find_terms(u, state%terms)
       if (allocated(state%terms)) then
         state%energy = state%terms(1) - state%terms(2) + &
-          sum(qp%weight*max(0.0_dp, now%y)**2/qp%theta, mask=qp%theta > 0)/2
+          sum(qp%weight*max(0.0_dp, now%penetration)**2/qp%theta, mask=qp%theta > 0)/2
       else
-        state%energy = qp%energy(m, now%y, now%alpha)
+        state%energy = qp%energy(m, now%penetration, now%alpha)
       end if
-      state%max_penetration = max(0.0_dp, maxval(now%y, mask=.not. qp%is_tied))
+      state%max_penetration = max(0.0_dp, maxval(now%penetration, mask=.not. qp%is_tied))
       call state%history%add(wall_time() - start, outcome%change, outcome%change/norm, state%error_bound, &
                              state%energy, state%max_penetration, count(m > 0 .and. .not. qp%is_tied))
     end subroutine judge

@@ -71,7 +71,7 @@ module dotyk_scheme_proximal_active_set
 contains
 
   !> Solve, from pressures m and displacements u.
-  subroutine solve_proximal(system, qp, gap, load, tolerance, most_steps, motion, m, u, outcome, error)
+  subroutine solve_proximal(system, qp, gap, load, tolerance, most_steps, motion, pressure, u, outcome, error)
     class(proximal_system_t), target, intent(inout) :: system  !! The bodies and rows; its active set is changed.
     type(contact_qp_t), intent(in) :: qp  !! The same rows, with weights and the rigid body modes of the bodies.
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
@@ -84,7 +84,7 @@ contains
     !> Springs on motions of floating bodies; with their feet at rest where it is new.
     type(proximal_motion_t), intent(inout) :: motion
     !> Pressures: those that start the active set, then the solution (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
+    real(dp), intent(inout) :: pressure(:)
     !> Displacements of the free unknowns: start, then solution (n) [length].
     real(dp), intent(inout), contiguous :: u(:)
     type(proximal_outcome_t), intent(out) :: outcome  !! Steps and convergence.
@@ -107,10 +107,10 @@ contains
     left = maxval([0.0_dp, compliance])
     if (.not. left > 0) left = 1
     compliance = max(compliance, system%proximal_fraction*left)
-    allocate (r(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
+    allocate (r(system%n), next(size(pressure)), along(size(pressure)), now%y(size(pressure)), now%seen(0))
     allocate (e(system%n), source=0.0_dp)
     now%prox = max(0.0_dp, system%proximal_fraction*compliance - qp%theta)
-    now%active = m > 0 .or. qp%is_tied
+    now%active = pressure > 0 .or. qp%is_tied
     now%aim = first_aim
     last = huge(last)
     foundation = foundation_stiffness(qp)
@@ -120,7 +120,7 @@ contains
       now%softness = qp%theta + now%prox
       call system%set_active(merge(qp%weight/now%softness, 0.0_dp, now%active), springs_of(motion, qp), error)
       if (allocated(error)) return
-      now%shifted = gap - now%prox*m
+      now%shifted = gap - now%prox*pressure
       call find_residual(system, load, now%shifted, motion%centre*qp%coarse%scale, u, r, now%y, outcome%norm)
       n_before = system%n_iterations
       ! Without displacements no norm is known yet: one iteration.
@@ -145,14 +145,14 @@ contains
       now%y = now%y + t*along
       new = now%y - now%shifted > 0 .or. qp%is_tied
       next(:) = merge((now%y - now%shifted)/now%softness, 0.0_dp, new)
-      outcome%change = sqrt(sum(qp%weight*now%prox*(next - m)**2))
+      outcome%change = sqrt(sum(qp%weight*now%prox*(next - pressure)**2))
       ! Not after the first iteration, unless nothing moves.
       if (all(new .eqv. now%active) .and. (outcome%norm > 0 .or. .not. outcome%residual > 0)) then
-        m(:) = next
+        pressure(:) = next
         alpha = system%resultants(u)/qp%coarse%scale
         ! Feet that are to stay wait for the pressures.
         moved = motion
-        call moved%advance(qp, foundation, qp%weight*m, alpha, new, at_rest)
+        call moved%advance(qp, foundation, qp%weight*pressure, alpha, new, at_rest)
         left = max(outcome%residual, outcome%change)
         outcome%converged = at_rest .and. left <= tolerance*outcome%norm
         if (outcome%converged) outcome%ended = ended_converged
@@ -166,7 +166,7 @@ contains
         now%guarded = .false.
         now%seen = [real(dp) ::]
       else
-        call look_for_cycles(compliance, gap, m, tolerance, qp%is_tied, new, now, outcome%n_cycles)
+        call look_for_cycles(compliance, gap, pressure, tolerance, qp%is_tied, new, now, outcome%n_cycles)
       end if
       now%active = new
       if (system%is_interrupted()) then
@@ -206,9 +206,9 @@ contains
   end function has_failed
 
   !> Whether an active set has come again, and what to do about it.
-  subroutine look_for_cycles(compliance, gap, m, tolerance, is_tied, new, now, n_cycles)
+  subroutine look_for_cycles(compliance, gap, pressure, tolerance, is_tied, new, now, n_cycles)
     real(dp), intent(in) :: compliance(:)  !! Of the rows, positive (n_rows) [length/pressure].
-    real(dp), intent(in) :: gap(:), m(:), tolerance  !! As in `solve_proximal`.
+    real(dp), intent(in) :: gap(:), pressure(:), tolerance  !! As in `solve_proximal`.
     logical, intent(in) :: is_tied(:)  !! Rows that are always active (n_rows).
     logical, intent(inout) :: new(:)  !! The next active set; changed where prox is (n_rows).
     type(iterate_t), intent(inout) :: now  !! The iterate.
@@ -226,7 +226,7 @@ contains
     now%seen = [real(dp) ::]
     if (now%guarded) then
       where (.not. is_tied) now%prox = max(now%prox, min(growth*now%prox, compliance))
-      now%shifted = gap - now%prox*m
+      now%shifted = gap - now%prox*pressure
       new = now%y - now%shifted > 0 .or. is_tied
     end if
     now%guarded = .true.

@@ -90,13 +90,13 @@ contains
     class(transformed_qp_t), intent(in) :: self
     type(solver_state_t), intent(inout) :: state  !! The state.
     real(dp) :: mean(self%qp%n_rows)
-    if (allocated(state%m)) then
-      call self%fraction%multiply_transposed(state%m, mean)
-      state%m = mean
+    if (allocated(state%pressure)) then
+      call self%fraction%multiply_transposed(state%pressure, mean)
+      state%pressure = mean
     end if
-    if (allocated(state%y)) then
-      call self%fraction%multiply_transposed(state%y, mean)
-      state%y = mean
+    if (allocated(state%penetration)) then
+      call self%fraction%multiply_transposed(state%penetration, mean)
+      state%penetration = mean
     end if
   end subroutine transformed_take
 
@@ -116,18 +116,18 @@ contains
     type(solver_state_t), intent(inout) :: state  !! The state.
     real(dp) :: y(qp%n_rows), motion(qp%n_rows)
     integer :: i
-    state%m = self%pressures(state%m)
-    call compliance%multiply(qp, qp%weight*state%m, y)
+    state%pressure = self%pressures(state%pressure)
+    call compliance%multiply(qp, qp%weight*state%pressure, y)
     call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
     y = qp%initial_penetration - y + motion
     ! Rows that are in both.
     do i = 1, qp%n_rows
       associate (k => self%share%row_start(i))
         if (self%share%row_start(i + 1) /= k + 1) cycle
-        if (.not. self%fraction%value(k) < 1) y(i) = state%y(self%share%column(k))
+        if (.not. self%fraction%value(k) < 1) y(i) = state%penetration(self%share%column(k))
       end associate
     end do
-    state%y = y
+    state%penetration = y
   end subroutine transformed_give_back
 
   !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.

@@ -41,7 +41,7 @@ module dotyk_scheme_robin
     type(side_t), allocatable :: side(:)  !! (n_bodies).
     real(dp), allocatable :: spring(:)  !! P_F (n_rows) [force/length].
     !> Penetrations by the displacements of both sides (n_rows) [length]; not allocated where there is nothing to do.
-    real(dp), allocatable :: y(:)
+    real(dp), allocatable :: penetration(:)
   end type two_sides_t
 
 contains
@@ -74,7 +74,7 @@ contains
     end if
     select type (paused)
     type is (two_sides_t)
-      if (allocated(paused%y)) call iterate(qp, paused, monitor, state)
+      if (allocated(paused%penetration)) call iterate(qp, paused, monitor, state)
     end select
     call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self))
@@ -108,7 +108,7 @@ contains
         return
       end if
       do b = 1, size(now%side)
-        call now%side(b)%start(qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row))
+        call now%side(b)%start(qp%weight(qp%block(b)%row)*state%pressure(qp%block(b)%row))
       end do
       allocate (state%constants)
       call find_constants(qp, qp%weight/qp%theta, now%spring, now%side, state%constants)
@@ -118,7 +118,7 @@ contains
         to_text(count(now%spring > 0))//' of '//to_text(qp%n_rows)//' constraints, spectrum '// &
         to_text(state%constants%coercivity, 4)//' to '//to_text(state%constants%smoothness, 4))
       call now%stopping%begin(settings, state%q_predicted)
-      now%y = state%y
+      now%penetration = state%penetration
     end if
     call move_alloc(now, paused)
   end subroutine begin
@@ -171,7 +171,7 @@ contains
     real(dp), allocatable :: force(:), mean(:)
     type(vector_t) :: z(size(now%side))
     integer :: b
-    force = qp%weight*max(0.0_dp, now%y)/qp%theta
+    force = qp%weight*max(0.0_dp, now%penetration)/qp%theta
     !$omp parallel do default(none) shared(qp, now, force, gamma) schedule(dynamic, 1)
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row)
@@ -180,10 +180,10 @@ contains
     end do
     !$omp end parallel do
     mean = 0*force
-    now%y = qp%initial_penetration
+    now%penetration = qp%initial_penetration
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row, own => now%side(b))
-        now%y(row) = now%y(row) - own%z
+        now%penetration(row) = now%penetration(row) - own%z
         mean(row) = mean(row) + own%lambda/2
       end associate
     end do
@@ -193,11 +193,11 @@ contains
       call now%side(b)%compare(mean(qp%block(b)%row), z(b)%value)
     end do
     !$omp end parallel do
-    state%m = mean/qp%weight
-    state%y = qp%initial_penetration
+    state%pressure = mean/qp%weight
+    state%penetration = qp%initial_penetration
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row)
-        state%y(row) = state%y(row) - z(b)%value
+        state%penetration(row) = state%penetration(row) - z(b)%value
       end associate
     end do
   end subroutine step

@@ -41,8 +41,8 @@ module dotyk_scheme_solver_state
 
   type, public :: solver_state_t  !! The state.
     !> Contact pressures of the last iterate, u = u_0 - K^+ B^T W m + R alpha (n_rows) [pressure].
-    real(dp), allocatable :: m(:)
-    real(dp), allocatable :: y(:)  !! B u - d of the last iterate (n_rows) [length].
+    real(dp), allocatable :: pressure(:)
+    real(dp), allocatable :: penetration(:)  !! B u - d of the last iterate (n_rows) [length].
     !> Amplitudes of the rigid body modes, body after body; of size 0 where all bodies are held [length].
     real(dp), allocatable :: alpha(:)
     !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.

@@ -115,7 +115,7 @@ contains
     logical :: at_limit
     finished = .true.
     state%stop_rule = self%settings%stop_rule
-    associate (m => state%m, y => state%y)
+    associate (m => state%pressure, y => state%penetration)
       norm = qp%energy_norm(m, y)
       gap = duality_gap(qp%weight, qp%theta, m, y)
       state%error_bound = bound

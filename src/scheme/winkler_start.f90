@@ -42,30 +42,30 @@ module dotyk_scheme_winkler_start
 contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
-  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha)
+  subroutine winkler_equilibrium(qp, resultant, stiffness, penetration, alpha)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes, with the resultants of the loads.
     real(dp), intent(in) :: resultant(:)  !! Resultants that the contact forces have to balance (qp%coarse%n) [force].
     real(dp), intent(in) :: stiffness(:)  !! Stiffness of the foundation at the contact points (n_rows) [force/length].
-    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
     logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
     if (qp%coarse%n >= many_modes) then
-      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found)
+      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, penetration, alpha, found)
       if (found) return
       alpha = 0
     end if
-    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, qp%coarse%stiffness)
+    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, penetration, alpha, qp%coarse%stiffness)
   end subroutine winkler_equilibrium
 
   !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
-  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found)
+  subroutine rest_by_interior_point(qp, resultant, mu, k, penetration, alpha, found)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
     real(dp), intent(in) :: resultant(:)  !! See `winkler_equilibrium` (qp%coarse%n) [force].
     real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
     real(dp), intent(in) :: k(:)  !! Stiffness of the foundations; those of 0 do not count (n_rows) [force/length].
-    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
     logical, intent(out) :: found  !! Whether it has found them.
     type(error_t), allocatable :: error
@@ -81,7 +81,7 @@ contains
     rigid%is_tied = qp%is_tied
     rigid%weight = max(k, tiny(mu))
     rigid%theta = [(1.0_dp, i=1, qp%n_rows)]
-    rigid%initial_penetration = y
+    rigid%initial_penetration = penetration
     allocate (rigid%block(size(qp%block)))
     do b = 1, size(qp%block)
       rigid%block(b)%row = qp%block(b)%row
@@ -166,12 +166,12 @@ contains
 
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.
   !> `find_unbounded_direction` scales the loads: all units are [] there.
-  subroutine minimize(qp, e, mu, k, y, alpha, springs)
+  subroutine minimize(qp, e, mu, k, penetration, alpha, springs)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes, with the resultants of the loads.
     real(dp), intent(in) :: e(:)  !! Resultants of the loads (qp%coarse%n) [force].
     real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
     real(dp), intent(in) :: k(:)  !! Stiffness of the foundations (n_rows) [force/length].
-    real(dp), intent(in) :: y(:)  !! Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(in) :: penetration(:)  !! Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(inout) :: alpha(:)  !! Amplitudes; the start on entry (qp%coarse%n) [length].
     type(mode_block_t), intent(in), allocatable :: springs(:)  !! S by bodies; none if not allocated (n_bodies).
     real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
@@ -180,11 +180,11 @@ contains
     real(dp) :: largest, t
     logical :: is_singular
     integer :: i
-    allocate (gradient(qp%coarse%n), position(size(y)), change(size(y)))
+    allocate (gradient(qp%coarse%n), position(size(penetration)), change(size(penetration)))
     call couple_bodies(qp%coarse, hessian, error)
     if (allocated(error)) return
     call qp%mode_displacement(alpha, position)
-    position = y + position
+    position = penetration + position
     largest = maxval(abs(e))
     do i = 1, most_steps
       call qp%mode_resultant(k*merge(position, max(0.0_dp, position), qp%is_tied), gradient)

@@ -34,8 +34,8 @@ contains
     if (qp%n_rows == 0 .or. is_heap(qp)) return
     call rest_on_winkler_foundation(qp, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.
-    if (qp%coarse%n > 0) working = now%y > -maxval(now%y, mask=.not. qp%is_tied)
-    working = working .or. abs(now%y) < touching*maxval(abs(now%y)) .or. qp%is_tied
+    if (qp%coarse%n > 0) working = now%penetration > -maxval(now%penetration, mask=.not. qp%is_tied)
+    working = working .or. abs(now%penetration) < touching*maxval(abs(now%penetration)) .or. qp%is_tied
   end subroutine screen_rows
 
   !> Whether so many rows are outside of a working set that a solution without them is worth looking at these again.
@@ -45,11 +45,11 @@ contains
   end function is_worth_screening
 
   !> Add rows that are violated to a working set, and those that the next solution may close.
-  pure subroutine add_violated(y, violated, working)
-    real(dp), intent(in) :: y(:)  !! B u - d (n_rows) [length].
+  pure subroutine add_violated(penetration, violated, working)
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     logical, intent(in) :: violated(:)  !! Rows of which the greatest penetration counts (n_rows).
     logical, intent(inout) :: working(:)  !! Working set (n_rows).
-    working = working .or. y > -near_violation*maxval([0.0_dp, pack(y, violated)])
+    working = working .or. penetration > -near_violation*maxval([0.0_dp, pack(penetration, violated)])
   end subroutine add_violated
 
   !> Add rows to a working set that cannot carry the floating bodies.

@@ -66,7 +66,7 @@ contains
     settings%gap = '0'
     settings%by_contact = .true.
     call solve(settings, theta, .false., state, in_displacement)
-    call check(name, state, maxval(abs(state%m - press))/press, in_displacement)
+    call check(name, state, maxval(abs(state%pressure - press))/press, in_displacement)
   end subroutine test_uniform
 
   !> A curved gap: the pressures of the dual scheme.
@@ -132,7 +132,8 @@ contains
       if (is_curved) then
         call dual%solve(qp, scene%compliance, of_solver, monitor, exact, error)
         if (allocated(error)) error stop 'dual scheme'
-        difference = max(maxval(abs(state%m - exact%m))/maxval(exact%m), abs(state%energy/exact%energy - 1))
+        difference = max(maxval(abs(state%pressure - exact%pressure))/maxval(exact%pressure), &
+                         abs(state%energy/exact%energy - 1))
       else
         most = 0
         associate (x => stiffness%part(last)%mesh%x, d => operator%dimension)

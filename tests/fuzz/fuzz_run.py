@@ -27,7 +27,7 @@ MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma\w*|lambda_max|q_\w+|error_bou
                             r"|coercivity|penalty_constant|smoothness|error_(penalty|discretization\w*|contact)"
                             r"|penetration_(depth|unresolved))$"
                             r"|dotyk/history/error_(bound_paper|penalty|discretization)$|VTKHDF/CellData/discretization_error$"
-                            r"|dotyk/contact/[^@]*@centre_of_pressure$|VTKHDF/PointData/contact_gap$")
+                            r"|dotyk/contact/[^@]*@(centre_of_pressure|(force|contact_area|displacement)_uncertainty)$|VTKHDF/PointData/contact_gap$")
 
 # A run that waits for something has no processor time: so many times its limit are its limit of time.
 WAITING = 6

@@ -56,16 +56,16 @@ contains
   end function exact_forces
 
   !> The forces with all active rows closed.
-  subroutine solve_active(a, y, active, lambda)
-    real(dp), intent(in) :: a(:, :), y(:)  !! As in `exact_forces`.
+  subroutine solve_active(a, penetration, active, lambda)
+    real(dp), intent(in) :: a(:, :), penetration(:)  !! As in `exact_forces`.
     logical, intent(in) :: active(:)  !! (n).
     real(dp), intent(out) :: lambda(:)  !! Zero where not active (n) [force].
     type(error_t), allocatable :: error
     integer, allocatable :: k(:)
     real(dp), allocatable :: x(:, :)
     integer :: i
-    k = pack([(i, i=1, size(y))], active)
-    x = reshape(y(k), [size(k), 1])
+    k = pack([(i, i=1, size(penetration))], active)
+    x = reshape(penetration(k), [size(k), 1])
     call solve_dense(a(k, k), x, error)
     if (allocated(error)) error stop 'dense_exact: a singular matrix'
     lambda = 0

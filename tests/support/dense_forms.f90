@@ -308,7 +308,7 @@ contains
     call self%qp%replace_theta(theta)
     call scheme%solve(self%qp, self%compliance, settings, silent, state, error)
     if (allocated(error)) error stop 'forms: scheme'
-    call recover_bodies(self%problem, self%qp, self%compliance, state%m, state%alpha, .false., solution)
+    call recover_bodies(self%problem, self%qp, self%compliance, state%pressure, state%alpha, .false., solution)
     do b = 1, 3
       call self%problem%body(b)%constraint%reduce(solution(b)%displacement, u(self%first(b) + 1:self%first(b + 1)))
     end do

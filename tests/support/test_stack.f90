@@ -145,12 +145,12 @@ contains
 
   !> The displacements by one dense system of both bodies: no compliance, no Lagrange multipliers, no modes. Rows that
   !> are active are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
-  subroutine stack_direct_solution(self, theta, active, solution, y)
+  subroutine stack_direct_solution(self, theta, active, solution, penetration)
     class(stack_t), intent(in) :: self
     real(dp), intent(in) :: theta(:)  !! Penalty parameters, positive where active (n_rows) [length/pressure].
     logical, intent(in) :: active(:)  !! Active rows (n_rows).
     type(body_solution_t), intent(out) :: solution(2)  !! Displacements (2).
-    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(out) :: penetration(:)  !! B u - d (n_rows) [length].
     type(stiffness_t) :: stiffness
     type(error_t), allocatable :: error
     real(dp), allocatable :: matrix(:, :), rows(:, :), x(:, :), u(:)
@@ -159,7 +159,7 @@ contains
       first = [0, body(1)%constraint%n_equations, sum(body%constraint%n_equations)]
       n = first(3)
       allocate (matrix(n, n), rows(qp%n_rows, n), x(n, 1), source=0.0_dp)
-      y = -qp%gap
+      penetration = -qp%gap
       do b = 1, 2
         call assemble_stiffness(body(b), stiffness, error)
         if (allocated(error)) error stop 'stack: stiffness'
@@ -171,7 +171,7 @@ contains
           do i = 1, size(block%row)
             do j = block%matrix%row_start(i), block%matrix%row_start(i + 1) - 1
               associate (k => block%matrix%column(j), value => block%matrix%value(j))
-                y(block%row(i)) = y(block%row(i)) + value*u(k)
+                penetration(block%row(i)) = penetration(block%row(i)) + value*u(k)
                 associate (equation => body(b)%constraint%equation(2 - mod(k, 2), block%contact_node((k + 1)/2)))
                   if (equation > 0) rows(block%row(i), first(b) + equation) = value
                 end associate
@@ -183,11 +183,11 @@ contains
       do i = 1, qp%n_rows
         if (.not. active(i)) cycle
         matrix = matrix + matmul(reshape(rows(i, :), [n, 1]), rows(i:i, :))*qp%weight(i)/theta(i)
-        x(:, 1) = x(:, 1) - rows(i, :)*y(i)*qp%weight(i)/theta(i)
+        x(:, 1) = x(:, 1) - rows(i, :)*penetration(i)*qp%weight(i)/theta(i)
       end do
       call solve_dense(matrix, x, error)
       if (allocated(error)) error stop 'stack: the dense system is singular'
-      y = y + matmul(rows, x(:, 1))
+      penetration = penetration + matmul(rows, x(:, 1))
       do b = 1, 2
         allocate (solution(b)%displacement(2, body(b)%mesh%n_nodes()))
         call body(b)%constraint%expand(x(first(b) + 1:first(b + 1), 1), solution(b)%displacement, .true.)
@@ -196,27 +196,27 @@ contains
   end subroutine stack_direct_solution
 
   !> As `direct_solution`, with the active set that belongs to it: rows are active where they penetrate.
-  subroutine stack_exact_solution(self, theta, active, solution, y)
+  subroutine stack_exact_solution(self, theta, active, solution, penetration)
     class(stack_t), intent(in) :: self
     real(dp), intent(in) :: theta(:)  !! Penalty parameters, all positive (n_rows) [length/pressure].
     logical, intent(out) :: active(:)  !! Active rows (n_rows).
     type(body_solution_t), intent(out) :: solution(2)  !! Displacements (2).
-    real(dp), intent(out) :: y(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(out) :: penetration(:)  !! B u - d (n_rows) [length].
     integer :: k
     active = .true.
     do k = 1, 20
-      call self%direct_solution(theta, active, solution, y)
-      if (all(active .eqv. y > 0)) return
-      active = y > 0
+      call self%direct_solution(theta, active, solution, penetration)
+      if (all(active .eqv. penetration > 0)) return
+      active = penetration > 0
     end do
     error stop 'stack: no active set'
   end subroutine stack_exact_solution
 
   !> Nodal contact forces of all nodes of a body, - B_b^T W m, from the columns of B.
-  subroutine stack_contact_forces(self, b, m, force)
+  subroutine stack_contact_forces(self, b, pressure, force)
     class(stack_t), intent(in) :: self
     integer, intent(in) :: b  !! The body.
-    real(dp), intent(in) :: m(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(out) :: force(:, :)  !! (2, n_nodes) [force].
     integer :: i, j
     force = 0
@@ -225,7 +225,7 @@ contains
         do j = block%matrix%row_start(i), block%matrix%row_start(i + 1) - 1
           associate (k => block%matrix%column(j), row => block%row(i))
             associate (own => force(2 - mod(k, 2), block%contact_node((k + 1)/2)))
-              own = own - block%matrix%value(j)*self%qp%weight(row)*m(row)
+              own = own - block%matrix%value(j)*self%qp%weight(row)*pressure(row)
             end associate
           end associate
         end do

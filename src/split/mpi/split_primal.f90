@@ -102,12 +102,12 @@ contains
       ! The error of solves is added to its bound, and may have grown a little by then.
       tolerance = settings%tolerance - 2*min(settings%tolerance/4, self%bodies%solve_error())
       call move_alloc(system%u, u)
-      if (.not. allocated(state%m) .and. allocated(u)) deallocate (u)
+      if (.not. allocated(state%pressure) .and. allocated(u)) deallocate (u)
       call solve_by_displacements(system, qp, tolerance, settings, spread(.false., 1, qp%n_rows), monitor, u, total, &
                                   state, error)
       if (allocated(error)) return
       call meet()
-      if (.not. allocated(state%m)) return
+      if (.not. allocated(state%pressure)) return
       allocate (left, source=u)
       call move_alloc(u, system%u)
       call system%remove_modes(left)
@@ -135,7 +135,7 @@ contains
     real(dp), intent(in) :: tolerance  !! Bound that was asked for [].
     type(solver_state_t), intent(inout) :: state  !! Where the scheme ended.
     state%bound_is_guaranteed = .false.
-    if (.not. allocated(state%m) .or. .not. state%error_bound < huge(tolerance)) return
+    if (.not. allocated(state%pressure) .or. .not. state%error_bound < huge(tolerance)) return
     state%error_bound = min(huge(tolerance)/2, state%error_bound) + min(huge(tolerance)/2, solve_error)
     if (state%ended == ended_converged .and. state%error_bound > tolerance) state%ended = ended_solves
   end subroutine add_solve_error
