@@ -38,7 +38,9 @@ module dotyk_control_gap_doubt
   !> Part of the greatest force or displacement below which a rough estimate of its uncertainty is good enough: bodies
   !> in contact are stiffer than their foundation, by the ratio of their size to that of the contact [].
   real(dp), parameter :: negligible = 1.0e-3_dp
-  integer, parameter :: most_systems = 3  !! Linear systems of another solution at most: it is an estimate.
+  !> Another solution takes so many active sets more than this one at most. Fewer than this one took leave heaps of
+  !> bodies out of equilibrium, and their forces look uncertain.
+  integer, parameter :: most_more = 3
 
 contains
 
@@ -169,7 +171,7 @@ contains
     integer :: k
     settings%linear_solver = linear_solver
     settings%tolerance = max(settings%tolerance, state%error_bound)
-    settings%max_iterations = state%history%n + most_systems
+    settings%max_iterations = state%history%n + most_more
     shifted = qp
     call shifted%shift_gap(shift)
     other = state

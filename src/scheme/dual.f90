@@ -118,8 +118,8 @@ contains
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
     end if
-    if (warm) then
-      call complete_start(qp, state)
+    if (warm) call complete_start(qp, state)
+    if (warm .and. .not. is_heap(qp)) then
       working = state%pressure > 0 .or. qp%is_tied
     else
       call screen_rows(qp, working)
