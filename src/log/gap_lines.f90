@@ -1,5 +1,6 @@
 !> Lines of the log about gaps that the meshes do not tell exactly.
 module dotyk_log_gap_lines
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
@@ -23,6 +24,9 @@ contains
     character(:), allocatable :: line
     integer :: i, k
     if (size(doubt) == 0) return
+    if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
+      call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
+                    ' only; what hangs on them could not be found')
     part = max(doubt%force_part, doubt%moved_part)
     is_shown = .false.
     do i = 1, min(most_lines, count(part > considerable))

@@ -5,7 +5,7 @@
 !> (Keller, Gould, Wathen, SIAM J. Matrix Anal. Appl. 21, 2000), M_p being M = C + Theta W^{-1} without some of the
 !> couplings of the rows:
 !>
-!>  - none left out: M_p = M, and the solution is a direct one;
+!>  - all couplings kept: M_p = M, and the solution is a direct one;
 !>  - couplings of different pairs: contacts yield near their points, and a body couples its pairs weakly; the number of
 !>    iterations depends on the shape of the bodies, not on how many there are;
 !>  - all couplings, and an approximate diagonal: nothing but products with the compliance is needed.
