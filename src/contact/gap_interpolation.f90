@@ -8,8 +8,8 @@
 !> are treated alike.
 !>
 !> Quadratic facets bend as the gap does where the contact spans them: their gaps keep r. Bodies that merely touch
-!> somewhere on a facet do not bend it: there r is taken off, wholly where the least gap of the facet is 0, and in part
-!> up to a least gap, or an overlap, as great as r; it goes back where the contact turns out to span the facet
+!> somewhere on a facet do not bend it, and bodies apart do not either: there r is taken off, wholly where nothing
+!> overlaps, and in part up to an overlap as great as r; it goes back where the contact turns out to span the facet
 !> (facet_bending.f90).
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
@@ -66,11 +66,12 @@ contains
   end subroutine add_vertices
 
   !> Take r off the distances, and remove the vertices from the points.
-  subroutine interpolate_gaps(surface, offset, x, xi, weight, projection)
+  subroutine interpolate_gaps(surface, offset, sheet_b, x, xi, weight, projection)
     type(surface_t), intent(in) :: surface  !! Slave surface (surface_a).
     !> Points of facet f, if any, are offset(f)+1 .. offset(f+1), the vertices last; on return without these
     !> (n_facets+1).
     integer, intent(inout) :: offset(:)
+    integer, intent(in) :: sheet_b(:)  !! Sheets of the master facets: each has rows of its own (n_facets).
     real(dp), allocatable, intent(inout) :: x(:, :)  !! Positions of the points (3, n_points) [length].
     real(dp), allocatable, intent(inout) :: xi(:, :)  !! Reference coordinates of the points (2, n_points) [].
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
@@ -81,7 +82,7 @@ contains
     logical :: is_kept(size(weight))
     is_kept = .true.
     !$omp parallel do default(none) schedule(dynamic, 64) private(n) &
-    !$omp shared(surface, offset, x, xi, weight, projection, is_kept, n_vertices)
+    !$omp shared(surface, offset, sheet_b, x, xi, weight, projection, is_kept, n_vertices)
     do f = 1, size(offset) - 1
       n = 0
       if (offset(f + 1) > offset(f)) n = n_corners(surface%kind(f))
@@ -90,7 +91,7 @@ contains
       associate (first => offset(f) + 1, last => offset(f + 1))
         is_kept(last - n + 1:last) = .false.
         call straighten_projections(n, surface%kind(f), x(:, first:last), xi(:surface%dimension - 1, first:last), &
-                                    weight(first:last), projection(first:last))
+                                    weight(first:last), sheet_b, projection(first:last))
       end associate
     end do
     !$omp end parallel do
@@ -114,28 +115,36 @@ contains
     n_corners = properties%n_corners
   end function n_corners
 
-  !> Take r off the distances on one facet.
-  subroutine straighten_projections(corners, kind, x, xi, area, projection)
+  !> Take r off the distances on one facet, to each sheet of the master surface.
+  subroutine straighten_projections(corners, kind, x, xi, area, sheet_b, projection)
     integer, intent(in) :: corners  !! Number of corners of the facet, the last points.
     integer, intent(in) :: kind  !! Element kind of the facet.
     real(dp), intent(in) :: x(:, :)  !! Positions of the points (3, n_points) [length].
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: area(:)
+    integer, intent(in) :: sheet_b(:)  !! Sheets of the master facets (n_facets).
     type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n_points).
-    integer, allocatable :: list(:)
+    integer, allocatable :: list(:), rest(:)
     real(dp), allocatable :: gap(:), bend(:)
     real(dp) :: uncertainty
     integer :: i, n
     n = size(area)
-    list = pack([(i, i=1, n)], projection%status == projection_found)
-    if (.not. any(list <= n - corners)) return
-    gap = projection(list)%distance
-    call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, &
-                    bend, uncertainty)
-    projection(list)%uncertainty = projection(list)%uncertainty + uncertainty
-    projection(list)%distance = gap
-    projection(list)%bend = bend
+    rest = pack([(i, i=1, n)], projection%status == projection_found)
+    do while (size(rest) > 0)
+      associate (sheet => sheet_b(projection(rest)%facet))
+        list = pack(rest, sheet == sheet(1))
+        rest = pack(rest, sheet /= sheet(1))
+      end associate
+      if (.not. any(list <= n - corners)) cycle
+      gap = projection(list)%distance
+      call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, &
+                      bend, uncertainty)
+      ! Patches of uncertain curvature have kinks: what is noise of the one is no error of the other.
+      projection(list)%uncertainty = max(projection(list)%uncertainty, uncertainty)
+      projection(list)%distance = gap
+      projection(list)%bend = bend
+    end do
   end subroutine straighten_projections
 
   !> Take r off the gaps by formula on the facets of the mortar points.
@@ -191,8 +200,8 @@ contains
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
-    !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, which changes
-    !> [length].
+    !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, and rows have that of
+    !> a linear function [length].
     real(dp), intent(out) :: uncertainty
     type(element_kind_t) :: properties
     real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
@@ -222,10 +231,14 @@ contains
     greatest = maxval(abs(r))
     if (greatest <= min_curvature*length) return
     rest = rest - matmul(coefficient, without_linear)
-    if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) return
+    if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) then
+      weight(m - n_vertices + 1:) = 0
+      uncertainty = abs(minval(matmul(fitted(linear, weight, gap), linear)) - least)
+      return
+    end if
     r = r + rest
     if (properties%order > 1) then
-      r = r*max(0.0_dp, 1 - abs(least)/greatest)
+      r = r*max(0.0_dp, 1 + min(0.0_dp, least)/greatest)
       bend = r
     end if
     gap = gap - r

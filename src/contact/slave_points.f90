@@ -99,12 +99,12 @@ contains
                               master%set%depth, radius, offset, x, xi, projection)
     end if
     call drop_projections_through_bodies(slave, master, x, projection)
-    if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
-    if (settings%division%is_divided) &
-      call collect_points(settings%division, first, last, offset, x, xi, weight, projection)
     sheet_b = 1
     if (settings%discretization == discretization_mortar .and. .not. settings%is_tie) &
       call sheet_numbers(mesh_b%x, surface_b, master%adjacency, sheet_b)
+    if (interpolates) call interpolate_gaps(surface_a, offset, sheet_b, x, xi, weight, projection)
+    if (settings%division%is_divided) &
+      call collect_points(settings%division, first, last, offset, x, xi, weight, projection)
     call keep_projected(mesh_a%dimension, surface_area(mesh_a, surface_a, kind_rule, settings%axisymmetric), offset, &
                         x, xi, weight, projection, sheet_b, pair)
   end subroutine project_slave_points
