@@ -19,7 +19,7 @@ module dotyk_contact_edge_penetration
   !> Facets that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
   !> Numbers of a segment that is found, and segments that there is room for at first.
-  integer, parameter :: segment_length = 11, first_room = 64
+  integer, parameter :: segment_length = 7, first_room = 64
   !> Work for a facet far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
   real(dp), parameter :: golden = 0.381966011250105_dp  !! Golden section.
@@ -89,7 +89,7 @@ contains
     subroutine search_segment(f, nodes)
       integer, intent(in) :: f  !! A facet at it.
       integer, intent(in) :: nodes(:)  !! Its ends, and of a curved edge the third node (2 or 3).
-      real(dp) :: s(max_crossings), deepest, place, raw, own, at, length, unresolved, coarse, coarse_at(3)
+      real(dp) :: s(max_crossings), deepest, place, raw, own, at, length
       real(dp), allocatable :: more(:, :)
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
@@ -100,8 +100,6 @@ contains
       length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
       deepest = 0
       at = 0
-      coarse = 0
-      coarse_at = 0
       facet = maxval(near(nodes(:2)))
       do k = 0, n_crossings
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
@@ -113,13 +111,9 @@ contains
           if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
           do j = 1, size(sample)
             place = low + (high - low)*sample(j)
-            call segment_depth(nodes, place, raw, own, unresolved, facet)
+            call segment_depth(nodes, place, raw, own, facet)
             ! The middle between two crossings is at least half as deep as any point, in a convex part.
             if (j == 1 .and. raw <= tolerance%slack/2) exit
-            if (unresolved > coarse) then
-              coarse = unresolved
-              coarse_at = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
-            end if
             if (.not. own > deepest) cycle
             call deepen(nodes, low, high, place, own, facet)
             deepest = own
@@ -127,7 +121,7 @@ contains
           end do
         end associate
       end do
-      if (.not. max(deepest, coarse) > 0) return
+      if (.not. deepest > 0) return
       !$omp critical (penetration)
       if (n_found == size(found, 2)) then
         allocate (more(segment_length, 2*n_found))
@@ -135,8 +129,7 @@ contains
         call move_alloc(more, found)
       end if
       n_found = n_found + 1
-      found(:, n_found) = [real([f, nodes(:2)], dp), coarse, coarse_at, deepest, &
-                           matmul(a%x(:, nodes), edge_shape(size(nodes), at))]
+      found(:, n_found) = [real([f, nodes(:2)], dp), deepest, matmul(a%x(:, nodes), edge_shape(size(nodes), at))]
       !$omp end critical (penetration)
     end subroutine search_segment
 
@@ -147,14 +140,14 @@ contains
       real(dp), intent(inout) :: place  !! Place on the segment, from 0 to 1 [].
       real(dp), intent(inout) :: own  !! Depth there that is not allowed [length].
       integer, intent(inout) :: facet  !! Facet of the closest point.
-      real(dp) :: left, right, trial, raw, value, unresolved
+      real(dp) :: left, right, trial, raw, value
       integer :: step, hit
       hit = facet
       left = low
       right = high
       do step = 1, n_steps
         trial = merge(place + golden*(right - place), place - golden*(place - left), right - place > place - left)
-        call segment_depth(nodes, trial, raw, value, unresolved, hit)
+        call segment_depth(nodes, trial, raw, value, hit)
         if (value > own) then
           if (trial > place) left = place
           if (trial < place) right = place
@@ -170,12 +163,11 @@ contains
     end subroutine deepen
 
     !> Depth of a point of a segment that is not allowed; 0 where it is.
-    subroutine segment_depth(nodes, place, raw, own, unresolved, facet)
+    subroutine segment_depth(nodes, place, raw, own, facet)
       integer, intent(in) :: nodes(:)  !! Its nodes (2 or 3).
       real(dp), intent(in) :: place  !! Place, from 0 to 1 [].
       real(dp), intent(out) :: raw  !! Depth, negative outside [length].
       real(dp), intent(out) :: own  !! Depth that is not allowed [length].
-      real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
       integer, intent(inout) :: facet  !! Facet of the closest point; on entry one that is probably near, or 0.
       real(dp) :: x(3), u(3), xi(2)
       integer :: hint
@@ -184,7 +176,7 @@ contains
       hint = facet
       call b%depth_of(x, hint, raw, facet, xi)
       own = raw
-      call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own, unresolved)
+      call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own)
     end subroutine segment_depth
   end subroutine find_edges
 
@@ -206,12 +198,11 @@ contains
     if (n == 3) shape = [(1 - place)*(2 - place)/2, place*(2 - place), place*(place - 1)/2]
   end function edge_shape
 
-  !> Add the segments that are too deep, or allowed though notable, to the deepest point, in the order of the facets.
+  !> Add the segments that are too deep to the deepest point, in the order of the facets.
   subroutine keep_segments(a, b, found, moved, only_corners, depth, worst, met)
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
-    !> The segments: facet, ends, depth that is allowed, though notable, and its position, depth that is not, and its
-    !> position (segment_length, n).
+    !> The segments: facet, ends, depth and its position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
     real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
@@ -225,16 +216,15 @@ contains
     call sort_order(found(1, :), order)
     do i = 1, size(order)
       associate (segment => found(:, order(i)), nodes => nint(found(2:3, order(i))))
-        call worst%keep_unresolved(segment(4), segment(5:7))
         ! A node inside says it already.
-        if (segment(8) > 0 .and. .not. any(inside(nodes))) then
+        if (segment(4) > 0 .and. .not. any(inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
-          depth(nodes) = max(depth(nodes), segment(8))
-          call add_met_point(a, nint(segment(1)), nodes, segment(9:11), b, moved, only_corners, met)
+          depth(nodes) = max(depth(nodes), segment(4))
+          call add_met_point(a, nint(segment(1)), nodes, segment(5:7), b, moved, only_corners, met)
         end if
-        if (segment(8) > (1 + same_depth)*worst%depth) then
-          worst%depth = segment(8)
-          worst%position = segment(9:11)
+        if (segment(4) > (1 + same_depth)*worst%depth) then
+          worst%depth = segment(4)
+          worst%position = segment(5:7)
         end if
       end associate
     end do

@@ -10,12 +10,8 @@ module dotyk_contact_penetration
     !> Nodes of the part that are too deep, and edges that are without a node so deep.
     integer :: n_nodes = 0, n_edges = 0
     integer :: n_passed = 0  !! Nodes that have passed through the other part and are outside again.
-    !> Deepest point that is allowed, though it is a notable part of the displacements; 0 if there is none [length].
-    real(dp) :: unresolved = 0
-    real(dp) :: unresolved_position(3) = 0  !! Its position after deformation (3) [length].
   contains
     procedure :: add => penetration_add
-    procedure :: keep_unresolved => penetration_keep_unresolved
     procedure :: outweighs => penetration_outweighs
   end type penetration_t
 
@@ -30,7 +26,6 @@ contains
     self%n_nodes = self%n_nodes + other%n_nodes
     self%n_edges = self%n_edges + other%n_edges
     self%n_passed = self%n_passed + other%n_passed
-    call self%keep_unresolved(other%unresolved, other%unresolved_position)
     if (.not. other%depth > (1 + same_depth)*self%depth) return
     self%depth = other%depth
     self%position = other%position
@@ -44,14 +39,4 @@ contains
     if (outweighs .or. self%depth < (1 - same_depth)*other%depth) return
     outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
   end function penetration_outweighs
-
-  !> Keep the deeper one of the points that are allowed.
-  pure subroutine penetration_keep_unresolved(self, depth, position)
-    class(penetration_t), intent(inout) :: self
-    real(dp), intent(in) :: depth  !! Depth of a point [length].
-    real(dp), intent(in) :: position(3)  !! Its position after deformation (3) [length].
-    if (.not. depth > (1 + same_depth)*self%unresolved) return
-    self%unresolved = depth
-    self%unresolved_position = position
-  end subroutine penetration_keep_unresolved
 end module dotyk_contact_penetration

@@ -1,8 +1,7 @@
 !> Penetration of one part into another after deformation: nodes of the one below the boundary of the other, and edges
 !> that pass through it without a node inside.
 !>
-!> A depth counts where it exceeds what is allowed (penetration_tolerance.f90). Of the depths that are allowed, the
-!> deepest that is a notable part of the displacements is kept.
+!> A depth counts where it exceeds what is allowed (penetration_tolerance.f90).
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_edge_penetration, only: find_edges
@@ -37,19 +36,17 @@ contains
     real(dp), allocatable, intent(out) :: clear(:)
     type(met_point_t), allocatable, intent(out) :: met(:)  !! Points that are too deep, where a row can be (n).
     logical :: is_below(a%n_nodes)
-    real(dp) :: unresolved(a%n_nodes)
     integer :: near(a%n_nodes), i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     allocate (met(0))
     is_below = .false.
     near = 0
-    unresolved = 0
     allocate (clear(a%n_nodes), source=0.0_dp)
     associate (box => b%tree%volume(1))
       call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
                               i=1, a%n_nodes)], first, last)
     end associate
-    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, near, unresolved, clear, first, last) &
+    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, near, clear, first, last) &
     !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
     known = 0
@@ -58,16 +55,15 @@ contains
       ! A node that is nearer to another one than that to b is outside as well.
       if (known > 0) clear(i) = clear(known) - norm2(a%x(:, i) - a%x(:, known))
       if (clear(i) > tolerance%slack) cycle
-      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i), unresolved(i))
+      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i))
       near(i) = hint
       known = i
     end do
     !$omp end do
     !$omp end parallel
     call division%fill(clear, first, last)
-    if (division%is_divided) call share_depths(division, is_below, depth, unresolved)
+    if (division%is_divided) call share_depths(division, is_below, depth)
     do i = 1, a%n_nodes
-      if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
       call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance%moved, &
@@ -80,25 +76,22 @@ contains
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.
-  subroutine share_depths(division, is_below, depth, unresolved)
+  subroutine share_depths(division, is_below, depth)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     logical, intent(inout) :: is_below(:)  !! Nodes below the boundary; of this rank in, of all out (n_nodes).
-    real(dp), intent(inout) :: depth(:)  !! Depths that is not allowed, likewise (n_nodes) [length].
-    real(dp), intent(inout) :: unresolved(:)  !! Depths that are allowed, though notable, likewise (n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)  !! Depths that are not allowed, likewise (n_nodes) [length].
     real(dp), allocatable :: list(:, :)
     integer, allocatable :: node(:)
     integer :: i
-    node = pack([(i, i=1, size(depth))], is_below .or. abs(depth) > 0 .or. abs(unresolved) > 0)
-    allocate (list(4, size(node)))
+    node = pack([(i, i=1, size(depth))], is_below .or. abs(depth) > 0)
+    allocate (list(3, size(node)))
     list(1, :) = node
     list(2, :) = merge(1.0_dp, 0.0_dp, is_below(node))
     list(3, :) = depth(node)
-    list(4, :) = unresolved(node)
     call division%append(list)
     node = nint(list(1, :))
     is_below(node) = list(2, :) > 0
     depth(node) = list(3, :)
-    unresolved(node) = list(4, :)
   end subroutine share_depths
 
   !> Nodes of a part that have passed wholly through another one.
@@ -116,12 +109,12 @@ contains
     type(penetration_t), intent(inout) :: worst  !! The deepest point; nodes are added.
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that have passed through are added (n).
     type(passage_t) :: passage
-    real(dp) :: allowed, left, arcs, centre(2), passed(a%n_nodes)
+    real(dp) :: allowed, left, centre(2), passed(a%n_nodes)
     integer :: entered(a%n_nodes), i, first, last
     passed = 0
     entered = 0
     call division%portion(a%n_nodes, first, last)
-    !$omp parallel do default(none) private(passage, allowed, left, arcs, centre) schedule(dynamic, chunk) &
+    !$omp parallel do default(none) private(passage, allowed, left, centre) schedule(dynamic, chunk) &
     !$omp& shared(a, b, swept, tolerance, clear, depth, passed, entered, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
@@ -131,7 +124,7 @@ contains
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
       call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
-                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, arcs)
+                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left)
       ! Penalty moves nothing to the other side, a given gap may.
       if (.not. passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) cycle
       passed(i) = -passage%depth
@@ -153,7 +146,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that is not allowed; 0 where it is [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, unresolved)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth)
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     integer, intent(in) :: i  !! Node of the part.
@@ -162,12 +155,10 @@ contains
     real(dp), intent(out) :: clear  !! Least distance from the other part, 0 where it is not outside [length].
     logical, intent(out) :: is_below  !! Whether the node is below the boundary, allowed or not.
     real(dp), intent(out) :: depth  !! Depth [length].
-    real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
     real(dp) :: xi(2), reach
     integer :: facet, other
     is_below = .false.
     depth = 0
-    unresolved = 0
     associate (box => b%tree%volume(1))
       clear = norm2(max(0.0_dp, box%lo - a%x(:, i), a%x(:, i) - box%hi))
     end associate
@@ -191,7 +182,6 @@ contains
       if (other > 0) facet = other
     end if
     is_below = depth > tolerance%slack
-    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), &
-                         a%x(:, i) - a%x0(:, i), depth, unresolved)
+    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth)
   end subroutine find_node_depth
 end module dotyk_contact_penetration_search

@@ -35,9 +35,6 @@ module dotyk_contact_penetration_tolerance
     procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
 
-  !> Depths that are allowed are notable from this fraction of the displacements on [].
-  real(dp), parameter :: notable_fraction = 0.25_dp
-
   real(dp), parameter :: same = 1.0e-6_dp  !! Distances that differ by less are equal [].
 
 contains
@@ -48,8 +45,8 @@ contains
     swapped = penetration_tolerance_t(self%slack, self%moved, self%left_b, self%left_a)
   end function tolerance_swapped
 
-  !> Judge a depth: 0 on return if it is allowed, but kept where it is notable all the same.
-  pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
+  !> Judge a depth: 0 on return if it is allowed.
+  pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth)
     class(penetration_tolerance_t), intent(in) :: self
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
@@ -59,22 +56,19 @@ contains
     real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
-    real(dp), intent(out) :: unresolved  !! Depth if it is allowed, though notable; else 0 [length].
-    real(dp) :: allowed, left, arcs, below, there(2)
+    real(dp) :: allowed, left, below, there(2)
     integer :: facing
-    unresolved = 0
     if (depth > self%slack) then
-      call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
+      call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left)
       if (depth > allowed) then
         ! Near the side of b, that is not what the point came through.
         call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
         if (facing == 0) below = -1
-        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, arcs)
+        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left)
         if (below < 0 .or. below > allowed) then
           if (.not. is_allowed_beside()) return
         end if
       end if
-      if (depth - self%slack - left - arcs > notable_fraction*self%moved) unresolved = depth
     end if
     depth = 0
 
@@ -83,7 +77,7 @@ contains
     !> Whether the depth below a facet that shares a corner with the nearest one is allowed, as that of a bore below its
     !> rim.
     pure logical function is_allowed_beside()
-      real(dp) :: at(2), square, of_facet, of_pairs, of_arcs
+      real(dp) :: at(2), square, of_facet, of_pairs
       integer :: i, k, g
       is_allowed_beside = .false.
       do i = 1, b%set%corners(facet)
@@ -94,7 +88,7 @@ contains
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
             if (sqrt(square) < (1 - same)*depth) cycle
-            call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs, of_arcs)
+            call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs)
             is_allowed_beside = is_allowed_beside .or. sqrt(square) <= of_facet
           end do
         end associate
@@ -103,7 +97,7 @@ contains
   end subroutine tolerance_judge
 
   !> Depth of a point of a below b that is allowed [length].
-  pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left, arcs)
+  pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left)
     class(penetration_tolerance_t), intent(in) :: self
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
@@ -114,8 +108,6 @@ contains
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
-    !> What the shape at rest explains: arcs over the facets, as far as they overlapped [length].
-    real(dp), intent(out) :: arcs
     real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
@@ -127,8 +119,6 @@ contains
     turn = maxval(norm2(a%normal(:, around) - a%normal0(:, around), 1)) + &
            maxval(norm2(b%normal(:, shared) - b%normal0(:, shared), 1))
     curvature = maxval(a%curvature(around)) + maxval(b%curvature(shared))
-    arcs = along(a, around, a%curvature(around)*a%set%size(around)**2/4, d) + &
-           along(b, shared, b%curvature(shared)*b%set%size(shared)**2/4, d)
     ! Facets of the two that face each other best, and how they turn against each other.
     facing = 0
     tilt = 0
@@ -147,8 +137,6 @@ contains
     end associate
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + width*tilt/2 + &
               along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
-    arcs = min(arcs, max(0.0_dp, dot_product(b%normal0(:, facet), &
-                         position - b%displacement_at(facet, xi) - x + displacement)))
   end subroutine tolerance_find_allowed
 
   !> Largest height over some facets, measured in a direction [length].

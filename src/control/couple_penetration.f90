@@ -163,7 +163,6 @@ contains
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
       if (.not. all(is_meant(problem, pairs%between(problem%pair, a, b), met))) met = met(:0)
     end if
-    if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
     if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
       call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &

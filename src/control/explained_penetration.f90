@@ -88,7 +88,8 @@ contains
         corner = surface_a%node(1:kind%n_corners, f)
         longest = maxval(norm2(body_a%mesh%x(:, cshift(corner, 1)) - body_a%mesh%x(:, corner), 1))
       end if
-      width(k) = longest
+      ! Point contacts are no means.
+      width(k) = merge(longest, 0.0_dp, k <= pair%n_points - pair%n_point_contacts)
     end do
     ! Before the solution there are none.
     do i = 1, size(penetration)

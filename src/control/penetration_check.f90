@@ -34,9 +34,6 @@ module dotyk_control_penetration_check
     logical :: is_done = .false.  !! Whether it was done: it needs displacements.
     type(body_penetration_t), allocatable :: found(:)  !! Pairs of bodies that penetrate each other, the deepest first.
     type(body_penetration_t), allocatable :: touching(:)  !! Pairs of bodies that touch, and are in no contact pair.
-    !> Pairs of bodies that are inside each other by a notable part of their displacements, which facets explain, the
-    !> deepest first.
-    type(body_penetration_t), allocatable :: unresolved(:)
     !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
     type(nodal_field_t), allocatable :: depth(:)
     !> Points at which contact rows would keep the bodies out of each other; none where they would not keep out all, and
@@ -44,7 +41,6 @@ module dotyk_control_penetration_check
     type(met_point_t), allocatable :: met(:)
   contains
     procedure :: deepest => check_deepest
-    procedure :: deepest_unresolved => check_deepest_unresolved
   end type penetration_check_t
 
   public :: body_penetration_t, check_penetration, find_initial_overlap
@@ -70,18 +66,6 @@ contains
       depth = self%found(1)%worst%depth
     end if
   end function check_deepest
-
-  !> The deepest point that facets explain, though it is a notable part of the displacements; 0 where there is none, NaN
-  !> where the check was not done [length].
-  pure real(dp) function check_deepest_unresolved(self) result(depth)
-    class(penetration_check_t), intent(in) :: self
-    depth = 0
-    if (.not. self%is_done) then
-      depth = ieee_value(depth, ieee_quiet_nan)
-    else if (size(self%unresolved) > 0) then
-      depth = self%unresolved(1)%worst%unresolved
-    end if
-  end function check_deepest_unresolved
 
   !> Find bodies in no contact pair that overlap before they are loaded: parts of an assembly in the wrong place.
   !>
@@ -161,7 +145,7 @@ contains
     type(body_penetration_t), allocatable :: found(:)
     type(met_points_t), allocatable :: met(:)
     type(pairs_of_bodies_t) :: pairs
-    integer, allocatable :: owner(:)
+    integer, allocatable :: owner(:), order(:)
     integer :: last_use(size(problem%body)), b, k, n, first, last
     n = size(problem%body)
     allocate (check%depth(n))
@@ -210,9 +194,9 @@ contains
       check%met = check%met(:0)
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
-    check%unresolved = pack(found, found%worst%unresolved > 0 .and. .not. found%worst%depth > 0)
-    call sort_found(-check%found%worst%depth, check%found)
-    call sort_found(-check%unresolved%worst%unresolved, check%unresolved)
+    allocate (order(size(check%found)))
+    call sort_order(-check%found%worst%depth, order)
+    check%found = check%found(order)
 
   contains
 
@@ -344,13 +328,4 @@ contains
       end associate
     end do
   end subroutine share_findings
-
-  !> Sort penetrations.
-  pure subroutine sort_found(key, found)
-    real(dp), intent(in) :: key(:)  !! Key, in ascending order afterwards (n) [length].
-    type(body_penetration_t), intent(inout) :: found(:)  !! Penetrations (n).
-    integer :: order(size(found))
-    call sort_order(key, order)
-    found = found(order)
-  end subroutine sort_found
 end module dotyk_control_penetration_check

@@ -56,7 +56,6 @@ contains
       call write_constants(file, state%constants, state%gamma)
       call file%put_attribute('summary', 'max_penetration', state%max_penetration)
       call file%put_attribute('summary', 'penetration_depth', solution%penetration%deepest())
-      call file%put_attribute('summary', 'penetration_unresolved', solution%penetration%deepest_unresolved())
       call file%put_attribute('summary', 'unknowns', sum(problem%body%n_unknowns()))
       call file%put_attribute('summary', 'constraints', qp%n_rows)
       call file%put_attribute('summary', 'constraints_screened', state%screened)

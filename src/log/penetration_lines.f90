@@ -12,7 +12,7 @@ module dotyk_log_penetration_lines
   public :: note_formulas, show_initial_overlap, show_met_points, show_penetration
 
   !> Greatest number of couples of bodies with a line each; more are summed up.
-  integer, parameter :: most_shown = 20, most_touching = 5, most_unresolved = 10
+  integer, parameter :: most_shown = 20, most_touching = 5
 
 contains
 
@@ -27,17 +27,6 @@ contains
     end do
     if (size(check%found) > most_shown) &
       call log%line('  penetration      '//counted(size(check%found) - most_shown, 'more couple')//' of bodies')
-    do k = 1, min(most_unresolved, size(check%unresolved))
-      associate (found => check%unresolved(k), worst => check%unresolved(k)%worst)
-        call log%line('  warning          '//quoted(body(found%body)%name)//' is inside '// &
-                      quoted(body(found%other)%name)//' by '//to_text(worst%unresolved, 4)//' at '// &
-                      place_of(worst%unresolved_position)//', a large part of their displacements; the facets '// &
-                      'there resolve no less: refine the mesh, and check that a contact pair has these faces')
-      end associate
-    end do
-    if (size(check%unresolved) > most_unresolved) &
-      call log%line('  warning          '//counted(size(check%unresolved) - most_unresolved, 'more couple')// &
-                    ' of bodies likewise')
     do k = 1, min(most_touching, size(check%touching))
       associate (found => check%touching(k))
         call log%line('  no pair          '//quoted(body(found%body)%name)//' and '// &

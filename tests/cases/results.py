@@ -88,8 +88,7 @@ class Results(dotyk_case.Case):
                  "energy": real, "strain_energy": real, "load_work": real, "penalty_energy": real,
                  **{name: real for name in CONSTANTS},
                  "error_penalty": real, "error_discretization": real, "error_contact": real, "energy_norm": real,
-                 "max_penetration": real, "penetration_depth": real,
-                 "penetration_unresolved": real}
+                 "max_penetration": real, "penetration_depth": real}
         for name, kind in kinds.items():
             self.assertEqual(np.shape(summary[name]), (), name)
             self.assertIsInstance(summary[name], kind, name)

@@ -25,7 +25,7 @@ SOURCE = re.compile(r"\b(?:in|at) \S*?(\w+) *(?:at )?\S*/(\w+\.(?:f90|c)):(\d+)"
 # NaN means unknown there (docs/errors.md), and history counts on it; nowhere may anything be infinite.
 MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma\w*|lambda_max|q_\w+|error_bound_paper"
                             r"|coercivity|penalty_constant|smoothness|error_(penalty|discretization\w*|contact)"
-                            r"|penetration_(depth|unresolved))$"
+                            r"|penetration_depth)$"
                             r"|dotyk/history/error_(bound_paper|penalty|discretization)$|VTKHDF/CellData/discretization_error$"
                             r"|dotyk/contact/[^@]*@(centre_of_pressure|(force|contact_area|displacement)_uncertainty)$|VTKHDF/PointData/contact_gap$")
 
