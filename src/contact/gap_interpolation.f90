@@ -232,8 +232,11 @@ contains
     if (greatest <= min_curvature*length) return
     rest = rest - matmul(coefficient, without_linear)
     if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) then
+      ! Where there are points only: vertices may lie beyond.
       weight(m - n_vertices + 1:) = 0
-      uncertainty = abs(minval(matmul(fitted(linear, weight, gap), linear)) - least)
+      associate (row => matmul(fitted(linear, weight, gap), linear))
+        uncertainty = abs(minval(row(:m - n_vertices)) - minval(gap(:m - n_vertices)))
+      end associate
       return
     end if
     r = r + rest

@@ -32,13 +32,16 @@ module dotyk_contact_met_points
 
   !> A point is in front of a facet up to this fraction of its size.
   real(dp), parameter :: in_front = 1.0e-6_dp
+  !> An edge leaves a body sideways: not through facets whose normals have less than this sine to it.
+  real(dp), parameter :: sideways = sqrt(0.5_dp)
   integer, parameter :: n_steps = 5  !! Newton steps to the closest point of a curved facet.
 
 contains
 
   !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
-  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Between
-  !> bodies without a contact pair only corners count; other points have no facet of b.
+  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Points of
+  !> an edge do not leave along it, as the next ones would take their place. Between bodies without a contact pair only
+  !> corners count; other points have no facet of b.
   subroutine add_met_point(a, f, nodes, x, b, moved, only_corners, met, entered)
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: f  !! Its facet.
@@ -51,7 +54,7 @@ contains
     !> The facet that it came through where that is known: it has passed through b.
     integer, intent(in), optional :: entered
     type(met_point_t) :: new
-    real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3)
+    real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
     integer :: near, i, j, k, g
     logical :: counts
     call closest_point_on_facet(a%set, f, x, new%xi_a, square)
@@ -60,6 +63,7 @@ contains
     counts = .not. only_corners
     ! Each of the two may move by as much, against the other.
     if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*moved)
+    along = a%x(:, nodes(size(nodes))) - a%x(:, nodes(1))
     behind = huge(behind)
     least = huge(least)
     do i = 1, b%set%corners(near)
@@ -71,6 +75,7 @@ contains
           call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
           ! Beside a face, as in a concave corner, the point is not below it.
           if (2*dot_product(normal, at - x) < sqrt(square)) cycle
+          if (norm2(cross(along, normal)) < sideways*norm2(along)) cycle
           gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
           gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
           if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
