@@ -6,8 +6,8 @@ module dotyk_base_files
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, is_inp_file, &
-    is_vtu_file, is_stl_file, is_med_file
+    print_text, hold_standard_files, is_trusted_folder, user_number, write_new, is_cad_file, &
+    is_foreign_mesh, is_geo_file, is_msh_file, is_stl_file
 
   integer, parameter :: mark_length = 100, path_length = 8192  !! Longest mark, and longest path behind links.
 
@@ -169,23 +169,26 @@ contains
     is_stl_file = lower(path(max(1, len(path) - 3):)) == '.stl'
   end function is_stl_file
 
-  !> Whether a file is a mesh of the format MED, which gmsh converts, by its name.
-  pure logical function is_med_file(path)
+  !> Whether a file is a geometry of gmsh, by its name.
+  pure logical function is_geo_file(path)
     character(*), intent(in) :: path  !! Path.
-    is_med_file = lower(path(max(1, len(path) - 3):)) == '.med'
-  end function is_med_file
+    is_geo_file = path(max(1, len(path) - 3):) == '.geo'
+  end function is_geo_file
 
-  !> Whether a file is a deck of Abaqus or CalculiX, by its name.
-  pure logical function is_inp_file(path)
+  !> Whether a file is a mesh of gmsh, by its name.
+  pure logical function is_msh_file(path)
     character(*), intent(in) :: path  !! Path.
-    is_inp_file = lower(path(max(1, len(path) - 3):)) == '.inp'
-  end function is_inp_file
+    is_msh_file = path(max(1, len(path) - 3):) == '.msh'
+  end function is_msh_file
 
-  !> Whether a file is an unstructured grid of VTK, by its name.
-  pure logical function is_vtu_file(path)
+  !> Whether a file is a mesh of another format, by its name: a deck of Abaqus or CalculiX, an unstructured grid of VTK, or
+  !> one that meshio reads.
+  pure logical function is_foreign_mesh(path)
     character(*), intent(in) :: path  !! Path.
-    is_vtu_file = lower(path(max(1, len(path) - 3):)) == '.vtu'
-  end function is_vtu_file
+    character(5), parameter :: endings(*) = [character(5) :: '.inp', '.vtu', '.med', '.vtk', '.xdmf', '.exo', '.bdf', &
+                                             '.nas', '.mesh', '.su2']
+    is_foreign_mesh = any(endings == lower(path(max(1, index(path, '.', back=.true.)):)))
+  end function is_foreign_mesh
 
   !> Write a text to a new file; nothing happens where the name is taken.
   subroutine write_new(path, text)

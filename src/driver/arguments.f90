@@ -13,6 +13,7 @@ module dotyk_driver_arguments
     integer :: threads = 0  !! Number of threads; 0: all processors.
     logical :: check = .false.  !! Check everything and solve nothing.
     logical :: no_shell = .false.  !! Geometries may start no program and write no file but their mesh.
+    logical :: remesh = .false.  !! Meshes that are kept are made again.
     logical :: quiet = .false.  !! Print errors only.
     logical :: version = .false.  !! Print the version and stop.
     logical :: help = .false.  !! Print the help and stop.
@@ -48,7 +49,7 @@ contains
     type(arguments_t), intent(out) :: arguments  !! Arguments that the words spell.
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(8)
+    type(text_t) :: options(9)
     integer :: i, status
     options(1)%s = '--check'
     options(2)%s = '--threads'
@@ -58,6 +59,7 @@ contains
     options(6)%s = '--help'
     options(7)%s = '--restart'
     options(8)%s = '--no-shell'
+    options(9)%s = '--remesh'
     arguments%case_file = ''
     arguments%output = ''
     arguments%restart = ''
@@ -69,6 +71,8 @@ contains
         arguments%check = .true.
       case ('--no-shell')
         arguments%no_shell = .true.
+      case ('--remesh')
+        arguments%remesh = .true.
       case ('--quiet')
         arguments%quiet = .true.
       case ('--version')
@@ -115,7 +119,7 @@ contains
     end do
     if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
       call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
-                     '[--restart RESULTS.vtkhdf] [--no-shell] [--quiet], or dotyk --help')
+                     '[--restart RESULTS.vtkhdf] [--no-shell] [--remesh] [--quiet], or dotyk --help')
   end subroutine parse_arguments
 
   !> The whole command line, for the results file.

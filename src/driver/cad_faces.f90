@@ -1,8 +1,8 @@
 !> What `--check` says of the faces of CAD files, whose names are numbers that a user has to tell apart, and of the sets
-!> and surfaces of .inp files, which other programs made.
+!> and surfaces of meshes that other programs made.
 module dotyk_driver_cad_faces
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file, is_med_file, is_stl_file, is_vtu_file
+  use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_stl_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
@@ -12,7 +12,7 @@ module dotyk_driver_cad_faces
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_physical_group, only: group_names, groups_named
   use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
@@ -87,7 +87,7 @@ contains
   !> Whether the volumes and faces of a file are listed.
   pure logical function is_listed(path)
     character(*), intent(in) :: path  !! Path of the file.
-    is_listed = is_cad_file(path) .or. is_inp_file(path) .or. is_vtu_file(path) .or. is_med_file(path)
+    is_listed = is_cad_file(path) .or. is_foreign_mesh(path)
   end function is_listed
 
   !> List the volumes of a mesh; of a CAD file, the solids that have names.

@@ -19,6 +19,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
+  use dotyk_model_mesh_file, only: forget_meshes
   use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
@@ -54,6 +55,7 @@ contains
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
+    if (arguments%remesh) call forget_meshes(case)
     allocate (met(0))
     n_added = 0
     do

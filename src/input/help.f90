@@ -25,7 +25,7 @@ contains
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
       'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf]'//lf// &
-      '             [--no-shell] [--quiet]'//lf// &
+      '             [--no-shell] [--remesh] [--quiet]'//lf// &
       '       dotyk --version | --help'//lf// &
       '  --check        check the input and print a summary of the scene, without solving'//lf// &
       '  --threads N    number of threads; if absent, one per processor'//lf// &
@@ -34,6 +34,7 @@ contains
       '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
       '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
       '  --no-shell     .geo files start no programs and write no files but their mesh'//lf// &
+      '  --remesh       make kept meshes again (they are, too, where a file that they depend on is newer)'//lf// &
       '  --quiet        print errors only'//lf// &
       '  --version      print the version'//lf// &
       '  --help         print this text (--help=markdown: the input reference, docs/input.md)'//lf//lf// &

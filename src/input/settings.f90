@@ -1,6 +1,6 @@
 !> Reads `&scene`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
 module dotyk_input_settings
-  use dotyk_base_files, only: is_cad_file, is_inp_file, is_med_file, is_vtu_file
+  use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_geo_file, is_msh_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
@@ -63,10 +63,10 @@ contains
     character(:), allocatable :: reason
     path = resolve_path(directory, text_of(group, 'mesh'))
     if (len(path) == 0) return
-    if (extension_of(path) /= '.msh' .and. extension_of(path) /= '.geo' .and. .not. is_cad_file(path) .and. &
-        .not. (is_inp_file(path) .or. is_vtu_file(path) .or. is_med_file(path))) &
-      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo, .inp, .vtu, .med or '// &
-                  'the ending of a CAD file: .step, .stp, .iges, .igs, .brep, .brp, .stl')
+    if (.not. (is_msh_file(path) .or. is_geo_file(path) .or. is_cad_file(path) .or. is_foreign_mesh(path))) &
+      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo, .inp, .vtu, .med, '// &
+                  'another ending of meshio (.vtk, .xdmf, .exo, .bdf, .nas, .mesh, .su2) or that of a CAD file: '// &
+                  '.step, .stp, .iges, .igs, .brep, .brp, .stl')
     if (dimension == 2 .and. is_cad_file(path)) &
       call report(problems, group, 'mesh', 'mesh: '//shown(path)//' has solids, which need analysis=''3d''; for '// &
                   'bodies in the plane write a .geo file')

@@ -1,12 +1,11 @@
-!> Reader of gmsh mesh files: MSH 2.2 and 4.1, text and binary (little endian).
+!> Reader of gmsh mesh files of the format MSH 4.1, text and binary (little endian).
 !>
-!> This module reads the format and the frame of the sections; the numbered formats have modules of their own. Elements
+!> This module reads the format and the frame of the sections. Elements
 !> without a physical group and point elements are dropped; nodes are kept whether elements use them or not.
 module dotyk_mesh_gmsh
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_kinds, only: int64
-  use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
   use dotyk_mesh_gmsh_41, only: read_nodes_41, read_elements_41
   use dotyk_mesh_gmsh_entities, only: entities_t, read_entities_41, read_partitioned_entities_41
   use dotyk_mesh_gmsh_frame, only: begin_section, content_name, conversion_advice, read_end, read_format, skip_section
@@ -19,7 +18,7 @@ module dotyk_mesh_gmsh
   public :: read_gmsh, read_gmsh_text
 
   type :: sections_t  !! Format of the file, and the sections read so far.
-    integer :: version = 0  !! 22 or 41; 0 before $MeshFormat.
+    logical :: format = .false.  !! $MeshFormat was read.
     logical :: names = .false.  !! $PhysicalNames was read.
     logical :: entities = .false.  !! $Entities was read.
     logical :: nodes = .false.  !! $Nodes was read.
@@ -82,7 +81,7 @@ contains
     else if (.not. builder%selection%everything .and. sections%nodes) then
       cursor%section = '$Nodes'
       cursor%position = sections%node_position
-      call read_selected_nodes(cursor, builder, sections%version)
+      call read_selected_nodes(cursor, builder)
     end if
     call check_complete(cursor, builder, sections)
     if (cursor%broken) then
@@ -101,18 +100,16 @@ contains
     type(sections_t), intent(inout) :: sections  !! Format and sections read so far.
     character(:), allocatable :: word
     integer(int64) :: first
-    call begin_section(cursor, sections%version, word, first)
+    call begin_section(cursor, sections%format, word, first)
     if (cursor%broken) return
     select case (word)
     case ('$MeshFormat')
-      if (sections%version > 0) call cursor%fail('this section occurs a second time', first)
-      call read_format(cursor, sections%version)
+      call check_first(cursor, sections%format, first)
+      call read_format(cursor)
     case ('$NOD', '$ELM')
       call cursor%fail('gmsh''s format 1 is not read: '//conversion_advice, first)
-    case ('$ParametricNodes')
-      call cursor%fail('parametric nodes of format 2.2 are not read: save without Mesh.SaveParametric', first)
     case ('$PhysicalNames', '$Entities', '$Nodes', '$Elements', '$PartitionedEntities')
-      if (sections%version == 0) then
+      if (.not. sections%format) then
         call cursor%fail('$MeshFormat must come first', first)
       else
         call read_known_section(cursor, builder, entities, sections, word, first)
@@ -140,38 +137,27 @@ contains
       call read_names(cursor, builder)
     case ('$Entities')
       call check_first(cursor, sections%entities, first)
-      if (sections%version == 22) then
-        call cursor%fail('a file of format 2.2 cannot have this section', first)
-      end if
       if (cursor%binary) call cursor%end_line
       call read_entities_41(cursor, builder, entities)
     case ('$PartitionedEntities')
       call check_first(cursor, entities%partitioned, first)
-      if (sections%version == 22) call cursor%fail('a file of format 2.2 cannot have this section', first)
       if (cursor%binary) call cursor%end_line
       call read_partitioned_entities_41(cursor, builder, entities)
     case ('$Nodes')
       call check_first(cursor, sections%nodes, first)
-      if (.not. builder%selection%everything) then
-        if (cursor%binary .and. sections%version == 41) call cursor%end_line
-        sections%node_position = cursor%position
-        call skip_nodes(cursor, sections%version)
-      else if (sections%version == 22) then
-        call read_nodes_22(cursor, builder)
-      else
-        if (cursor%binary) call cursor%end_line
+      if (cursor%binary) call cursor%end_line
+      if (builder%selection%everything) then
         call read_nodes_41(cursor, builder)
+      else
+        sections%node_position = cursor%position
+        call skip_nodes(cursor)
       end if
     case ('$Elements')
       call check_first(cursor, sections%elements, first)
       if (.not. sections%nodes) call cursor%fail('$Nodes must come before $Elements', first)
       if (cursor%broken) return
-      if (sections%version == 22) then
-        call read_elements_22(cursor, builder, sections%n_elements)
-      else
-        if (cursor%binary) call cursor%end_line
-        call read_elements_41(cursor, builder, entities, sections%n_elements)
-      end if
+      if (cursor%binary) call cursor%end_line
+      call read_elements_41(cursor, builder, entities, sections%n_elements)
     end select
   end subroutine read_known_section
 
@@ -221,7 +207,7 @@ contains
     if (cursor%broken) return
     if (cursor%size == 0) then
       call cursor%fail('the file is empty')
-    else if (sections%version == 0) then
+    else if (.not. sections%format) then
       call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor)//'has no $MeshFormat')
     else if (.not. sections%nodes) then
       call cursor%fail('the file ends without $Nodes: it has no mesh or is truncated')

@@ -204,7 +204,8 @@ contains
     integer(int64), intent(in) :: tag  !! Tag of the entity.
     integer(int64), intent(in) :: position  !! Position of the block that names it.
     type(entity_t), intent(out) :: entity  !! The entity.
-    entity%tag = int(tag)
+    ! Negative numbers are of elements that mesh2msh grouped, without a geometry.
+    entity%tag = int(max(tag, 0_int64))
     allocate (entity%group(0))
     if (entities%partitioned) then
       call take(entities%in_partition(dimension))
@@ -226,7 +227,7 @@ contains
       entity%partition = -1
       if (place == 0) return
       entity%partition = groups%partition(place)
-      entity%tag = groups%parent(place)
+      entity%tag = max(groups%parent(place), 0)
       entity%group = groups%group(groups%start(place):groups%start(place + 1) - 1)
     end subroutine take
   end subroutine find_entity

@@ -15,16 +15,16 @@ module dotyk_mesh_gmsh_frame
 contains
 
   !> Begin a section: its name.
-  subroutine begin_section(cursor, version, name, position)
+  subroutine begin_section(cursor, has_format, name, position)
     type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file, between sections.
-    integer, intent(in) :: version  !! 22 or 41; 0 before $MeshFormat.
+    logical, intent(in) :: has_format  !! Whether $MeshFormat was read.
     character(:), allocatable, intent(out) :: name  !! Name, as '$Nodes'.
     integer(int64), intent(out) :: position  !! Position of the section in the file.
     position = cursor%position
     call cursor%get_word(name)
     if (name(1:1) == '$') then
       cursor%section = name
-    else if (version == 0) then
+    else if (.not. has_format) then
       call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor)// &
                        'does not begin with $MeshFormat', position)
     else
@@ -43,9 +43,8 @@ contains
   end function content_name
 
   !> Read $MeshFormat: version, 0 for text or 1 for binary, size of reals; then the binary integer 1 in a binary file.
-  subroutine read_format(cursor, version)
+  subroutine read_format(cursor)
     type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
-    integer, intent(inout) :: version  !! 22 or 41.
     character(:), allocatable :: word
     real(dp) :: number
     integer(int64) :: kind, n_bytes, one, first
@@ -55,11 +54,7 @@ contains
     cursor%position = first
     call cursor%get_real(number)
     if (cursor%broken) return
-    if (abs(number - 2.2_dp) < version_tolerance) then
-      version = 22
-    else if (abs(number - 4.1_dp) < version_tolerance) then
-      version = 41
-    else
+    if (abs(number - 4.1_dp) > version_tolerance) then
       call cursor%fail('format '//word//' is not read, only 2.2 and 4.1: '//conversion_advice, first)
       return
     end if

@@ -1,11 +1,14 @@
-!> Values at nodes from the sections $NodeData of gmsh mesh files, text and binary.
+!> Values at nodes, such as temperatures, from the sections $NodeData of gmsh mesh files, text and binary, and of meshes
+!> that were made of other files (`dotyk_mesh_conversion`).
 !>
-!> Source: gmsh reference manual, "MSH file format"; the section is the same in the formats 2.2 and 4.1.
+!> Source: gmsh reference manual, "MSH file format".
 module dotyk_mesh_gmsh_node_data
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
+  use dotyk_base_files, only: is_cad_file, is_geo_file
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_mesh_conversion, only: make_mesh, meshing_t, needs_conversion
   use dotyk_mesh_gmsh_frame, only: begin_section, read_end, read_format, skip_section
   use dotyk_mesh_node_values, only: node_values_t
   implicit none
@@ -16,29 +19,43 @@ contains
 
   !> Read the field of a name. Sections of one time step, as those of partitions, are one field; several steps are
   !> refused, for which of them is meant is not known.
-  subroutine read_node_data(file, name, values, error)
-    character(*), intent(in) :: file  !! Path of the file.
+  subroutine read_node_data(file, dimension, name, values, error)
+    character(*), intent(in) :: file  !! Path of the file, whose mesh was made where it is of another format.
+    integer, intent(in) :: dimension  !! Dimension of space.
     character(*), intent(in) :: name  !! Name of the field, the first string tag of its sections.
     type(node_values_t), intent(out) :: values  !! The values [any].
     !> Set for files that cannot be read, without such a field, and for mistakes in it, with file and line.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: cursor
-    character(:), allocatable :: section, names
+    type(meshing_t) :: meshing
+    character(:), allocatable :: section, names, msh
     integer(int64) :: position, step
-    integer :: version
-    logical :: found
-    call cursor%open(file, error)
+    logical :: found, has_format
+    if (is_geo_file(file) .or. is_cad_file(file)) then
+      call set_error(error, 'field is read from meshes (.msh, .inp, .vtu and others), and this is a geometry, '// &
+                     quoted(file)//': write mesh and temperature as one such file', exit_bad_input)
+      return
+    end if
+    msh = file
+    if (needs_conversion(file)) then
+      meshing%is_made = .true.
+      call make_mesh(file, dimension, msh, error, meshing)
+      if (allocated(error)) return
+    end if
+    call cursor%open(msh, error)
     if (allocated(error)) return
-    version = 0
+    cursor%file = file
+    has_format = .false.
     found = .false.
     names = ''
     do while (.not. cursor%broken)
       if (cursor%at_end()) exit
-      call begin_section(cursor, version, section, position)
+      call begin_section(cursor, has_format, section, position)
       if (cursor%broken) exit
       select case (section)
       case ('$MeshFormat')
-        call read_format(cursor, version)
+        call read_format(cursor)
+        has_format = .true.
         call read_end(cursor, section)
       case ('$NodeData')
         call read_section(cursor, name, position, values, step, found, names)
@@ -51,7 +68,7 @@ contains
       call set_error(error, cursor%fault, exit_bad_input)
     else if (.not. found) then
       if (len(names) == 0) names = ', none'
-      call set_error(error, file//': the nodes have no field '//quoted(name)//' ($NodeData); they have '//names(3:), &
+      call set_error(error, file//': the nodes have no field '//quoted(name)//'; they have '//names(3:), &
                      exit_bad_input)
     end if
     call cursor%close

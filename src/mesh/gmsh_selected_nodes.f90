@@ -4,7 +4,6 @@ module dotyk_mesh_gmsh_selected_nodes
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_gmsh_22, only: read_count_22
   use dotyk_mesh_gmsh_common, only: check_block, read_counts
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
   implicit none
@@ -20,10 +19,9 @@ module dotyk_mesh_gmsh_selected_nodes
 contains
 
   !> Skip the nodes.
-  subroutine skip_nodes(cursor, version)
-    !> Cursor behind '$Nodes' and, in a binary file of format 4.1, its line; before '$EndNodes' on return.
+  subroutine skip_nodes(cursor)
+    !> Cursor behind '$Nodes' and, in a binary file, its line; before '$EndNodes' on return.
     type(byte_cursor_t), intent(inout) :: cursor
-    integer, intent(in) :: version  !! Format, 22 or 41.
     character(*), parameter :: end_word = '$EndNodes'
     type(head_t) :: head
     integer(int64) :: n_blocks, n_nodes, n_read, i, first
@@ -36,9 +34,6 @@ contains
       else
         call cursor%fail('the file ends without '//end_word//': it is truncated', first)
       end if
-    else if (version == 22) then
-      call read_count_22(cursor, 28, 'nodes', n_nodes)
-      call cursor%skip_bytes(28*n_nodes)
     else
       call read_counts(cursor, 32, 'nodes', n_blocks, n_nodes)
       n_read = 0
@@ -51,22 +46,17 @@ contains
   end subroutine skip_nodes
 
   !> Read the nodes that the elements use, and give them to the elements.
-  subroutine read_selected_nodes(cursor, builder, version)
+  subroutine read_selected_nodes(cursor, builder)
     !> Cursor behind '$Nodes' and, in a binary file of format 4.1, its line.
     type(byte_cursor_t), intent(inout) :: cursor
     type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; it has the elements, its nodes are set.
-    integer, intent(in) :: version  !! Format, 22 or 41.
     integer, allocatable :: number(:)
     integer :: n, k
     if (cursor%broken) return
     allocate (builder%x(3, builder%used%n), builder%node_tag(builder%used%n), builder%file_node(builder%used%n))
     allocate (number(builder%used%n), source=0)
     n = 0
-    if (version == 22) then
-      call read_nodes_22(cursor, builder, number, n)
-    else
-      call read_nodes_41(cursor, builder, number, n)
-    end if
+    call read_nodes_41(cursor, builder, number, n)
     if (cursor%broken) return
     k = findloc(number, 0, dim=1)
     if (k > 0) then
@@ -96,31 +86,6 @@ contains
     builder%node_tag(n) = tag
     builder%file_node(n) = int(file_node)
   end subroutine number_node
-
-  !> Read the nodes of format 2.2.
-  subroutine read_nodes_22(cursor, builder, number, n)
-    type(byte_cursor_t), intent(inout) :: cursor  !! Cursor behind the word '$Nodes'.
-    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
-    integer, intent(inout) :: number(:)  !! Index of each node of `used` (used%n).
-    integer, intent(inout) :: n  !! Number of nodes.
-    integer(int64) :: n_nodes, tag, first, i
-    real(dp) :: x(3)
-    integer :: before
-    call read_count_22(cursor, merge(28, 8, cursor%binary), 'nodes', n_nodes)
-    builder%n_file_nodes = int(n_nodes)
-    do i = 1, n_nodes
-      if (.not. cursor%binary) call cursor%skip_blanks
-      first = cursor%position
-      call cursor%get_int(tag)
-      call cursor%get_real(x(1))
-      call cursor%get_real(x(2))
-      call cursor%get_real(x(3))
-      if (cursor%broken) return
-      before = n
-      call number_node(cursor, builder, tag, i, first, number, n)
-      if (n > before) builder%x(:, n) = x
-    end do
-  end subroutine read_nodes_22
 
   !> Read the nodes of format 4.1: blocks by entity, each with the tags first and the coordinates after them.
   subroutine read_nodes_41(cursor, builder, number, n)

@@ -2,7 +2,7 @@
 !> user where that cannot be used. Meshes that others could have put there are not taken.
 module dotyk_mesh_mesh_cache
   use dotyk_base_error, only: error_t, exit_not_written, set_error
-  use dotyk_base_files, only: is_trusted_folder, user_number, write_new
+  use dotyk_base_files, only: behind_links, is_trusted_folder, user_number, write_new
   use dotyk_base_operating_system, only: directory_of, environment_value, make_directory
   use dotyk_base_text, only: to_text
   implicit none
@@ -18,8 +18,9 @@ contains
     !> Set, with the exit code `exit_not_written`, if there is no directory that only this user, or the owner of the
     !> geometry, can write.
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: other
+    character(:), allocatable :: other, folder
     logical :: trusted
+    integer :: i
     directory = directory_of(geo_file)//'.dotyk'
     call make_directory(directory)
     if (is_trusted_folder(directory, beside=geo_file)) then
@@ -35,7 +36,13 @@ contains
                      exit_not_written)
       return
     end if
-    directory = other//'/'
+    ! Meshes of other folders have the same names.
+    folder = directory_of(geo_file)
+    if (index(folder, '/') /= 1) folder = behind_links('/proc/self/cwd')//'/'//folder
+    do i = 2, len(folder)
+      if (folder(i:i) == '/') call make_directory(other//folder(:i))
+    end do
+    directory = other//folder
   end subroutine find_cache
 
   !> Cache directory of the user: in XDG_CACHE_HOME, in the home directory, or in the directory of temporary files,

@@ -12,7 +12,6 @@ module dotyk_mesh_node_values
   contains
     procedure :: set => node_values_set
     procedure :: find => node_values_find
-    procedure :: overlay => node_values_overlay
   end type node_values_t
 
 contains
@@ -47,14 +46,4 @@ contains
     found = i > 0
     if (found) value = self%value(i)
   end subroutine node_values_find
-
-  !> Take over the values that others have.
-  subroutine node_values_overlay(self, other)
-    class(node_values_t), intent(inout) :: self
-    type(node_values_t), intent(in) :: other  !! The others.
-    integer :: i
-    do i = 1, other%node%n
-      call self%set(other%node%tag(i), other%value(i))
-    end do
-  end subroutine node_values_overlay
 end module dotyk_mesh_node_values

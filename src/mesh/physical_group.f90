@@ -1,7 +1,7 @@
 !> Physical groups of a mesh, by name.
 module dotyk_mesh_physical_group
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_files, only: is_inp_file, is_vtu_file
+  use dotyk_base_files, only: is_foreign_mesh
   use dotyk_base_text, only: join, nearest_name, quoted, text_t
   use dotyk_base_wildcard, only: has_wildcard, matches
   use dotyk_mesh_mesh, only: mesh_t
@@ -79,10 +79,9 @@ contains
     if (suggestion /= '') message = message//' (did you mean '//quoted(suggestion)//'?)'
     if (size(names) > 0) then
       message = message//'; its physical '//kind//'s: '//names_text(names)
-    else if (is_inp_file(mesh%file)) then
-      message = message//', nor any other: name faces by *SURFACE or *NSET'
-    else if (is_vtu_file(mesh%file)) then
-      message = message//', nor any other: they are the values of arrays of integers, of the cells or of the points'
+    else if (is_foreign_mesh(mesh%file)) then
+      message = message//', nor any other: they are sets and surfaces of a deck, groups, or the values of arrays of '// &
+                'integers of the cells or points'
     else
       message = message//', nor any other: name them in gmsh, as Physical '//capital_name(dimension)//'("name") = {1};'
     end if

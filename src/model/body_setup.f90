@@ -6,7 +6,7 @@ module dotyk_model_body_setup
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t
-  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t

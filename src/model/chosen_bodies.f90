@@ -4,7 +4,7 @@ module dotyk_model_chosen_bodies
   use dotyk_base_interrupt, only: interrupted
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t

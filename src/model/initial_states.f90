@@ -15,7 +15,7 @@ module dotyk_model_initial_states
   use dotyk_input_case, only: field_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
-  use dotyk_mesh_node_field, only: read_node_field
+  use dotyk_mesh_gmsh_node_data, only: read_node_data
   use dotyk_mesh_node_values, only: node_values_t
   use dotyk_model_body_loads, only: note_difference
   use dotyk_ranks_exchange, only: agree_on_error
@@ -82,7 +82,7 @@ contains
     type(node_values_t) :: field
     type(element_kind_t) :: kind
     integer :: b, e, i
-    call read_node_field(mesh%file, given%array, field, error)
+    call read_node_data(mesh%file, mesh%dimension, given%array, field, error)
     if (allocated(error)) return
     allocate (value(1, mesh%n_nodes()), found(mesh%n_nodes()))
     do i = 1, mesh%n_nodes()

@@ -1,24 +1,21 @@
 !> Mesh files of bodies.
 module dotyk_model_mesh_file
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_inp_file, is_med_file, is_stl_file, is_vtu_file
+  use dotyk_base_files, only: is_stl_file
   use dotyk_base_kinds, only: dp
-  use dotyk_base_operating_system, only: remove_file
   use dotyk_input_case, only: case_t
+  use dotyk_mesh_conversion, only: forget_mesh, make_mesh, meshing_t, needs_conversion
   use dotyk_mesh_gmsh, only: read_gmsh
-  use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
-  use dotyk_mesh_inp, only: read_inp
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_smooth_faces, only: join_smooth_faces
   use dotyk_mesh_stl_script, only: sharp
   use dotyk_mesh_volume_union, only: add_volume_union
-  use dotyk_mesh_vtu, only: read_vtu
   use dotyk_ranks_communication, only: this_rank
   use dotyk_ranks_exchange, only: meet
   implicit none
   private
-  public :: add_unions, meshing_of, read_mesh
+  public :: add_unions, forget_meshes, meshing_of, read_mesh
 
 contains
 
@@ -30,18 +27,30 @@ contains
     meshing%order = case%scene%mesh_order
   end function meshing_of
 
-  !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes: the first rank lets it do so, and the
-  !> others read what is made.
+  !> Give up the meshes that are kept for the files of a case, so that they are made again.
+  subroutine forget_meshes(case)
+    type(case_t), intent(in) :: case  !! The case.
+    integer :: b
+    if (this_rank() > 0) return
+    do b = 1, size(case%body)
+      if (needs_conversion(case%body(b)%mesh)) &
+        call forget_mesh(case%body(b)%mesh, case%scene%dimension, meshing_of(case))
+    end do
+  end subroutine forget_meshes
+
+  !> Read a mesh of the format MSH 4.1, or one that is made of another file: the first rank lets it be made, and the
+  !> others read it.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     character(*), intent(in) :: path  !! Path of the mesh or geometry.
-    integer, intent(in) :: dimension  !! Dimension of space, for gmsh.
+    integer, intent(in) :: dimension  !! Dimension of space.
     type(mesh_t), intent(out) :: mesh  !! The mesh.
     type(meshing_t), intent(inout) :: meshing  !! What geometries may do; what was found in this one is set.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be read or meshed.
     type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     logical :: waits
-    ! Geometries are meshed by the first rank.
-    waits = is_geometry(path) .and. this_rank() > 0
+    waits = this_rank() > 0
+    if (waits) waits = needs_conversion(path)
+    meshing%is_made = waits
     if (.not. waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
     call meet()
     if (waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
@@ -60,35 +69,19 @@ contains
     end do
   end subroutine add_unions
 
-  !> Whether a file is a geometry that gmsh meshes, or a mesh that it converts.
-  pure logical function is_geometry(path)
-    character(*), intent(in) :: path  !! Its path.
-    is_geometry = is_cad_file(path) .or. is_med_file(path)
-    if (len(path) > 4) is_geometry = is_geometry .or. path(len(path) - 3:) == '.geo'
-  end function is_geometry
-
-  !> Read a .msh, .inp or .vtu file, or a geometry that gmsh meshes.
+  !> Read a mesh, or make it first.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
     character(*), intent(in) :: path  !! Path of the mesh or geometry.
-    integer, intent(in) :: dimension  !! Dimension of space, for gmsh.
+    integer, intent(in) :: dimension  !! Dimension of space.
     type(mesh_t), intent(out) :: mesh  !! The mesh.
     type(meshing_t), intent(inout) :: meshing  !! What geometries may do; what was found in this one is set.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be read or meshed.
     type(mesh_selection_t), intent(in), optional :: selection  !! What is read; all if absent.
     character(:), allocatable :: msh
     msh = path
-    meshing%for_once = .false.
     meshing%remark = ''
-    if (is_inp_file(path)) then
-      call read_inp(path, dimension, mesh, meshing%remark, error, selection)
-      return
-    else if (is_vtu_file(path)) then
-      call read_vtu(path, dimension, mesh, meshing%remark, error, selection)
-      return
-    end if
-    if (is_geometry(path)) call mesh_geometry(path, dimension, msh, error, meshing)
+    if (needs_conversion(path)) call make_mesh(path, dimension, msh, error, meshing)
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
-    if (meshing%for_once) call remove_file(msh)
     if (is_stl_file(path) .and. .not. allocated(error)) call join_smooth_faces(mesh, sharp*acos(-1.0_dp)/180)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path

@@ -5,7 +5,7 @@ module dotyk_model_mesh_shares
   use dotyk_base_options, only: analysis_3d, response_auto, response_multigrid
   use dotyk_base_text, only: to_text
   use dotyk_input_case, only: case_t
-  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh

@@ -9,7 +9,7 @@ module dotyk_model_mesh_survey
   use dotyk_mesh_element, only: element_hex20, element_hex27, element_hex8, element_prism15, element_prism18, &
     element_prism6, element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, &
     element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, kind_dimension, n_element_kinds
-  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_physical_group, only: groups_named
@@ -77,8 +77,7 @@ contains
       if (self%first_of_file(b) /= b) cycle
       selection%volume = self%volumes(case, self%first_of_file == b)
       call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, meshing, failed, selection)
-      ! A mesh that is made for each run is another one on each rank.
-      if (on_any_rank(allocated(failed) .or. meshing%for_once)) return
+      if (on_any_rank(allocated(failed))) return
       if (interrupted()) return
       if (len(meshing%remark) > 0) call add_remark(self%remark, meshing%remark)
       call add_unions(case, case%body(b)%mesh, mesh)

@@ -85,8 +85,8 @@ class NodeFields(dotyk_case.Case):
                                  ("formula='%s', case='a'" % PLACED, "formula='40+2*(%s)', case='b'" % PLACED))
         mesh = files["4.1", "text"]
         for section, given, message in (
-                (node_data("T", values), "field='heat'", "mesh.msh: the nodes have no field 'heat' ($NodeData); they have 'T'"),
-                (b"", "field='T'", "the nodes have no field 'T' ($NodeData); they have none"),
+                (node_data("T", values), "field='heat'", "mesh.msh: the nodes have no field 'heat'; they have 'T'"),
+                (b"", "field='T'", "the nodes have no field 'T'; they have none"),
                 (node_data("T", values) + node_data("T", values, step=4), "field='T'", "field 'T' has several time steps, 0 and 4"),
                 (node_data("T", values, components=3), "field='T'", "field 'T' has 3 components, it must have one"),
                 (node_data("T", values).replace(b"$EndNodeData", b"9 1.0\n$EndNodeData"), "field='T'", "expected $EndNodeData"),
@@ -95,7 +95,7 @@ class NodeFields(dotyk_case.Case):
                 (node_data("T", {**values, 5: float("nan")}), "field='T'", "expected a finite number")):
             (self.folder / "mesh.msh").write_bytes(mesh + section)
             self.refused("mesh.msh", given, message)
-        self.refused("part.geo", "field='T'", "field is read from .msh, .inp and .vtu files, and the mesh is 'part.geo'")
+        self.refused("part.geo", "field='T'", "and this is a geometry, 'part.geo'")
 
     def test_temperatures_of_decks(self):
         """Nodes, sets, initial temperatures, and steps that go on, replace, and begin anew."""
@@ -115,25 +115,28 @@ class NodeFields(dotyk_case.Case):
                              ("formula='%s', case='a'" % PLACED, "formula='40+2*(%s)', case='b'" % PLACED))
                 self.compare("part.inp", ("field='temperature step 3', reference=20, case='a'", "field='temperature step 5', case='b'"),
                              ("formula='%s', case='a'" % PLACED, "value=20, case='b'"))
-        self.refused("part.inp", "field='temperature'", "part.inp: *TEMPERATURE is in 3 steps: the field is one of 'initial_temperature', "
-                     "'temperature step 1', 'temperature step 4', 'temperature step 5'")
-        self.refused("part.inp", "field='temperature step 6'", "the deck has no field 'temperature step 6'; it has 'initial_temperature'")
-        self.refused("part.inp", "field='temperature step 2'", "the deck has no field 'temperature step 2'")
+        self.refused("part.inp", "field='temperature'", "part.inp: the nodes have no field 'temperature'; they have 'initial_temperature', "
+                     "'temperature step 1', 'temperature step 3', 'temperature step 4', 'temperature step 5'")
+        self.refused("part.inp", "field='temperature step 6'", "the nodes have no field 'temperature step 6'; they have 'initial_temperature'")
+        self.refused("part.inp", "field='temperature step 2'", "the nodes have no field 'temperature step 2'")
         self.write("part.inp", mesh + start + "*STEP\n*TEMPERATURE\n" + each)
         self.compare("part.inp", ("field='temperature', case='a'", "field='initial_temperature', case='b'"),
                      ("formula='20+%s', case='a'" % PLACED, "value=20, case='b'"))
-        self.refused("part.inp", "field='T'", "the deck has no field 'T'; it has 'temperature', 'initial_temperature', 'temperature step 1'")
+        self.refused("part.inp", "field='T'", "the nodes have no field 'T'; they have 'initial_temperature', 'temperature', 'temperature step 1'")
         self.write("part.inp", mesh + "*STEP\n*TEMPERATURE\n" + re.sub("(?m)^5, .*\n", "", each))
         self.refused("part.inp", "field='temperature'",
                      "part.nml:5: body 'part': the temperature: part.inp: field 'temperature' has no value at node 5")
-        self.refused("part.inp", "field='initial_temperature'", "it has 'temperature', 'temperature step 1'")
+        self.refused("part.inp", "field='initial_temperature'", "they have 'temperature', 'temperature step 1'")
         lines = mesh.count("\n")
         for more, message in (("*TEMPERATURE\nnone, 3.\n", "part.inp:%d: there is no node set 'none' above this line" % (lines + 2)),
                               ("*TEMPERATURE\n5, hot\n", "part.inp:%d: expected a finite number, found 'hot'" % (lines + 2)),
-                              ("*TEMPERATURE, FILE=hot.frd\n", "part.inp:%d: temperatures with FILE or USER are not read" % (lines + 1)),
-                              ("", "the deck has no field 'temperature'; it has none")):
+                              ("*TEMPERATURE, FILE=hot.frd\n", "the nodes have no field 'temperature'; they have none"),
+                              ("", "the nodes have no field 'temperature'; they have none")):
             self.write("part.inp", mesh + more)
             self.refused("part.inp", "field='temperature'", message)
+        self.write("part.inp", mesh + "*TEMPERATURE, FILE=hot.frd\n")
+        self.write("part.nml", "&scene mesh='part.inp' /\n" + MATERIAL + BODY + self.hold)
+        self.assertIn("not read: *TEMPERATURE with FILE or USER (part.inp:%d)" % (lines + 1), self.dotyk("--check", "part.nml"))
 
 
 if __name__ == "__main__":
