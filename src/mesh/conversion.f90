@@ -401,8 +401,6 @@ contains
                        '(Debian: apt install python3 python3-numpy python3-meshio), set DOTYK_PYTHON to its path, '// &
                        'or give a .msh file of the format 4.1', exit_bad_input)
       end if
-    else if (no_shell .and. len(log%command) > 0) then
-      call set_error(error, file//': --no-shell forbids programs: it starts '//log%command)
     else if (len(log%errors) > 0 .and. .not. uses_gmsh(file)) then
       ! The converter names the file and the line.
       call set_error(error, log%errors(4:))

@@ -76,24 +76,6 @@ class Cad(dotyk_case.Case):
         self.write("parts.stl", "hello\n")
         self.assertIn("the file has no triangles", self.dotyk("case.nml", code=2))
 
-    def test_med(self):
-        """Meshes of the format MED are converted by a gmsh that knows it; Debian's does not, and says so. Here one stands for the other: its
-        file of that name is its own format."""
-        self.write("make.geo", 'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 20, 10, 8};  Physical Volume("block") = {1};\n'
-                   'Physical Surface("low") = {5};  Physical Surface("top") = {6};\n')
-        subprocess.run(["gmsh", "-3", "make.geo", "-format", "msh41", "-o", "parts.med"], cwd=self.folder, check=True, capture_output=True)
-        self.write("case.nml", "&scene mesh='parts.med' /\n&material name='steel', young=200e3, poisson=0 /\n&body name='a', volume='block', material='steel' "
-                   "/\n&support body='a', surface='low', fix='xyz' /\n&load body='a', surface='top', pressure=30 /\n")
-        text = self.dotyk("case.nml", code=2)
-        self.assertIn("parts.med: gmsh could not mesh it:", text)
-        self.assertIn("set DOTYK_GMSH to one that has it (gmsh.info, pip install gmsh), or convert the file to .vtu or .msh", text)
-        fake = self.write("gmsh.sh", "#!/bin/sh\ncase \"$*\" in *-save*parts.med) ln -sf parts.med parts-of-med.msh; n=$(echo \"$@\" | sed "
-                          "'s/parts.med$/parts-of-med.msh/'); exec gmsh $(eval echo $n);; esac\nexec gmsh \"$@\"\n")
-        fake.chmod(0o755)
-        self.dotyk("case.nml", DOTYK_GMSH=str(fake))
-        energy = 30**2 / (2 * 200e3) * 20 * 10 * 8
-        self.assertAlmostEqual(self.results("case.vtkhdf")["dotyk/summary"].attrs["strain_energy"] / energy, 1, delta=1e-9)
-
     def test_mesh_of_its_own(self):
         """Size and order; one mesh for each of them is kept, and taken again."""
         self.parts()
@@ -104,7 +86,7 @@ class Cad(dotyk_case.Case):
         self.assertEqual(numbers[0], numbers[2])
         self.assertEqual(numbers[0][0], numbers[1][0])
         self.assertLess(int(numbers[1][1]), int(numbers[0][1]))
-        self.assertEqual(len(list(self.folder.glob(".dotyk/parts-*.msh"))), 2)
+        self.assertEqual(len(list(self.folder.glob(".dotyk/parts.step-3d-*.msh"))), 2)
         self.assertEqual([path.name for path in self.folder.glob(".dotyk/*.geo")], [])
         text = (self.folder / "case.nml").read_text().replace(", mesh_size=4", "").replace("repeat=2", "repeat=3")
         self.write("default.nml", text)

@@ -2,6 +2,7 @@
 which meshes are kept."""
 import os
 import re
+import subprocess
 
 import dotyk_case
 
@@ -19,8 +20,6 @@ CASE = """
 &support body='block', surface='low', fix='xy' /
 &load body='block', surface='high', pressure=1 /
 """
-AFRESH = "block.geo is meshed at each run, its mesh may depend on more than its files: "
-
 
 class Geometries(dotyk_case.Case):
     def setUp(self):
@@ -34,7 +33,7 @@ class Geometries(dotyk_case.Case):
 
     def meshes(self, folder=".dotyk"):
         """Meshes that are kept."""
-        return list((self.folder/folder).glob("*.msh"))
+        return list((self.folder/folder).rglob("*.msh"))
 
     # What a mesh depends on
 
@@ -42,56 +41,83 @@ class Geometries(dotyk_case.Case):
         """Whatever the quotes, and whatever quotes stand in comments before."""
         self.write("block.geo", "// the block's size\n/* \" */ Include 'size.geo'; // \"\n" + BLOCK)
         self.write("size.geo", "h = 0.5;")
-        coarse, text = self.elements()
-        self.assertNotIn("meshed at each run", text)
-        self.assertEqual(len(self.meshes()), 1)
+        coarse, _ = self.elements()
+        kept = self.meshes()[0]
+        before = kept.stat().st_ino
+        self.assertEqual(self.elements()[0], coarse)
+        self.assertEqual(kept.stat().st_ino, before)
         self.write("size.geo", "h = 0.1;")
         self.assertGreater(self.elements()[0], 4*coarse)
-        self.assertEqual(len(self.meshes()), 2)
+        self.assertEqual(self.meshes(), [kept])
 
-    def test_names_and_values_that_are_not_certain(self):
-        """Meshes that depend on more than the files are made at each run, with a line in the log, and not kept."""
-        for first, doubt in (("h = 0.5; If(StrCmp(GetEnv('FINE'), 'yes') == 0) h = 0.1; EndIf", "GetEnv in block.geo:1"),
-                             ("\nInclude StrCat('si', 'ze.geo');", "Include in block.geo:2 with a computed name")):
-            self.write("block.geo", first + BLOCK)
-            self.write("size.geo", "h = 0.5;")
-            coarse, text = self.elements()
-            self.assertIn(AFRESH + doubt, text)
-            self.write("size.geo", "h = 0.1;")
-            self.assertGreater(self.elements(FINE="yes")[0], 4*coarse)
-            self.assertEqual(self.meshes(), [])
+    def test_files_of_any_way_in_count(self):
+        """A name that is computed, a file that a function reads, and one that takes the place of another with an older time."""
+        self.write("block.geo", "Include StrCat('si', 'ze.geo');\nlist() = ListFromFile('list.txt'); h = h/list(0);" + BLOCK)
+        self.write("size.geo", "h = 0.5;")
+        self.write("list.txt", "1")
+        coarse, _ = self.elements()
+        self.write("size.geo", "h = 0.25;")
+        middle, _ = self.elements()
+        self.assertGreater(middle, 2*coarse)
+        self.write("list.txt", "2")
+        self.assertGreater(self.elements()[0], 2*middle)
+        old = self.write("other.geo", "h = 1;")
+        os.utime(old, (1e9, 1e9))
+        old.rename(self.folder/"size.geo")
+        self.write("list.txt", "1")
+        self.assertLess(self.elements()[0], coarse)
+        # The same mesh from another folder, where the paths are others.
+        before = self.meshes()[0].stat().st_ino
+        (self.folder/"below").mkdir()
+        subprocess.run([os.environ["DOTYK"], "../case.nml", "--check"], cwd=self.folder/"below", check=True, stdout=subprocess.DEVNULL)
+        self.assertEqual(self.meshes()[0].stat().st_ino, before)
+        (self.folder/"list.txt").unlink()
+        (self.folder/"size.geo").unlink()
+        self.assertIn("block.geo: gmsh could not mesh it", self.dotyk("case.nml", "--check", code=2))
+        self.assertEqual(self.meshes(), [])
 
-    def test_options_of_the_user_count(self):
-        """gmsh reads .gmshrc; where its windows were is no matter."""
+    def test_remesh(self):
+        """What no file says."""
+        self.write("block.geo", "h = 0.5; If(StrCmp(GetEnv('FINE'), 'yes') == 0) h = 0.1; EndIf" + BLOCK)
+        coarse, _ = self.elements()
+        self.assertEqual(self.elements(FINE="yes")[0], coarse)
+        self.assertGreater(self.elements("--remesh", FINE="yes")[0], 4*coarse)
+
+    def test_programs_that_are_newer_count(self):
+        """gmsh, and options of the user, which it reads."""
         self.write("block.geo", "h = 0.5;" + BLOCK)
         coarse, _ = self.elements(HOME=str(self.folder))
-        self.write(".gmshrc", "General.GraphicsPositionX = 3;\n")
-        self.elements(HOME=str(self.folder))
-        self.assertEqual(len(self.meshes()), 1)
         self.write(".gmshrc", "Mesh.MeshSizeFactor = 0.2;\n")
-        self.assertGreater(self.elements(HOME=str(self.folder))[0], 4*coarse)
+        fine, _ = self.elements(HOME=str(self.folder))
+        self.assertGreater(fine, 4*coarse)
+        before = self.meshes()[0].stat().st_ino
+        gmsh = self.write("newer gmsh", "#!/bin/sh\nexec gmsh \"$@\"\n")
+        gmsh.chmod(0o755)
+        self.assertEqual(self.elements(HOME=str(self.folder), DOTYK_GMSH=str(gmsh))[0], fine)
+        self.assertNotEqual(self.meshes()[0].stat().st_ino, before)
 
     # Programs
 
     def test_programs_are_named_and_forbidden(self):
         self.write("block.geo", "h = 0.5;\nSystemCall 'touch trace';" + BLOCK)
         _, text = self.elements()
-        self.assertIn("warning: block.geo starts a program: SystemCall in block.geo:2; it is meshed at each run. "
+        self.assertIn("warning: block.geo starts a program: 'touch trace'; its mesh is made again where a file is newer, or by --remesh. "
                       "--no-shell forbids programs to geometries", text)
         self.assertTrue((self.folder/"trace").exists())
         (self.folder/"trace").unlink()
-        self.assertIn("block.geo: --no-shell forbids programs: SystemCall in block.geo:2 starts one",
+        # The mesh that a program had a part in is not taken.
+        self.assertIn("block.geo: gmsh could not mesh it under --no-shell:",
                       self.dotyk("case.nml", "--check", "--no-shell", code=2))
         self.assertFalse((self.folder/"trace").exists())
 
     def test_hidden_programs_are_not_started(self):
-        """Statements in a file whose name is computed: the scan does not see them."""
+        """Statements in a file whose name is computed."""
         self.write("block.geo", "h = 0.5; Include StrCat('hidden', '.bin');" + BLOCK)
         for statement in ("SystemCall 'touch trace';", "Printf('x') > 'trace';", "CreateDir 'trace';"):
             self.write("hidden.bin", statement)
             self.dotyk("case.nml", "--check", "--no-shell", code=None)
             self.assertFalse((self.folder/"trace").exists(), statement)
-        self.assertIn("gmsh could not mesh it under --no-shell", self.write_and_run("SystemCall 'touch trace';"))
+        self.assertIn("block.geo: gmsh could not mesh it under --no-shell:", self.write_and_run("SystemCall 'touch trace';"))
         self.dotyk("case.nml", "--check")
         self.assertTrue((self.folder/"trace").exists())
 

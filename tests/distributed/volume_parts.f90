@@ -35,7 +35,6 @@ program volume_parts
   else
     do i = 1, 3
       call test_parts('unit/mesh/data/kinds_2.41.part.msh', trim(name_of(i)))
-      call test_parts('unit/mesh/data/kinds_2.22.part.msh', trim(name_of(i)))
     end do
   end if
   code = min(1, n_failed)

@@ -318,6 +318,10 @@ class Deck:
             self.with_some += [self.step] if self.step not in self.with_some else []
             if card.get("op").lower() == "new":
                 target.clear()
+        table = card.table()
+        if table is not None and table.shape[1] > 1 and np.isfinite(table).all() and (table[:, 0] % 1 == 0).all():
+            target.update(zip(table[:, 0].astype(np.int64).tolist(), table[:, 1].tolist()))
+            return
         for i, fields in enumerate(card.data):
             value, number = card.real((fields + [""])[1], i), self.number(fields[0])
             if number is not None:

@@ -109,8 +109,10 @@ class Mesh:
                 corners[:, :n_corners] = nodes[:, face[:n_corners]]
                 found.append((np.sort(corners, axis=1), own, np.full(len(own), label, dtype=np.int64)))
         corners, element, label = (np.concatenate([f[i] for f in found]) for i in range(3))
-        order = np.lexsort(corners.T)
-        same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
+        # Two corners make one key; -1, where there is no fourth one, is the least.
+        first, second = (corners[:, k]*2**31 + corners[:, k + 1] for k in (0, 2))
+        order = np.lexsort((second, first))
+        same = (first[order[1:]] == first[order[:-1]]) & (second[order[1:]] == second[order[:-1]])
         single = order[~(np.append(same, False) | np.insert(same, 0, False))]
         single = single[np.lexsort((label[single], element[single]))]
         self._outer = element[single], label[single]
