@@ -6,9 +6,9 @@
 #   --slurm   also a Slurm for the tests of tools/batch.slurm (tests/slurm)
 set -euo pipefail
 
-packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev zlib1g-dev libopenblas-pthread-dev libmuparser-dev
-  gmsh python3 python3-h5py)
-tests=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
+packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev libopenblas-pthread-dev libmuparser-dev
+  gmsh python3 python3-h5py python3-numpy python3-meshio)
+tests=(python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --run) tests=() ;;

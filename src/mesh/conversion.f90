@@ -72,7 +72,11 @@ contains
     ! Threads of one process would use the same temporary names.
     !$omp critical (dotyk_mesh_making)
     stage = stage_text()
-    call set_stage('making the mesh of '//path)
+    if (uses_gmsh(path)) then
+      call set_stage('meshing '//path//' with gmsh')
+    else
+      call set_stage('converting '//path)
+    end if
     call find_mesh(path, dimension, local, msh_file, error)
     call set_stage(stage)
     !$omp end critical (dotyk_mesh_making)

@@ -16,10 +16,12 @@ import numpy as np
 CASE, RESULTS, OLDER = "c.nml", "c.vtkhdf", b"\x89HDF\r\n\x1a\nan older results file"
 # What no user should ever see: of the sanitizers, gfortran's run-time library, the C++ and the HDF5 library, LAPACK.
 SUPPRESSIONS = pathlib.Path(__file__).resolve().parents[1] / "support" / "lsan.supp"
-REPORTS = re.compile(r"AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error"
+# Folder of converted meshes.
+CACHE = ".dotyk"
+REPORTS = re.compile(r"mesh2msh failed at it|AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error"
                      r"|Error termination|Error allocating|Program received signal|Backtrace for this error"
                      r"|Program aborted|terminate called|HDF5-DIAG|On entry to|CHOLMOD")
-WHERE = re.compile(r"(?:SUMMARY: |runtime error: |Fortran runtime error: |received signal |Error allocating )[^\n]*")
+WHERE = re.compile(r"(?:mesh2msh failed at it: |SUMMARY: |runtime error: |Fortran runtime error: |received signal |Error allocating )[^\n]*")
 SOURCE = re.compile(r"\b(?:in|at) \S*?(\w+) *(?:at )?\S*/(\w+\.(?:f90|c)):(\d+)")
 
 # NaN means unknown there (docs/errors.md), and history counts on it; nowhere may anything be infinite.
@@ -122,7 +124,7 @@ class Runner:
         if "--check" in case.arguments:
             return self.judge_files(case, folder, older, code)
         found = [path for path in folder.rglob("*") if path.is_file()
-                 and str(path.relative_to(folder)) not in case.files]
+                 and str(path.relative_to(folder)) not in case.files and CACHE not in path.parts]
         if older and len(found) == 2:
             found = [path for path in found if path.name != RESULTS]
         if len(found) != 1:
@@ -141,7 +143,7 @@ class Runner:
 
     def judge_files(self, case, folder, older, code):
         """Nothing was written."""
-        names = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+        names = {str(path.relative_to(folder)) for path in folder.rglob("*") if CACHE not in path.parts}
         if names != set(case.files) | ({RESULTS} if older else set()):
             return "files left", " ".join(sorted(names))
         if older and (folder / RESULTS).read_bytes() != OLDER:
