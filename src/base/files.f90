@@ -181,8 +181,8 @@ contains
     is_msh_file = path(max(1, len(path) - 3):) == '.msh'
   end function is_msh_file
 
-  !> Whether a file is a mesh of another format, by its name: a deck of Abaqus or CalculiX, an unstructured grid of VTK, or
-  !> one that meshio reads.
+  !> Whether a file is a mesh of another format, by its name: a deck of Abaqus or CalculiX, an unstructured grid of VTK,
+  !> or one that meshio reads.
   pure logical function is_foreign_mesh(path)
     character(*), intent(in) :: path  !! Path.
     character(5), parameter :: endings(*) = [character(5) :: '.inp', '.vtu', '.med', '.vtk', '.xdmf', '.exo', '.bdf', &

@@ -140,8 +140,8 @@ contains
                   'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1), .geo (meshed by gmsh), .inp '// &
                   '(Abaqus, CalculiX: sets of elements are volumes, surfaces and sets of nodes surfaces), .vtu '// &
                   '(VTK: values of arrays of integers of cells are volumes and surfaces, those of points '// &
-                  'surfaces), .med and other formats of meshio, or a CAD file (.step, .stp, .iges, .igs, .brep, .brp, '// &
-                  '.stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), whose '// &
+                  'surfaces), .med and other formats of meshio, or a CAD file (.step, .stp, .iges, .igs, .brep, '// &
+                  '.brp, .stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), whose '// &
                   'volumes are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers '// &
                   'them; relative to the namelist file')
     call list%add('mesh_size', kind_real, unit='length', positive=.true., &
@@ -324,9 +324,8 @@ contains
                   meaning='the same as a formula; between the nodes the shape functions interpolate')
     call list%add('field', kind_text, &
                   meaning='the same at the nodes from the mesh file, as a thermal analysis writes it: name of an '// &
-                  'array of the points of a .vtu file or of a format of meshio, or of $NodeData of a .msh file; in a '// &
-                  'deck (.inp) '// &
-                  'temperature (*TEMPERATURE; temperature step 2 where several steps have it) or '// &
+                  'array of the points of a .vtu file or of a format of meshio, or of $NodeData of a .msh file; in '// &
+                  'a deck (.inp) temperature (*TEMPERATURE; temperature step 2 where several steps have it) or '// &
                   'initial_temperature (*INITIAL CONDITIONS)')
     call list%add('reference', kind_real, unit='temperature', &
                   meaning='with field, temperature of the unstressed body in its units (if absent, 0)')

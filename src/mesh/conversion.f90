@@ -127,8 +127,8 @@ contains
     if (allocated(error)) return
     meshing%remark = log%remark
     if (len(log%command) > 0) &
-      meshing%remark = 'warning: '//path//' starts a program: '//log%command//'; its mesh is made again where a '// &
-                       'file is newer, or by --remesh. --no-shell forbids programs to geometries'
+      meshing%remark = 'warning: '//path//' starts a program: '//log%command//'; its mesh is made again where '// &
+                       'a file is newer, or by --remesh. --no-shell forbids programs to geometries'
   end subroutine find_mesh
 
   !> Path of a mesh without its extension: by the name of the file, the dimension and the options of its elements.
@@ -147,8 +147,8 @@ contains
     if (meshing%size > 0) base = base//'-size'//to_text(meshing%size, 17)
   end subroutine name_mesh
 
-  !> Whether a mesh is newer than all that it depends on. Times of names and owners count with those of contents, so that
-  !> a file that is moved to the place of another is noticed.
+  !> Whether a mesh is newer than all that it depends on. Times of names and owners count with those of contents, so
+  !> that a file that is moved to the place of another is noticed.
   logical function is_current(path, base, log)
     character(*), intent(in) :: path  !! Path of the file.
     character(*), intent(in) :: base  !! Path of the mesh without its extension.
@@ -353,8 +353,10 @@ contains
       else if (index(log%counts, ' 0 elements') > 0) then
         call set_error(error, file//': gmsh made no elements: the geometry is empty')
       else if (.not. is_complete(temporary//'.msh')) then
-        call set_error(error, file//': gmsh did not write a complete mesh to '//directory_of(base)// &
-                       ': does the geometry set Mesh.Format or call Exit, or is the disk full?')
+        call set_error(error, file//': '//trim(merge('gmsh    ', 'mesh2msh', uses_gmsh(file)))// &
+                       ' did not write a complete mesh to '//directory_of(base)//': is the disk full?')
+        if (uses_gmsh(file)) &
+          error%message = error%message//' Or does the geometry set Mesh.Format, or call Exit?'
       else
         status = run_shell('touch -r '//shell_quoted(temporary//'.start')//' '//shell_quoted(temporary//'.msh'))
         if (.not. rename_file(temporary//'.msh', base//'.msh')) &

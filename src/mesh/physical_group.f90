@@ -80,8 +80,8 @@ contains
     if (size(names) > 0) then
       message = message//'; its physical '//kind//'s: '//names_text(names)
     else if (is_foreign_mesh(mesh%file)) then
-      message = message//', nor any other: they are sets and surfaces of a deck, groups, or the values of arrays of '// &
-                'integers of the cells or points'
+      message = message//', nor any other: they are sets and surfaces of a deck, groups, or the values of arrays '// &
+                'of integers of the cells or points'
     else
       message = message//', nor any other: name them in gmsh, as Physical '//capital_name(dimension)//'("name") = {1};'
     end if
