@@ -3,6 +3,7 @@ module dotyk_base_log
   use, intrinsic :: iso_c_binding, only: c_int
   use dotyk_base_files, only: print_text
   use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: text_t
   use dotyk_base_timer, only: wall_time
   implicit none
   private
@@ -13,7 +14,8 @@ module dotyk_base_log
     logical, private :: live = .false.  !! Whether the last line is a live line, which the next one replaces.
     real(dp), private :: drawn = -huge(1.0_dp)  !! Wall time of the last live line [s].
     real(dp), private :: pause = 2  !! Time to the next line of progress where standard output is no terminal [s].
-    character(:), allocatable, private :: held  !! Lines to be printed later; not allocated where lines are printed.
+    !> Lines to be printed later, those that were held last at the end; not allocated where lines are printed (n).
+    type(text_t), allocatable, private :: held(:)
   contains
     procedure :: init => log_init
     procedure :: line => log_line
@@ -58,7 +60,9 @@ contains
     integer :: status
     if (self%quiet) return
     if (allocated(self%held)) then
-      self%held = self%held//trim(text)//new_line('a')
+      associate (last => self%held(size(self%held)))
+        last%s = last%s//trim(text)//new_line('a')
+      end associate
     else
       call self%end_progress()
       call print_text(trim(text)//new_line('a'), status)
@@ -66,10 +70,11 @@ contains
     end if
   end subroutine log_line
 
-  !> Hold the lines that follow.
+  !> Hold the lines that follow; those within lines that are held already are taken first.
   subroutine log_hold(self)
     class(log_t), intent(inout) :: self
-    self%held = ''
+    if (.not. allocated(self%held)) allocate (self%held(0))
+    self%held = [self%held, text_t('')]
   end subroutine log_hold
 
   !> Take the lines that were held, and print the next ones.
@@ -78,8 +83,11 @@ contains
     character(:), allocatable, intent(out) :: lines  !! One after the other; empty where there are none.
     lines = ''
     if (.not. allocated(self%held)) return
-    if (len(self%held) > 0) lines = self%held(:len(self%held) - 1)
-    deallocate (self%held)
+    associate (n => size(self%held))
+      if (len(self%held(n)%s) > 0) lines = self%held(n)%s(:len(self%held(n)%s) - 1)
+      if (n > 1) self%held = self%held(:n - 1)
+      if (n == 1) deallocate (self%held)
+    end associate
   end subroutine log_take
 
   !> Turn the log off where it cannot be written (full disk, closed terminal): the run goes on.

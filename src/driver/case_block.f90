@@ -70,7 +70,8 @@ contains
       self%last = self%first + j - 1
       if (j > 1) call monitor%log%hold()
       call solve_one(self, restart, input, run, scene, monitor)
-      call monitor%log%take(self%solved(j)%told)
+      self%solved(j)%told = ''
+      if (j > 1) call monitor%log%take(self%solved(j)%told)
       if (n == 1) return
       associate (solved => self%solved(j), state => self%solved(j)%solution%state)
         is_last = allocated(solved%error) .or. .not. allocated(state%pressure)

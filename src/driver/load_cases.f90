@@ -10,6 +10,7 @@ module dotyk_driver_load_cases
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
+  use dotyk_driver_accuracy, only: accuracy_t
   use dotyk_driver_case_block, only: case_block_t
   use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_results, only: finish_results, write_results
@@ -30,7 +31,7 @@ module dotyk_driver_load_cases
 contains
 
   !> Solve one load case after the other, and write the results file.
-  subroutine solve_cases(restart, input, run, scene, may_add, threads, monitor, met, reason, code, error)
+  subroutine solve_cases(restart, input, run, scene, may_add, threads, monitor, met, accuracy, reason, code, error)
     character(*), intent(in) :: restart  !! Results file of an earlier run to start from; empty where there is none.
     type(case_t), intent(in) :: input  !! The case, with one contact for each pair.
     type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
@@ -40,6 +41,7 @@ contains
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     !> Points at which bodies met beside their contact rows. Where it has grown, nothing is written (n).
     type(met_point_t), allocatable, intent(inout) :: met(:)
+    type(accuracy_t), intent(inout) :: accuracy  !! Takes the errors.
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
@@ -73,6 +75,7 @@ contains
           return
         end if
         if (solution%state%has_converged() .and. is_doubtful(solution%gap_doubt)) solution%state%ended = ended_gaps
+        call accuracy%observe(case, scene%problem, solution)
         call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, &
                            solution, solved%seconds)
         call write_results(case, k, scene, solution, monitor, file, pair_solution, error)

@@ -1,11 +1,13 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, exit_converged
+  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_memory, only: set_stage
+  use dotyk_base_text, only: to_text
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_parallel, only: set_factor_threads, use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_driver_accuracy, only: accuracy_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_cad_faces, only: show_cad_faces
   use dotyk_driver_case_check, only: check_cases
@@ -38,12 +40,12 @@ contains
     type(case_t) :: case
     type(scheme_run_t) :: run
     type(log_monitor_t) :: monitor
+    type(accuracy_t) :: accuracy
+    character(:), allocatable :: lines, before
     integer :: threads
-    type(met_point_t), allocatable :: met(:)
-    integer :: reason, n, n_added
-    logical :: has_shown, is_stopped
+    logical :: is_last, reached
     code = exit_converged
-    has_shown = .false.
+    reached = .false.
     call monitor%begin(arguments%quiet)
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
@@ -56,16 +58,58 @@ contains
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
     if (arguments%remesh) call forget_meshes(case)
+    if (.not. case%accuracy%is_given .or. arguments%check) then
+      call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
+      return
+    end if
+    do
+      call monitor%log%hold()
+      call accuracy%begin_mesh()
+      call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
+      call monitor%log%take(lines)
+      is_last = allocated(error) .or. interrupted()
+      if (.not. is_last) call accuracy%conclude(case, monitor%log, reached, is_last, error)
+      if (allocated(error) .and. accuracy%n_meshes > 1 .and. .not. interrupted()) then
+        ! The results of the last mesh are there.
+        call monitor%log%line('  accuracy         not reached: mesh '//to_text(accuracy%n_meshes)//': '//error%message)
+        deallocate (error)
+        code = exit_not_converged
+        if (allocated(before)) call monitor%log%line(before)
+        exit
+      end if
+      if (is_last) then
+        if (len(lines) > 0) call monitor%log%line(lines)
+        if (.not. reached) code = exit_not_converged
+        exit
+      end if
+      call move_alloc(lines, before)
+    end do
+  end subroutine run_case
+
+  !> From the meshes to the results file, with contact rows where deformed bodies meet beside them.
+  subroutine run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
+    type(arguments_t), intent(in) :: arguments  !! The command line.
+    type(case_t), intent(in) :: case  !! The case.
+    type(scheme_run_t), intent(in) :: run  !! Scheme and its settings.
+    integer, intent(in) :: threads  !! Number of threads.
+    type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
+    type(accuracy_t), intent(inout) :: accuracy  !! Takes the errors.
+    integer, intent(out) :: code  !! Exit code where there is no error.
+    type(error_t), allocatable, intent(out) :: error  !! As in `run_case`.
+    type(met_point_t), allocatable :: met(:)
+    integer :: reason, n, n_added
+    logical :: has_shown, is_stopped
+    has_shown = .false.
     allocate (met(0))
     n_added = 0
     do
       n = size(met)
       code = exit_converged
-      call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, reason, &
-                     code, error)
+      call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, accuracy, &
+                     reason, code, error)
       if (reason /= reason_none) &
-        call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, reason, &
-                       code, error)
+        call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, accuracy, &
+                       reason, code, error)
       is_stopped = interrupted()
       if (allocated(error) .and. n > 0 .and. .not. is_stopped) then
         ! What supports prescribe, for example, no row keeps out: the results without them say where bodies are deep.
@@ -78,11 +122,11 @@ contains
       if (size(met) == n) exit
       n_added = n_added + 1
     end do
-  end subroutine run_case
+  end subroutine run_mesh
 
   !> From the case to the results file.
-  subroutine run_scene(arguments, input, chosen, may_split, may_add, threads, monitor, has_shown, met, reason, code, &
-                       error)
+  subroutine run_scene(arguments, input, chosen, may_split, may_add, threads, monitor, has_shown, met, accuracy, &
+                       reason, code, error)
     type(arguments_t), intent(in) :: arguments  !! The command line.
     type(case_t), intent(in) :: input  !! The case.
     type(scheme_run_t), intent(in) :: chosen  !! Scheme and its settings.
@@ -94,6 +138,7 @@ contains
     !> Points at which bodies met beside their contact rows. Where it has grown, nothing is written: the scene is to be
     !> built anew, with rows there (n).
     type(met_point_t), allocatable, intent(inout) :: met(:)
+    type(accuracy_t), intent(inout) :: accuracy  !! Takes the errors.
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.
     integer, intent(out) :: reason
@@ -120,7 +165,8 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, reason, code, error)
+    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, accuracy, reason, &
+                     code, error)
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene

@@ -30,6 +30,15 @@ module dotyk_input_case
     integer :: dimension = 3  !! Dimension of space, 2 or 3; 0 where the analysis has a mistake.
   end type scene_input_t
 
+  type, public :: accuracy_input_t  !! `&accuracy`.
+    integer :: line = 0  !! Line of the group.
+    logical :: is_given = .false.  !! Whether the file has the group.
+    real(dp) :: error = 0  !! Relative error in the energy norm that is asked for [].
+    integer :: max_meshes = 0  !! Meshes at most.
+    integer :: max_unknowns = 0  !! Unknowns of a mesh at most.
+    real(dp) :: max_seconds = 0  !! Time from which on no mesh begins; 0 where it is not given [s].
+  end type accuracy_input_t
+
   type, public :: material_input_t  !! `&material`.
     integer :: line = 0  !! Line of the group.
     character(:), allocatable :: name  !! Name that bodies refer to.
@@ -223,6 +232,10 @@ module dotyk_input_case
     type(load_case_input_t), allocatable :: load_case(:)
     !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
     type(contact_case_input_t), allocatable :: contact_case(:)
+    type(accuracy_input_t) :: accuracy  !! `&accuracy`.
+    integer :: mesh_number = 0  !! Number of the mesh where one follows the other; 0 where there is one.
+    !> Geometries whose elements get sizes of the program, and what gmsh reads after each; not allocated without (n).
+    type(text_t), allocatable :: sized_file(:), size_script(:)
     type(solver_input_t) :: solver  !! `&solver`; defaults where the file has none.
     type(output_input_t) :: output  !! `&output`; defaults where the file has none.
   contains

@@ -8,7 +8,7 @@ module dotyk_input_keyword_table
   use dotyk_input_contact_keywords, only: add_bolt, add_contact, add_tie
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
-  use dotyk_input_solver_keywords, only: add_output, add_solver
+  use dotyk_input_solver_keywords, only: add_accuracy, add_output, add_solver
   implicit none
   private
   public :: list_groups, list_keywords
@@ -21,7 +21,7 @@ contains
   pure subroutine list_groups(groups)
     type(group_keyword_t), allocatable, intent(out) :: groups(:)  !! The groups (n_groups).
     character, parameter :: lf = new_line('a')
-    allocate (groups(17))
+    allocate (groups(18))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -84,10 +84,13 @@ contains
                       "&temperature body='ring', value=120, case='hot' /")
     groups(15) = group('contact_case', any_number, 'gap or penalty parameter of contact pairs in some load cases', &
                        "&contact_case case='hot', contact='fit', gap=-3e-5 /")
-    groups(16) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(16) = group('accuracy', at_most_one, 'meshes that the program chooses until the error is small enough: '// &
+                      'of .geo and CAD files with triangles and tetrahedra', &
+                      "&accuracy error=0.05 /")
+    groups(17) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(17) = group('output', at_most_one, 'contents of the results file', &
+    groups(18) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -125,6 +128,7 @@ contains
     call add_bolt(list)
     call add_case(list)
     call add_contact_case(list)
+    call add_accuracy(list)
     call add_solver(list)
     call add_output(list)
     call move_alloc(list%row, table)

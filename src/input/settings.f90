@@ -1,4 +1,4 @@
-!> Reads `&scene`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
+!> Reads `&scene`, `&accuracy`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
 module dotyk_input_settings
   use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_geo_file, is_msh_file
   use dotyk_base_kinds, only: dp
@@ -7,15 +7,16 @@ module dotyk_input_settings
     field_displacement, field_error, field_nodal_stress, field_reaction, field_stress, gamma_fixed, gamma_theory, &
     option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, &
     theta_names
-  use dotyk_base_text, only: shown, to_text
-  use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
+  use dotyk_base_text, only: quoted, shown, to_text
+  use dotyk_input_body, only: body_input_t
+  use dotyk_input_case, only: accuracy_input_t, output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, report, text_of
   implicit none
   private
-  public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
+  public :: read_accuracy, read_scene, read_solver, read_output, read_theta, read_mesh_path
 
   !> theta_mesh where no theta is given: for the dual scheme, which is insensitive to theta, and for the others, whose
   !> number of iterations grows like 1/theta [].
@@ -73,6 +74,27 @@ contains
     reason = why_not_readable(path)
     if (len(reason) > 0) call report(problems, group, 'mesh', 'mesh: '//shown(path)//' '//reason)
   end subroutine read_mesh_path
+
+  !> Read `&accuracy`.
+  subroutine read_accuracy(group, body, problems, accuracy)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(accuracy_input_t), intent(out) :: accuracy  !! What is asked for.
+    integer :: b
+    accuracy%line = group%line
+    accuracy%is_given = .true.
+    if (is_usable(group, 'error')) accuracy%error = real_of(group, 'error')
+    accuracy%max_meshes = integer_of(group, 'max_meshes')
+    accuracy%max_unknowns = integer_of(group, 'max_unknowns')
+    if (is_given(group, 'max_seconds')) accuracy%max_seconds = real_of(group, 'max_seconds')
+    do b = 1, size(body)
+      if (len(body(b)%mesh) == 0 .or. is_cad_file(body(b)%mesh) .or. extension_of(body(b)%mesh) == '.geo') cycle
+      call problems%add(group%line, '&accuracy: the mesh of body '//quoted(body(b)%name)//' is no geometry: '// &
+                        shown(body(b)%mesh)//'; gmsh makes new meshes of .geo and CAD files')
+      return
+    end do
+  end subroutine read_accuracy
 
   !> Read `&solver`.
   subroutine read_solver(group, problems, solver)

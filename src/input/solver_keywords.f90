@@ -1,4 +1,4 @@
-!> Keys of `&solver` and `&output`, for the table of all keys.
+!> Keys of `&accuracy`, `&solver` and `&output`, for the table of all keys.
 module dotyk_input_solver_keywords
   use dotyk_base_options, only: default_budget_fraction, default_gamma_rule, default_linear_solver, default_locking, &
     default_max_iterations, default_max_unbalanced, default_response, default_scheme, default_tolerance, &
@@ -8,9 +8,24 @@ module dotyk_input_solver_keywords
   use dotyk_input_keywords, only: keyword_list_t, kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
   private
-  public :: add_output, add_solver
+  public :: add_accuracy, add_output, add_solver
 
 contains
+
+  !> Keys of `&accuracy`.
+  pure subroutine add_accuracy(list)
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
+    call list%begin_group('accuracy')
+    call list%add('error', kind_real, required=.true., positive=.true., &
+                  meaning='largest discretization error, relative in the energy norm: meshes are made until the '// &
+                  'estimate is below it and the contact is resolved; else the exit code is 1')
+    call list%add('max_meshes', kind_integer, default='8', positive=.true., &
+                  meaning='largest number of meshes, the first one included')
+    call list%add('max_unknowns', kind_integer, default='1000000', positive=.true., &
+                  meaning='number of unknowns up to which meshes are refined')
+    call list%add('max_seconds', kind_real, unit='seconds', positive=.true., &
+                  meaning='time after which no further mesh is begun; if absent, no limit')
+  end subroutine add_accuracy
 
   !> Keys of `&solver`.
   pure subroutine add_solver(list)

@@ -289,6 +289,7 @@ contains
         half%block(n)%kind = given%kind
         half%block(n)%material = given%material
         half%block(n)%tag = given%tag(kept)
+        if (allocated(given%entity)) half%block(n)%entity = given%entity(kept)
         half%block(n)%node = reshape(number(reshape(given%node(:, kept), [size(given%node, 1)*size(kept)])), &
                                      [size(given%node, 1), size(kept)])
       end associate

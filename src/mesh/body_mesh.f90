@@ -260,6 +260,7 @@ contains
         block(i)%kind = kind
         block(i)%material = m
         allocate (block(i)%node(kind_nodes(kind), n_of_kind(kind, m)), block(i)%tag(n_of_kind(kind, m)))
+        allocate (block(i)%entity(n_of_kind(kind, m)), source=0)
       end do
     end do
     n_of_kind = 0
@@ -271,6 +272,7 @@ contains
       n = size(mesh%block(b)%tag)
       block(block_of_kind(kind, m))%node(:, i + 1:i + n) = mesh%block(b)%node
       block(block_of_kind(kind, m))%tag(i + 1:i + n) = mesh%block(b)%tag
+      if (allocated(mesh%block(b)%entity)) block(block_of_kind(kind, m))%entity(i + 1:i + n) = mesh%block(b)%entity
       n_of_kind(kind, m) = i + n
     end do
 

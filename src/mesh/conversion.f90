@@ -14,7 +14,7 @@ module dotyk_mesh_conversion
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: text_t, to_text
   use dotyk_base_version, only: source_directory
   use dotyk_mesh_cad_script, only: cad_script, script_of_solid
   use dotyk_mesh_conversion_log, only: advice, conversion_log_t, is_complete
@@ -28,6 +28,9 @@ module dotyk_mesh_conversion
     logical :: is_made = .false.  !! Whether another rank has just made the mesh.
     real(dp) :: size = 0  !! Size of the elements of CAD files, not positive: by each solid [length]; and their order.
     integer :: order = 2
+    integer :: number = 0  !! Number of the mesh where one follows the other by its errors; 0 where there is one.
+    !> Geometries whose elements get sizes, and what gmsh reads after each; not allocated without (n).
+    type(text_t), allocatable :: sized_file(:), size_script(:)
     character(:), allocatable :: remark  !! Remark for the log; empty where there is none.
   end type meshing_t
 
@@ -142,6 +145,8 @@ contains
     call find_cache(path, directory, error)
     if (allocated(error)) return
     base = directory//path(len(directory_of(path)) + 1:)//'-'//to_text(dimension)//'d'
+    if (meshing%number > 1 .or. (meshing%number == 1 .and. is_cad_file(path))) &
+      base = base//'-mesh'//to_text(meshing%number)
     if (.not. is_cad_file(path)) return
     base = base//'-order'//to_text(meshing%order)
     if (meshing%size > 0) base = base//'-size'//to_text(meshing%size, 17)
@@ -322,7 +327,7 @@ contains
     !> Set if the program fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: temporary, command, script
-    integer :: status
+    integer :: status, f
     logical :: found
     if (is_geo_file(file)) then
       if (loses_statements(file)) then
@@ -334,7 +339,12 @@ contains
     call remove_leftovers(base)
     temporary = plain(base//own_mark())
     script = ''
-    if (is_cad_file(file)) script = cad_script(meshing%size, meshing%order, is_stl_file(file))
+    if (is_cad_file(file)) script = cad_script(meshing%size, meshing%order, is_stl_file(file), meshing%number > 0)
+    if (allocated(meshing%sized_file)) then
+      do f = 1, size(meshing%sized_file)
+        if (meshing%sized_file(f)%s == file) script = script//meshing%size_script(f)%s
+      end do
+    end if
     call write_new(temporary//'.start', '')
     if (len(script) > 0) call write_new(temporary//'.geo', script)
     if (uses_gmsh(file)) then
@@ -374,11 +384,12 @@ contains
     character(*), intent(in) :: file  !! Path of the geometry.
     integer, intent(in) :: dimension  !! Largest dimension of the elements.
     character(*), intent(in) :: temporary  !! Path of temporary files without extension.
-    logical, intent(in) :: with_script  !! Whether gmsh reads a script after the file: solids get the names of the file.
+    logical, intent(in) :: with_script  !! Whether gmsh reads a script after the file.
     character(:), allocatable :: command
     command = shell_quoted(executable(file))//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
               shell_quoted(temporary//'.msh')
-    if (with_script) command = command//' -setnumber Geometry.OCCImportLabels 1'
+    ! Solids get the names of the file.
+    if (is_cad_file(file)) command = command//' -setnumber Geometry.OCCImportLabels 1'
     command = command//' '//shell_quoted(plain(file))
     if (with_script) command = command//' '//shell_quoted(temporary//'.geo')
   end function gmsh_command

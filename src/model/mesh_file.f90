@@ -25,6 +25,9 @@ contains
     meshing%no_shell = case%no_shell
     meshing%size = case%scene%mesh_size
     meshing%order = case%scene%mesh_order
+    meshing%number = case%mesh_number
+    if (allocated(case%sized_file)) meshing%sized_file = case%sized_file
+    if (allocated(case%size_script)) meshing%size_script = case%size_script
   end function meshing_of
 
   !> Give up the meshes that are kept for the files of a case, so that they are made again.

@@ -1,0 +1,333 @@
+!> Sizes of elements by which a scene reaches a given error of the mesh with the fewest elements: equal errors of all
+!> elements (Zienkiewicz and Zhu, Int. J. Numer. Methods Engrg. 24, 1987), and enough elements over each contact patch.
+!>
+!> An element of the error eta and the size h gets the size `h (c n/eta^2)^(1/(2 p + d))`, n the number of its copies in
+!> the scene, p the order of the elements, d the dimension, and one c for all.
+module dotyk_control_adapted_sizes
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_text, only: quoted, text_t
+  use dotyk_contact_broad_phase, only: overlapping_boxes
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_mesh_element, only: element_tet10, element_tet4, element_tri3, element_tri6
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_mesh_size_view, only: size_of_measure, size_view_t
+  use dotyk_mesh_tag_map, only: tag_map_t
+  use dotyk_mesh_union_find, only: join, root_of
+  implicit none
+  private
+
+  type :: errors_t  !! Of the elements of a view.
+    !> Squared relative errors of all copies together, of the worst load case; of one load case (n_elements) [].
+    real(dp), allocatable :: square(:), now(:)
+    integer, allocatable :: copies(:)  !! Elements of the scene that each one is (n_elements).
+  end type errors_t
+
+  type :: places_t  !! Where the elements of a body are.
+    integer, allocatable :: view(:), place(:)  !! View of each element, and number in it (n_elements).
+    type(placement_t) :: placement  !! From the axes of the geometry to those of the scene.
+  end type places_t
+
+  type :: patch_t  !! A connected patch of active rows.
+    integer :: body(2) = 0  !! The bodies.
+    real(dp) :: size = 0  !! Greatest size of elements there [length].
+    real(dp), allocatable :: x(:, :), width(:)  !! Positions and widths of the rows (3, n), (n) [length].
+  end type patch_t
+
+  type, public :: adapted_sizes_t  !! What is known of a scene on its last mesh, and the sizes of the next one.
+    type(size_view_t), allocatable :: view(:)  !! One for each volume (n_views).
+    real(dp) :: error = 0  !! Error of the mesh of the worst load case, relative in the energy norm [].
+    real(dp) :: contact = 0  !! Greatest error of the contact conditions of all load cases [].
+    integer :: n_elements = 0  !! Elements of the scene.
+    real(dp) :: expected = 0  !! Expected number of elements of the next mesh in the scene [].
+    real(dp) :: predicted = 0  !! Error that is expected of it [].
+    type(errors_t), allocatable, private :: errors(:)  !! (n_views)
+    type(places_t), allocatable, private :: of_body(:)  !! (n_bodies)
+    type(patch_t), allocatable, private :: patch(:)  !! Of all load cases (n_patches).
+  contains
+    procedure :: observe => sizes_observe
+    procedure :: plan => sizes_plan
+  end type adapted_sizes_t
+
+  !> Order of convergence of quadratic elements, and that which singular elements are given: those with more than this
+  !> fraction of the squared error [].
+  real(dp), parameter :: order = 2, singular_order = 0.5_dp, singular = 0.01_dp
+  !> Sizes change by these factors in a round at most; those of singular elements become smaller by up to the last [].
+  real(dp), parameter :: least_ratio = 0.15_dp, greatest_ratio = 4, singular_ratio = 0.01_dp
+  real(dp), parameter :: gradient = 0.4_dp  !! Growth of the sizes over the distance [].
+  real(dp), parameter :: over_radius = 4  !! Elements over the radius of a contact patch.
+  !> Rows are one patch where they are nearer to each other than so many of their widths; nodes are at a row likewise.
+  real(dp), parameter :: connected = 2.5_dp, near = 1.5_dp
+  real(dp), parameter :: floor_of_size = 1.0e-4_dp  !! Smallest size as a fraction of the extent of a volume [].
+  real(dp), parameter :: relax = 1.15_dp  !! The aim is relaxed by this factor until the elements are as few as allowed.
+  integer, parameter :: n_bisections = 100  !! Bisections of log c.
+
+contains
+
+  !> Take the errors and the contact of a load case; the first one brings the meshes.
+  subroutine sizes_observe(self, file, placement, problem, solution, error)
+    class(adapted_sizes_t), intent(inout) :: self
+    type(text_t), intent(in) :: file(:)  !! Geometry of each body (n_bodies).
+    type(placement_t), intent(in) :: placement(:)  !! Placement of each body (n_bodies).
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(contact_solution_t), intent(in) :: solution  !! With its errors.
+    !> Allocated where a body has other elements than triangles or tetrahedra, or its mesh has no volumes of a geometry.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: b, e, k, v
+    if (.not. allocated(self%view)) call find_views(self, file, placement, problem, error)
+    if (allocated(error)) return
+    do v = 1, size(self%view)
+      self%errors(v)%now = 0*self%errors(v)%square
+    end do
+    if (allocated(solution%budget%of_element)) then
+      do b = 1, size(problem%body)
+        if (.not. allocated(solution%budget%of_element(b)%value)) cycle
+        do e = 1, size(self%of_body(b)%view)
+          associate (now => self%errors(self%of_body(b)%view(e))%now, place => self%of_body(b)%place(e))
+            now(place) = now(place) + solution%budget%of_element(b)%value(e)**2
+          end associate
+        end do
+      end do
+    end if
+    do v = 1, size(self%view)
+      self%errors(v)%square = max(self%errors(v)%square, self%errors(v)%now)
+    end do
+    self%error = max(self%error, solution%budget%discretization)
+    self%contact = max(self%contact, solution%budget%contact)
+    do k = 1, size(problem%pair)
+      associate (first => solution%qp%pair_first_row(k), last => solution%qp%pair_first_row(k + 1) - 1)
+        call add_patches(self, problem, k, solution%state%pressure(first:last) > 0)
+      end associate
+    end do
+  end subroutine sizes_observe
+
+  !> The elements of the bodies by volumes of their geometries.
+  subroutine find_views(self, file, placement, problem, error)
+    type(adapted_sizes_t), intent(inout) :: self  !! Gets views, errors of zero, and the places of the elements.
+    type(text_t), intent(in) :: file(:)  !! As in `sizes_observe`.
+    type(placement_t), intent(in) :: placement(:)  !! As in `sizes_observe`.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    type(error_t), allocatable, intent(out) :: error  !! As in `sizes_observe`.
+    type(tag_map_t) :: tags
+    type(size_view_t) :: new
+    real(dp), allocatable :: x(:, :)
+    integer, allocatable :: entity(:), corner(:, :), mine(:), place(:)
+    integer(int64), allocatable :: tag(:)
+    integer :: b, e, k, v, d, twice
+    allocate (self%view(0), self%errors(0), self%patch(0), self%of_body(size(problem%body)))
+    do b = 1, size(problem%body)
+      associate (mesh => problem%body(b)%mesh, at => self%of_body(b))
+        d = mesh%dimension
+        at%placement = placement(b)
+        x = spread(-placement(b)%shift(:d), 2, mesh%n_nodes()) + mesh%x
+        x = matmul(transpose(placement(b)%rotation(:d, :d)), x)
+        allocate (entity(0), corner(d + 1, 0), tag(0))
+        do k = 1, size(mesh%block)
+          if (all(mesh%block(k)%kind /= [element_tri3, element_tri6, element_tet4, element_tet10])) then
+            call set_error(error, file(b)%s//': body '//quoted(problem%body(b)%name)//' has other elements than '// &
+                           'triangles or tetrahedra, whose sizes &accuracy cannot choose: remove Recombine, Layers '// &
+                           'or Transfinite from the geometry')
+            return
+          end if
+          if (.not. allocated(mesh%block(k)%entity)) then
+            call set_error(error, file(b)%s//': &accuracy chooses sizes for one process, not for several ranks')
+            return
+          end if
+          entity = [entity, mesh%block(k)%entity]
+          tag = [tag, mesh%block(k)%tag]
+          corner = reshape([corner, mesh%block(k)%node(:d + 1, :)], [d + 1, size(tag)])
+        end do
+        self%n_elements = self%n_elements + size(tag)
+        allocate (at%view(size(tag)), at%place(size(tag)), source=0)
+        do while (any(at%view == 0))
+          e = findloc(at%view, 0, 1)
+          mine = pack([(k, k=1, size(tag))], entity == entity(e))
+          place = 0*mine
+          do v = 1, size(self%view)
+            if (self%view(v)%file /= file(b)%s .or. self%view(v)%entity /= entity(e)) cycle
+            call tags%init(self%view(v)%mesh%block(1)%tag, twice)
+            place = [(tags%find(tag(mine(k))), k=1, size(mine))]
+            if (all(place > 0)) exit
+          end do
+          if (v > size(self%view)) then
+            call new%init(file(b)%s, entity(e), d, x, corner(:, mine), tag(mine))
+            self%view = [self%view, new]
+            self%errors = [self%errors, errors_t([(0.0_dp, k=1, size(mine))], [real(dp) ::], [(0, k=1, size(mine))])]
+            place = [(k, k=1, size(mine))]
+          end if
+          at%view(mine) = v
+          at%place(mine) = place
+          self%errors(v)%copies(place) = self%errors(v)%copies(place) + 1
+        end do
+        deallocate (entity, corner, tag)
+      end associate
+    end do
+  end subroutine find_views
+
+  !> The connected patches of the active rows of a pair.
+  subroutine add_patches(self, problem, k, active)
+    type(adapted_sizes_t), intent(inout) :: self  !! Gets the patches.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    integer, intent(in) :: k  !! The pair.
+    logical, intent(in) :: active(:)  !! Its active rows (n_rows).
+    real(dp), allocatable :: x(:, :), weight(:), width(:)
+    integer, allocatable :: couple(:, :), parent(:), list(:)
+    real(dp) :: centre(3), moment(3, 3), axes(3, 3), values(3), radius
+    type(error_t), allocatable :: error
+    type(patch_t) :: new
+    integer :: i, j, n
+    associate (pair => problem%pair(k))
+      if (.not. any(active) .or. .not. allocated(pair%row_position)) return
+      n = count(active)
+      allocate (x(3, n), source=0.0_dp)
+      do i = 1, size(pair%row_position, 1)
+        x(i, :) = pack(pair%row_position(i, :), active)
+      end do
+      weight = pack(pair%row_weight, active)
+      if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) &
+        weight = weight/(2*acos(-1.0_dp)*max(x(1, :), tiny(1.0_dp)))
+      width = weight
+      if (pair%dimension == 3) width = sqrt(weight)
+      call overlapping_boxes(x - spread(connected/2*width, 1, 3), x + spread(connected/2*width, 1, 3), couple)
+      parent = [(i, i=1, n)]
+      do i = 1, size(couple, 2)
+        call join(parent, couple(1, i), couple(2, i))
+      end do
+      do i = 1, n
+        j = root_of(parent, i)
+      end do
+      do i = 1, n
+        if (root_of(parent, i) /= i) cycle
+        list = pack([(j, j=1, n)], [(root_of(parent, j) == i, j=1, n)])
+        radius = sum(weight(list))/2
+        if (pair%dimension == 3) then
+          centre = matmul(x(:, list), weight(list))/sum(weight(list))
+          moment = matmul((x(:, list) - spread(centre, 2, size(list)))*spread(weight(list), 1, 3), &
+                          transpose(x(:, list) - spread(centre, 2, size(list))))/sum(weight(list))
+          radius = sqrt(sum(weight(list))/acos(-1.0_dp))/2
+          call symmetric_eigen(moment, values, axes, error)
+          ! The least one is across the surface.
+          if (.not. allocated(error)) radius = max(radius, 2*sqrt(max(0.0_dp, values(2))))
+        end if
+        new%body = [pair%body_a, pair%body_b]
+        new%size = radius/over_radius
+        new%x = x(:, list)
+        new%width = width(list)
+        self%patch = [self%patch, new]
+      end do
+    end associate
+  end subroutine add_patches
+
+  !> Choose the sizes.
+  subroutine sizes_plan(self, aim, most_elements, factor, first)
+    class(adapted_sizes_t), intent(inout) :: self
+    real(dp), intent(in) :: aim  !! Relative error in the energy norm that is aimed at [].
+    real(dp), intent(in) :: most_elements  !! Elements of the scene at most [].
+    real(dp), intent(in) :: factor  !! Elements of the last mesh over those that were expected of it [].
+    logical, intent(in) :: first  !! Whether this is the first mesh, whose greatest errors need not be at singular points.
+    real(dp) :: relaxed
+    relaxed = aim
+    do
+      call choose(self, relaxed, first)
+      self%expected = self%expected*factor
+      if (self%expected <= most_elements .or. relaxed >= 1) exit
+      relaxed = relax*relaxed
+    end do
+  end subroutine sizes_plan
+
+  !> Sizes for an aim, the elements that they make, and the error that is expected of these.
+  subroutine choose(self, aim, first)
+    type(adapted_sizes_t), intent(inout) :: self  !! As in `sizes_plan`.
+    real(dp), intent(in) :: aim  !! As in `sizes_plan`.
+    logical, intent(in) :: first  !! As in `sizes_plan`.
+    type :: ratios_t
+      real(dp), allocatable :: value(:), p(:), least(:), square(:)
+    end type ratios_t
+    type(ratios_t) :: r(size(self%view))
+    real(dp) :: low, high, log_c, total, reached
+    integer :: d, i, v
+    d = self%view(1)%mesh%dimension
+    total = sum([(sum(self%errors(v)%square), v=1, size(r))])
+    do v = 1, size(r)
+      associate (one => r(v))
+        one%square = max(self%errors(v)%square, tiny(total), 1.0e-30_dp*total)
+        allocate (one%p(size(one%square)), source=order)
+        allocate (one%least(size(one%square)), source=least_ratio)
+        if (.not. first) then
+          where (one%square > singular*total)
+            one%p = singular_order
+            one%least = singular_ratio
+          end where
+        end if
+      end associate
+    end do
+    low = minval([(minval(log(r(v)%square)), v=1, size(r))]) - 60
+    high = maxval([(maxval(log(r(v)%square)), v=1, size(r))]) + 60
+    do i = 1, n_bisections
+      log_c = (low + high)/2
+      reached = 0
+      do v = 1, size(r)
+        associate (one => r(v), copies => self%errors(v)%copies)
+          one%value = exp((log_c - log(2*one%p*one%square/(d*copies)))/(2*one%p + d))
+          one%value = min(greatest_ratio, max(one%least, one%value))
+          reached = reached + sum(one%square*one%value**(2*one%p))
+        end associate
+      end do
+      if (reached > aim**2) then
+        high = log_c
+      else
+        low = log_c
+      end if
+    end do
+    self%predicted = sqrt(reached)
+    self%expected = 0
+    do v = 1, size(r)
+      associate (view => self%view(v))
+        associate (extent => maxval(maxval(view%mesh%x, 2) - minval(view%mesh%x, 2)))
+          call view%spread_to_nodes(max(floor_of_size*extent, r(v)%value*size_of_measure(view%measures(), d)))
+        end associate
+        call refine_patches(self, v)
+        call view%limit_gradient(gradient)
+        ! Copies that differ in number, as the halves of a cut body, are of several views.
+        self%expected = self%expected + view%expected_elements()*maxval(self%errors(v)%copies)
+      end associate
+    end do
+  end subroutine choose
+
+  !> Enough elements over the radius of each contact patch on a view.
+  subroutine refine_patches(self, v)
+    type(adapted_sizes_t), intent(inout) :: self  !! As in `choose`.
+    integer, intent(in) :: v  !! The view.
+    type(size_view_t) :: last
+    real(dp), allocatable :: x(:, :), widest(:)
+    integer :: b, i, k, p, d
+    last = self%view(v)
+    call last%spread_to_nodes(size_of_measure(last%measures(), last%mesh%dimension))
+    associate (view => self%view(v))
+      d = view%mesh%dimension
+      do p = 1, size(self%patch)
+        associate (patch => self%patch(p))
+          do k = 1, 2
+            b = patch%body(k)
+            if (.not. any(self%of_body(b)%view == v)) cycle
+            associate (placement => self%of_body(b)%placement)
+              x = matmul(transpose(placement%rotation), patch%x - spread(placement%shift, 2, size(patch%x, 2)))
+            end associate
+            widest = [(near*maxval(patch%width), i=1, d)]
+            do i = 1, view%mesh%n_nodes()
+              associate (node => view%mesh%x(:, i))
+                if (view%size(i) <= patch%size) cycle
+                if (any(node < minval(x(:d, :), 2) - widest .or. node > maxval(x(:d, :), 2) + widest)) cycle
+                if (any(norm2(x(:d, :) - spread(node, 2, size(x, 2)), 1) <= near*patch%width)) &
+                  view%size(i) = min(view%size(i), max(patch%size, least_ratio*last%size(i)))
+              end associate
+            end do
+          end do
+        end associate
+      end do
+    end associate
+  end subroutine refine_patches
+end module dotyk_control_adapted_sizes

@@ -1,0 +1,207 @@
+!> Meshes until the error is as small as asked for: each is solved, its errors give the sizes of the next one.
+module dotyk_driver_accuracy
+  use dotyk_base_content_hash, only: content_hash_t
+  use dotyk_base_error, only: error_t, exit_not_written, set_error
+  use dotyk_base_files, only: own_mark
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_operating_system, only: directory_of, remove_file, rename_file
+  use dotyk_base_text, only: counted, text_t, to_text
+  use dotyk_base_timer, only: wall_time
+  use dotyk_control_adapted_sizes, only: adapted_sizes_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_gap_doubt, only: is_doubtful
+  use dotyk_input_case, only: case_t
+  use dotyk_mesh_mesh_cache, only: find_cache
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_mesh_size_view, only: size_view_t
+  implicit none
+  private
+
+  type, public :: accuracy_t  !! The meshes so far.
+    integer :: n_meshes = 0  !! Number of meshes, the present one included.
+    type(adapted_sizes_t), private :: sizes  !! What is known on the present mesh.
+    logical, private :: is_doubtful = .false.  !! Whether results depend on gaps that the mesh does not tell.
+    real(dp), private :: began = 0  !! When the first mesh began: wall time [s].
+    integer, private :: n_unknowns = 0  !! Unknowns of the present mesh.
+    integer, private :: n_before = 0  !! Elements of the mesh before.
+    real(dp), private :: expected = 0, predicted = 0  !! Elements and error that were expected of the present mesh [].
+    real(dp), private :: factor = 1  !! Elements of the last mesh over those that were expected [].
+    type(text_t), allocatable, private :: view_file(:)  !! Files that gmsh reads for the present mesh (n).
+    type(error_t), allocatable, private :: refusal  !! Why the sizes cannot be chosen.
+  contains
+    procedure :: begin_mesh => accuracy_begin_mesh
+    procedure :: observe => accuracy_observe
+    procedure :: conclude => accuracy_conclude
+  end type accuracy_t
+
+  !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
+  !> resolve is in this one alone [].
+  real(dp), parameter :: resolved = 0.3_dp
+  !> What is aimed at, as a fraction of what is asked for; and the least fraction of its prediction that a mesh is
+  !> believed to have missed by, where the number of elements has changed by a factor in the range [].
+  real(dp), parameter :: safety = 0.9_dp, greatest_miss = 0.6_dp, steady(2) = [0.6_dp, 8.0_dp]
+  real(dp), parameter :: growth(2:3) = [6.0_dp, 8.0_dp]  !! Elements of a mesh over those of the last one at most [].
+  !> From this number of elements on gmsh's parallel algorithm is the faster one.
+  real(dp), parameter :: many = 7.0e4_dp
+
+contains
+
+  !> A new mesh begins; errors and contact of the last one are forgotten.
+  subroutine accuracy_begin_mesh(self)
+    class(accuracy_t), intent(inout) :: self
+    type(adapted_sizes_t) :: nothing
+    if (self%n_meshes == 0) self%began = wall_time()
+    self%n_before = self%sizes%n_elements
+    self%sizes = nothing
+    self%is_doubtful = .false.
+    self%n_meshes = self%n_meshes + 1
+  end subroutine accuracy_begin_mesh
+
+  !> Take the errors of a load case, where an error is asked for.
+  subroutine accuracy_observe(self, case, problem, solution)
+    class(accuracy_t), intent(inout) :: self
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(contact_solution_t), intent(in) :: solution  !! The solution of the load case.
+    type(text_t) :: file(size(case%body))
+    type(placement_t) :: placement(size(case%body))
+    integer :: b
+    if (.not. case%accuracy%is_given .or. allocated(self%refusal)) return
+    do b = 1, size(file)
+      file(b)%s = case%body(b)%mesh
+      call placement(b)%init(case%body(b)%axis, case%body(b)%angle, case%body(b)%at)
+    end do
+    call self%sizes%observe(file, placement, problem, solution, self%refusal)
+    self%n_unknowns = sum(problem%body%n_unknowns())
+    self%is_doubtful = self%is_doubtful .or. is_doubtful(solution%gap_doubt)
+  end subroutine accuracy_observe
+
+  !> Decide on the mesh that was solved: the last one, or the case gets what gmsh needs for the next.
+  subroutine accuracy_conclude(self, case, log, reached, done, error)
+    class(accuracy_t), intent(inout) :: self
+    type(case_t), intent(inout) :: case  !! The case; its sizes are set.
+    type(log_t), intent(inout) :: log  !! Gets a line.
+    logical, intent(out) :: reached  !! Whether the error is as small as asked for.
+    logical, intent(out) :: done  !! Whether the mesh is the last one.
+    !> Allocated where the sizes cannot be chosen or written.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: why, verdict
+    real(dp) :: aim, miss, most, seconds
+    call remove_views(self)
+    call move_alloc(self%refusal, error)
+    reached = .false.
+    done = .true.
+    if (allocated(error)) return
+    associate (sizes => self%sizes, asked => case%accuracy, now => real(self%sizes%n_elements, dp))
+      seconds = wall_time() - self%began
+      reached = sizes%error <= asked%error .and. sizes%contact < resolved .and. .not. self%is_doubtful
+      why = ''
+      if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
+      if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
+        why = 'max_seconds = '//to_text(asked%max_seconds)
+      if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
+      if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
+        why = 'the geometry gives its mesh whatever sizes are asked for (Transfinite, Layers)'
+      if (.not. sizes%error > 0 .and. .not. reached) why = 'no error is known'
+      verdict = ''
+      if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'
+      if (.not. reached .and. len(why) > 0) &
+        verdict = '; not reached: '//percent(asked%error)//' were asked for, and '//why//' ends the search'
+      call log%line('  accuracy         mesh '//to_text(self%n_meshes)//': '// &
+                    counted(self%n_unknowns, 'unknown')//', error ~ '//percent(sizes%error)//', contact '// &
+                    percent(sizes%contact)//', after '//to_text(seconds, 3)//' s'//verdict)
+      done = reached .or. len(why) > 0
+      if (done) return
+      aim = asked%error
+      if (self%n_meshes > 1) then
+        self%factor = now/self%expected*self%factor
+        miss = self%predicted/sizes%error
+        associate (changed => now/self%n_before)
+          if (changed < steady(1) .or. changed > steady(2)) miss = 1
+        end associate
+        aim = aim*safety*min(1.0_dp, max(greatest_miss, miss))
+      end if
+      most = min(growth(case%scene%dimension)*now, now*asked%max_unknowns/self%n_unknowns)
+      call sizes%plan(aim, most, self%factor, self%n_meshes == 1)
+      self%expected = sizes%expected
+      self%predicted = sizes%predicted
+    end associate
+    call write_views(self, case, error)
+  end subroutine accuracy_conclude
+
+  !> What gmsh reads for the next mesh.
+  subroutine write_views(self, case, error)
+    type(accuracy_t), intent(inout) :: self  !! Gets the names of the files.
+    type(case_t), intent(inout) :: case  !! Its sizes are set.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where a file cannot be written.
+    character(:), allocatable :: folder, path, name, script, list
+    character, parameter :: lf = new_line('a')
+    type(content_hash_t) :: hash
+    real(dp) :: extent
+    type(text_t), allocatable :: files(:), scripts(:)
+    integer :: v, f, field
+    allocate (self%view_file(0))
+    allocate (files(0), scripts(0))
+    associate (view => self%sizes%view)
+      do v = 1, size(view)
+        if (any([(files(f)%s == view(v)%file, f=1, size(files))])) cycle
+        call find_cache(view(v)%file, folder, error)
+        if (allocated(error)) return
+        script = ''
+        list = ''
+        extent = 0
+        do f = v, size(view)
+          if (view(f)%file /= view(v)%file) cycle
+          ! The name has a hash of the content: the same sizes give the mesh that is cached.
+          path = folder//'sizes'//own_mark()//'.pos'
+          call view(f)%write(path, error)
+          if (allocated(error)) return
+          hash = content_hash_t()
+          call hash%add_file(path, error)
+          if (allocated(error)) return
+          name = folder//'sizes-'//hash%digits()//'.pos'
+          if (.not. rename_file(path, name)) call set_error(error, name//': cannot be written', exit_not_written)
+          if (allocated(error)) return
+          self%view_file = [self%view_file, text_t(name)]
+          field = 1000*case%scene%dimension + 2*f
+          script = script//view(f)%script(name(len(directory_of(name)) + 1:), field)
+          if (len(list) > 0) list = list//', '
+          list = list//to_text(field + 1)
+          extent = max(extent, maxval(maxval(view(f)%mesh%x, 2) - minval(view(f)%mesh%x, 2)))
+        end do
+        script = 'Mesh.MeshSizeExtendFromBoundary = 0;'//lf//'Mesh.MeshSizeFromPoints = 0;'//lf// &
+          'Mesh.MeshSizeFromCurvature = 8;'//lf//'Mesh.MeshSizeMin = 0;'//lf// &
+          'Mesh.MeshSizeMax = '//to_text(2*extent, 17)//';'//lf//'Mesh.MeshSizeFactor = 1;'//lf// &
+          'Mesh.HighOrderOptimize = 1;'//lf//script
+        if (self%sizes%expected > many) script = script//'Mesh.Algorithm3D = 10;'//lf
+        script = script//'Field[999] = Min;'//lf//'Field[999].FieldsList = {'//list//'};'//lf// &
+          'Background Field = 999;'//lf
+        name = view(v)%file
+        files = [files, text_t(name)]
+        scripts = [scripts, text_t(script)]
+      end do
+    end associate
+    call move_alloc(files, case%sized_file)
+    call move_alloc(scripts, case%size_script)
+  end subroutine write_views
+
+  !> Remove the files of the last mesh.
+  subroutine remove_views(self)
+    type(accuracy_t), intent(inout) :: self  !! Forgets them.
+    integer :: f
+    if (.not. allocated(self%view_file)) return
+    do f = 1, size(self%view_file)
+      call remove_file(self%view_file(f)%s)
+    end do
+    deallocate (self%view_file)
+  end subroutine remove_views
+
+  !> A fraction in percent.
+  function percent(fraction) result(text)
+    real(dp), intent(in) :: fraction  !! The fraction [].
+    character(:), allocatable :: text
+    text = to_text(100*fraction, 2)//' %'
+  end function percent
+end module dotyk_driver_accuracy
