@@ -29,7 +29,6 @@ module dotyk_driver_accuracy
     real(dp), private :: expected = 0, predicted = 0  !! Elements and error that were expected of the present mesh [].
     real(dp), private :: factor = 1  !! Elements of the last mesh over those that were expected [].
     type(text_t), allocatable, private :: view_file(:)  !! Files that gmsh reads for the present mesh (n).
-    type(error_t), allocatable, private :: refusal  !! Why the sizes cannot be chosen.
   contains
     procedure :: begin_mesh => accuracy_begin_mesh
     procedure :: observe => accuracy_observe
@@ -60,20 +59,22 @@ contains
   end subroutine accuracy_begin_mesh
 
   !> Take the errors of a load case, where an error is asked for.
-  subroutine accuracy_observe(self, case, problem, solution)
+  subroutine accuracy_observe(self, case, problem, solution, error)
     class(accuracy_t), intent(inout) :: self
     type(case_t), intent(in) :: case  !! The case.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(contact_solution_t), intent(in) :: solution  !! The solution of the load case.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the program cannot choose sizes.
     type(text_t) :: file(size(case%body))
     type(placement_t) :: placement(size(case%body))
     integer :: b
-    if (.not. case%accuracy%is_given .or. allocated(self%refusal)) return
+    if (.not. case%accuracy%is_given) return
     do b = 1, size(file)
       file(b)%s = case%body(b)%mesh
       call placement(b)%init(case%body(b)%axis, case%body(b)%angle, case%body(b)%at)
     end do
-    call self%sizes%observe(file, placement, problem, solution, self%refusal)
+    call self%sizes%observe(file, placement, problem, solution, error)
+    if (allocated(error)) return
     self%n_unknowns = sum(problem%body%n_unknowns())
     self%is_doubtful = self%is_doubtful .or. is_doubtful(solution%gap_doubt)
   end subroutine accuracy_observe
@@ -85,15 +86,12 @@ contains
     type(log_t), intent(inout) :: log  !! Gets a line.
     logical, intent(out) :: reached  !! Whether the error is as small as asked for.
     logical, intent(out) :: done  !! Whether the mesh is the last one.
-    !> Allocated where the sizes cannot be chosen or written.
+    !> Allocated where the sizes cannot be written.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: why, verdict
     real(dp) :: aim, miss, most, seconds
     call remove_views(self)
-    call move_alloc(self%refusal, error)
     reached = .false.
-    done = .true.
-    if (allocated(error)) return
     associate (sizes => self%sizes, asked => case%accuracy, now => real(self%sizes%n_elements, dp))
       seconds = wall_time() - self%began
       reached = sizes%error <= asked%error .and. sizes%contact < resolved .and. .not. self%is_doubtful

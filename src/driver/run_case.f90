@@ -1,6 +1,6 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged
+  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged, set_error
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: to_text
@@ -22,6 +22,7 @@ module dotyk_driver_run_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
   use dotyk_model_mesh_file, only: forget_meshes
+  use dotyk_ranks_communication, only: n_ranks
   use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
@@ -60,6 +61,11 @@ contains
     if (arguments%remesh) call forget_meshes(case)
     if (.not. case%accuracy%is_given .or. arguments%check) then
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
+      return
+    end if
+    if (n_ranks() > 1) then
+      call set_error(error, case%file//':'//to_text(case%accuracy%line)//': &accuracy: meshes are chosen by one process; '// &
+                     'run without mpirun')
       return
     end if
     do

@@ -9,8 +9,9 @@ module dotyk_mesh_cad_script
   private
   public :: cad_script, script_of_solid
 
-  !> Elements along the largest extent of a solid, where no size is given, and around a circle.
-  integer, parameter :: along_solid = 12, around_circle = 16
+  !> Elements along the largest extent of a solid, where no size is given, and around a circle; half as many on a mesh
+  !> that others follow.
+  integer, parameter :: most_along = 12, most_around = 16
   !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
   integer, parameter :: most_along_solid = 1000
   integer, parameter :: most_named = 1000  !! Solids beyond which names are not read: they are compared with each other.
@@ -18,13 +19,17 @@ module dotyk_mesh_cad_script
 contains
 
   !> The script.
-  function cad_script(size, order, of_triangles) result(text)
+  function cad_script(size, order, of_triangles, is_first) result(text)
     !> Size of the elements away from curved faces; not positive: a fraction of each solid [length].
     real(dp), intent(in) :: size
     integer, intent(in) :: order  !! Order of the elements, 1 or 2.
     logical, intent(in) :: of_triangles  !! Whether the file is an STL file.
+    logical, intent(in) :: is_first  !! Whether other meshes follow, with sizes by the errors of this one.
     character(:), allocatable :: text, beginning, unit
     character, parameter :: lf = new_line('a')
+    integer :: along_solid, around_circle
+    along_solid = merge(most_along/2, most_along, is_first)
+    around_circle = merge(most_around/2, most_around, is_first)
     beginning = ''
     unit = ' mm: lengths are in mm'
     if (of_triangles) then

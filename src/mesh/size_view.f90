@@ -109,8 +109,8 @@ contains
     real(dp) :: measure(size(of_element)), weight(self%mesh%n_nodes())
     integer :: e
     measure = self%measures()
-    self%size = 0*weight
     weight = 0
+    self%size = weight
     associate (node => self%mesh%block(1)%node)
       do e = 1, size(of_element)
         self%size(node(:, e)) = self%size(node(:, e)) + measure(e)*log(of_element(e))

@@ -1,0 +1,145 @@
+#!/usr/bin/python3
+"""Meshes that the program chooses until the error is as small as asked for (&accuracy)."""
+import re
+
+import numpy as np
+
+import dotyk_case
+
+# A quarter of the lower half of a sphere on a quarter of a block, without a size of elements.
+HERTZ = """SetFactory("OpenCASCADE");
+R = 0.01;
+Sphere(1) = {0, 0, R, R};
+Box(2) = {0, 0, 0, R, R, R};
+ball() = BooleanIntersection{ Volume{1}; Delete; }{ Volume{2}; Delete; };
+Box(3) = {0, 0, -R, R, R, R};
+Physical Volume("ball") = {ball(0)};
+Physical Volume("block") = {3};
+e = 1e-6;
+Physical Surface("plane x") = {Surface In BoundingBox{-e, -1, -1, e, 1, 1}};
+Physical Surface("plane y") = {Surface In BoundingBox{-1, -e, -1, 1, e, 1}};
+Physical Surface("bottom") = {Surface In BoundingBox{-1, -1, -R - e, 1, 1, -R + e}};
+Physical Surface("cut") = {Surface In BoundingBox{-1, -1, R - e, 1, 1, R + e}};
+Physical Surface("up") = {Surface In BoundingBox{-1, -1, -e, 1, 1, e}};
+Physical Surface("skin") = {Abs(Boundary{ Volume{ball(0)}; })};
+Mesh.ElementOrder = 2;
+"""
+
+SPHERE = """
+&scene mesh='s.geo' /
+&material name='steel', young=210e9, poisson=0.3 /
+&body name='ball', volume='ball', material='steel' /
+&body name='block', volume='block', material='steel' /
+&support body='ball', surface='cut', fix='z', value=0,0,-3e-5 /
+&support body='ball', surface='plane x', fix='x' /
+&support body='ball', surface='plane y', fix='y' /
+&support body='block', surface='bottom', fix='xyz' /
+&support body='block', surface='plane x', fix='x' /
+&support body='block', surface='plane y', fix='y' /
+&contact name='touch', surface_a='ball:skin', surface_b='block:up' /
+"""
+
+# A block with a step, stretched: the error is at the re-entrant corner. Two copies, one of them turned.
+STEP = """
+Point(1) = {0, 0, 0};  Point(2) = {2, 0, 0};  Point(3) = {2, 1, 0};
+Point(4) = {1, 1, 0};  Point(5) = {1, 2, 0};  Point(6) = {0, 2, 0};
+Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 4};  Line(4) = {4, 5};  Line(5) = {5, 6};  Line(6) = {6, 1};
+Curve Loop(1) = {1:6};
+Plane Surface(1) = {1};
+Physical Surface("step") = {1};
+Physical Curve("low") = {1};
+Physical Curve("up") = {5};
+Mesh.ElementOrder = 2;
+"""
+
+STEPS = """
+&scene mesh='step.geo', analysis='plane_strain' /
+&material name='m', young=1, poisson=0.3 /
+&body name='a', volume='step', material='m' /
+&body name='b', volume='step', material='m', at=5,0,0, angle=90 /
+&support body='a', surface='low', fix='xy' /
+&support body='b', surface='low', fix='xy' /
+&load body='a', surface='up', traction=0,1e-3 /
+&load body='b', surface='up', traction=-1e-3,0 /
+"""
+
+
+class Accuracy(dotyk_case.Case):
+    def run_scene(self, nml, geometry, code=0):
+        """Log of a scene, and the summary of its results."""
+        name = re.search("mesh='([^']*)'", nml)[1]
+        self.write(name, geometry)
+        self.write("case.nml", nml)
+        log = self.dotyk("case.nml", code=code)
+        return log, self.results("case.vtkhdf")["dotyk/summary"].attrs
+
+    def meshes(self, log):
+        """Unknowns and errors of the meshes that the log tells."""
+        found = re.findall(r"accuracy +mesh \d+: (\d+) unknowns, error ~ ([\d.e+-]+) %", log)
+        return [int(n) for n, _ in found], [float(e) / 100 for _, e in found]
+
+    def test_sphere_without_sizes_reaches_hertz(self):
+        log, summary = self.run_scene(SPHERE + "&accuracy error=0.05 /", HERTZ)
+        unknowns, _ = self.meshes(log)
+        self.assertLessEqual(summary["error_discretization"], 0.05)
+        self.assertLessEqual(len(unknowns), 4, log)
+        self.assertLess(unknowns[-1], 80000, log)
+        # Hertz: 4/3 E* sqrt(R) d^(3/2), both bodies of finite size.
+        force = 4 / 3 * 210e9 / (2 * 0.91) * 0.1 * 3e-5**1.5 / 4
+        got = self.results("case.vtkhdf")["dotyk/contact/touch"].attrs["force"][2]
+        self.assertBetween(0.96 * force, got, 1.04 * force)
+        # one log, that of the last mesh
+        self.assertEqual(log.count("factorization"), 1, log)
+        self.assertEqual(list(self.folder.glob(".dotyk/*.pos")), [])
+
+    def test_copies_share_a_mesh_and_its_errors_concentrate_at_the_corner(self):
+        log, summary = self.run_scene(STEPS + "&accuracy error=0.01 /", STEP)
+        self.assertLessEqual(summary["error_discretization"], 0.01)
+        x = self.results("case.vtkhdf")["VTKHDF/Points"][:, :2]
+        # the corners of the two bodies
+        for corner in ((1.0, 1.0), (4.0, 1.0)):
+            self.assertLess(np.sort(np.linalg.norm(x - corner, axis=1))[9], 0.02, log)
+
+    def test_limit_ends_with_exit_code_1(self):
+        log, summary = self.run_scene(STEPS + "&accuracy error=0.001, max_meshes=2 /", STEP, code=1)
+        unknowns, errors = self.meshes(log)
+        self.assertEqual(len(unknowns), 2)
+        self.assertIn("max_meshes = 2", log)
+        self.assertGreater(errors[0], errors[1])
+        self.assertAlmostEqual(summary["error_discretization"], errors[1], delta=0.06 * errors[1])
+        log, _ = self.run_scene(STEPS + "&accuracy error=1e-5, max_unknowns=3000 /", STEP, code=1)
+        self.assertIn("max_unknowns = 3000", log)
+        self.assertLess(max(self.meshes(log)[0]), 6000)
+
+    def test_mesh_that_the_geometry_fixes_is_told(self):
+        rectangle = """
+Point(1) = {0, 0, 0};  Point(2) = {2, 0, 0};  Point(3) = {2, 2, 0};  Point(4) = {0, 2, 0};
+Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 4};  Line(4) = {4, 1};
+Curve Loop(1) = {1:4};
+Plane Surface(1) = {1};
+Transfinite Curve {1:4} = 4;
+Transfinite Surface {1};
+Physical Surface("step") = {1};
+Physical Curve("low") = {1};
+Physical Curve("up") = {3};
+"""
+        log, _ = self.run_scene(STEPS + "&accuracy error=1e-3 /", rectangle, code=1)
+        self.assertIn("Transfinite", log)
+
+    def test_meshes_and_quadrilaterals_are_refused_by_name(self):
+        self.write("step.geo", STEP)
+        self.write("part.msh", "")
+        self.write("case.nml", STEPS.replace("step.geo", "part.msh") + "&accuracy error=0.01 /")
+        log = self.dotyk("case.nml", code=2)
+        self.assertIn("case.nml:10: &accuracy", log)
+        self.assertIn("part.msh", log)
+        self.write("step.geo", STEP + "Recombine Surface {1};\n")
+        self.write("case.nml", STEPS + "&accuracy error=0.01 /")
+        log = self.dotyk("case.nml", code=2)
+        self.assertIn("step.geo", log)
+        self.assertIn("'a'", log)
+        self.assertFalse((self.folder / "case.vtkhdf").exists())
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
