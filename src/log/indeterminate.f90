@@ -109,7 +109,8 @@ contains
     end do
   end subroutine columns_of_parts
 
-  !> Say which forces along motions that contact does not determine are too large to rest on weak springs.
+  !> Say which forces along motions that contact does not determine are too large to rest on weak springs, and where
+  !> facets of round surfaces make moments that these do not have.
   subroutine note_rest(problem, state, max_unbalanced, log)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
     type(solver_state_t), intent(in) :: state  !! How the scheme ended.
@@ -119,9 +120,17 @@ contains
     real(dp) :: force(3)
     integer :: b, i, first(size(problem%body) + 1)
     if (.not. allocated(state%rest)) return
-    if (.not. any(state%excess > max_unbalanced)) return
-    b = maxloc(state%excess, 1)
+    if (.not. any(state%rest > max_unbalanced)) return
+    b = maxloc(state%rest, 1)
+    if (any(state%excess > max_unbalanced)) b = maxloc(state%excess, 1)
     text = to_text(100*state%rest(b), 2)//' % of the forces on '//quoted(problem%body(b)%name)
+    if (.not. state%excess(b) > max_unbalanced) then
+      if (count(state%rest > max_unbalanced) > 1) &
+        text = text//' (of '//to_text(count(state%rest > max_unbalanced))//' bodies the largest)'
+      call log%line('  warning          the mesh turns '//text//' into a moment: facets press beside the centre of a '// &
+                    'round surface; forces hold, moments are off by as much; refine the mesh at the contact')
+      return
+    end if
     if (count(state%excess > max_unbalanced) > 1) &
       text = text//' (of '//to_text(count(state%excess > max_unbalanced))//' bodies the largest)'
     first = first_mode(problem%modes, problem%tie)
