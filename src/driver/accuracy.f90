@@ -1,11 +1,10 @@
 !> Meshes until the error is as small as asked for: each is solved, its errors give the sizes of the next one.
 module dotyk_driver_accuracy
-  use dotyk_base_content_hash, only: content_hash_t
-  use dotyk_base_error, only: error_t, exit_not_written, set_error
+  use dotyk_base_error, only: error_t
   use dotyk_base_files, only: own_mark
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
-  use dotyk_base_operating_system, only: directory_of, remove_file, rename_file
+  use dotyk_base_operating_system, only: remove_file
   use dotyk_base_text, only: counted, text_t, to_text
   use dotyk_base_timer, only: wall_time
   use dotyk_control_adapted_sizes, only: adapted_sizes_t
@@ -44,18 +43,21 @@ module dotyk_driver_accuracy
   real(dp), parameter :: growth(2:3) = [6.0_dp, 8.0_dp]  !! Elements of a mesh over those of the last one at most [].
   !> From this number of elements on gmsh's parallel algorithm is the faster one.
   real(dp), parameter :: many = 7.0e4_dp
+  integer, parameter :: first_field = 9000  !! Fields of gmsh from this number on: geometries may have some of their own.
 
 contains
 
   !> A new mesh begins; errors and contact of the last one are forgotten.
-  subroutine accuracy_begin_mesh(self)
+  subroutine accuracy_begin_mesh(self, case)
     class(accuracy_t), intent(inout) :: self
+    type(case_t), intent(inout) :: case  !! Gets the number of the mesh.
     type(adapted_sizes_t) :: nothing
     if (self%n_meshes == 0) self%began = wall_time()
     self%n_before = self%sizes%n_elements
     self%sizes = nothing
     self%is_doubtful = .false.
     self%n_meshes = self%n_meshes + 1
+    case%mesh_number = self%n_meshes
   end subroutine accuracy_begin_mesh
 
   !> Take the errors of a load case, where an error is asked for.
@@ -136,7 +138,6 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a file cannot be written.
     character(:), allocatable :: folder, path, name, script, list
     character, parameter :: lf = new_line('a')
-    type(content_hash_t) :: hash
     real(dp) :: extent
     type(text_t), allocatable :: files(:), scripts(:)
     integer :: v, f, field
@@ -152,30 +153,26 @@ contains
         extent = 0
         do f = v, size(view)
           if (view(f)%file /= view(v)%file) cycle
-          ! The name has a hash of the content: the same sizes give the mesh that is cached.
-          path = folder//'sizes'//own_mark()//'.pos'
+          name = 'sizes'//own_mark()//'.'//to_text(f)//'.pos'
+          path = folder//name
           call view(f)%write(path, error)
           if (allocated(error)) return
-          hash = content_hash_t()
-          call hash%add_file(path, error)
-          if (allocated(error)) return
-          name = folder//'sizes-'//hash%digits()//'.pos'
-          if (.not. rename_file(path, name)) call set_error(error, name//': cannot be written', exit_not_written)
-          if (allocated(error)) return
-          self%view_file = [self%view_file, text_t(name)]
-          field = 1000*case%scene%dimension + 2*f
-          script = script//view(f)%script(name(len(directory_of(name)) + 1:), field)
+          self%view_file = [self%view_file, text_t(path)]
+          field = first_field + 2*f
+          script = script//view(f)%script(name, field)
           if (len(list) > 0) list = list//', '
           list = list//to_text(field + 1)
           extent = max(extent, maxval(maxval(view(f)%mesh%x, 2) - minval(view(f)%mesh%x, 2)))
         end do
+        ! What the geometry says of sizes does not count beside these.
         script = 'Mesh.MeshSizeExtendFromBoundary = 0;'//lf//'Mesh.MeshSizeFromPoints = 0;'//lf// &
           'Mesh.MeshSizeFromCurvature = 8;'//lf//'Mesh.MeshSizeMin = 0;'//lf// &
           'Mesh.MeshSizeMax = '//to_text(2*extent, 17)//';'//lf//'Mesh.MeshSizeFactor = 1;'//lf// &
           'Mesh.HighOrderOptimize = 1;'//lf//script
         if (self%sizes%expected > many) script = script//'Mesh.Algorithm3D = 10;'//lf
-        script = script//'Field[999] = Min;'//lf//'Field[999].FieldsList = {'//list//'};'//lf// &
-          'Background Field = 999;'//lf
+        script = script//'Field['//to_text(first_field)//'] = Min;'//lf// &
+          'Field['//to_text(first_field)//'].FieldsList = {'//list//'};'//lf// &
+          'Background Field = '//to_text(first_field)//';'//lf
         name = view(v)%file
         files = [files, text_t(name)]
         scripts = [scripts, text_t(script)]

@@ -70,7 +70,7 @@ contains
     end if
     do
       call monitor%log%hold()
-      call accuracy%begin_mesh()
+      call accuracy%begin_mesh(case)
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
       call monitor%log%take(lines)
       is_last = allocated(error) .or. interrupted()
