@@ -227,7 +227,8 @@ contains
     real(dp), intent(in) :: aim  !! Relative error in the energy norm that is aimed at [].
     real(dp), intent(in) :: most_elements  !! Elements of the scene at most [].
     real(dp), intent(in) :: factor  !! Elements of the last mesh over those that were expected of it [].
-    logical, intent(in) :: first  !! Whether this is the first mesh, whose greatest errors need not be at singular points.
+    !> Whether this is the first mesh, whose greatest errors need not be at singular points.
+    logical, intent(in) :: first
     real(dp) :: relaxed
     relaxed = aim
     do

@@ -43,7 +43,7 @@ module dotyk_driver_accuracy
   real(dp), parameter :: growth(2:3) = [6.0_dp, 8.0_dp]  !! Elements of a mesh over those of the last one at most [].
   !> From this number of elements on gmsh's parallel algorithm is the faster one.
   real(dp), parameter :: many = 7.0e4_dp
-  integer, parameter :: first_field = 9000  !! Fields of gmsh from this number on: geometries may have some of their own.
+  integer, parameter :: first_field = 9000  !! Fields of gmsh from this number on: geometries may have their own.
 
 contains
 

@@ -64,8 +64,8 @@ contains
       return
     end if
     if (n_ranks() > 1) then
-      call set_error(error, case%file//':'//to_text(case%accuracy%line)//': &accuracy: meshes are chosen by one process; '// &
-                     'run without mpirun')
+      call set_error(error, case%file//':'//to_text(case%accuracy%line)//': &accuracy: one process chooses the '// &
+                     'meshes; run without mpirun')
       return
     end if
     do
@@ -114,8 +114,8 @@ contains
       call run_scene(arguments, case, run, .true., n_added < most_added, threads, monitor, has_shown, met, accuracy, &
                      reason, code, error)
       if (reason /= reason_none) &
-        call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, accuracy, &
-                       reason, code, error)
+        call run_scene(arguments, case, run, .false., n_added < most_added, threads, monitor, has_shown, met, &
+                       accuracy, reason, code, error)
       is_stopped = interrupted()
       if (allocated(error) .and. n > 0 .and. .not. is_stopped) then
         ! What supports prescribe, for example, no row keeps out: the results without them say where bodies are deep.

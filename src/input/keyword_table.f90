@@ -86,7 +86,7 @@ contains
                        "&contact_case case='hot', contact='fit', gap=-3e-5 /")
     groups(16) = group('accuracy', at_most_one, 'meshes that the program chooses until the error is small enough: '// &
                       'of .geo and CAD files with triangles and tetrahedra', &
-                      "&accuracy error=0.05 /")
+                      '&accuracy error=0.05 /')
     groups(17) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
@@ -145,8 +145,8 @@ contains
                   '(Abaqus, CalculiX: sets of elements are volumes, surfaces and sets of nodes surfaces), .vtu '// &
                   '(VTK: values of arrays of integers of cells are volumes and surfaces, those of points '// &
                   'surfaces), .med and other formats of meshio, or a CAD file (.step, .stp, .iges, .igs, .brep, '// &
-                  '.brp, .stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), whose '// &
-                  'volumes are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers '// &
+                  '.brp, .stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), '// &
+                  'whose volumes are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers '// &
                   'them; relative to the namelist file')
     call list%add('mesh_size', kind_real, unit='length', positive=.true., &
                   meaning='size of the elements in CAD files; smaller at curved faces (16 around a circle); if '// &

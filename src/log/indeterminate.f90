@@ -127,8 +127,8 @@ contains
     if (.not. state%excess(b) > max_unbalanced) then
       if (count(state%rest > max_unbalanced) > 1) &
         text = text//' (of '//to_text(count(state%rest > max_unbalanced))//' bodies the largest)'
-      call log%line('  warning          the mesh turns '//text//' into a moment: facets press beside the centre of a '// &
-                    'round surface; forces hold, moments are off by as much; refine the mesh at the contact')
+      call log%line('  warning          the mesh turns '//text//' into a moment: facets press beside the '// &
+                    'centre of a round surface; forces hold, moments are off by as much; refine the mesh there')
       return
     end if
     if (count(state%excess > max_unbalanced) > 1) &

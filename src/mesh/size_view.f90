@@ -239,7 +239,8 @@ contains
       write (line, '(a, *(es16.9, :, ","))') kind(size(h) - 1)//'(', x
       k = len_trim(line)
       write (line(k + 1:), '(a, *(es10.3, :, ","))') '){', h
-      write (unit, '(a)', iostat=status) trim(line)//'};'
+      write (unit, '(a)', iostat=k) trim(line)//'};'
+      if (k /= 0) status = k
     end subroutine write_simplex
 
     !> Numbers in ascending order.
