@@ -1,4 +1,4 @@
-"""Keyword cards of a deck, with the files that it includes."""
+"""Numbers and mistakes of keyword cards."""
 import contextlib
 import re
 
@@ -24,49 +24,6 @@ def refuse_decimal_commas(card):
         if len(fields) > most and not any(re.search(r"[.eEdD]", field) for field in fields[-most:]):
             raise ValueError("%s: *%s: '%s' has %d numbers, %d at most are read: decimals of a deck have a point, not a comma" % (
                 card.place, card.keyword.upper(), ", ".join(fields), len(fields), most))
-
-
-class Card:
-    """A keyword card with its parameters and data lines (lists of fields)."""
-
-    def __init__(self, text, place):
-        head, *rest = re.split(r",(?=(?:[^\"]*\"[^\"]*\")*[^\"]*$)", text[1:])
-        self.keyword, self.place, self.data, self.parameters = re.sub(r"[\s-]", "", head).lower(), place, [], {}
-        # Name of the part to which it belongs, in small letters.
-        self.part = None
-        for field in rest:
-            key, _, value = field.partition("=")
-            if key.strip():
-                self.parameters[re.sub(r"\s", "", key).lower()] = value.strip().strip('"')
-
-    def get(self, key, default=""):
-        return self.parameters.get(key, default)
-
-
-def read_cards(path, folder, depth=0):
-    """The cards of a deck, those of included files among them; an included file may begin with data lines (keyword '')."""
-    cards, card, text = [Card("*", str(path))], None, ""
-    for n, line in enumerate(path.read_text(encoding="latin1").splitlines(), 1):
-        line = line.strip()
-        if not line or line.startswith("**"):
-            continue
-        if line.startswith("*") or text:
-            text += line
-            if text.endswith(","):
-                continue
-            card, text = Card(text, "%s:%d" % (path.name, n)), ""
-            if card.keyword != "include":
-                cards.append(card)
-            name = card.get("input")
-            if name and card.keyword in ("include", "node", "element"):
-                if depth > 20:
-                    raise ValueError("%s includes itself" % path)
-                first, *more = read_cards(folder / name, folder, depth + 1)
-                cards[-1].data += first.data
-                cards += more
-            continue
-        cards[-1].data.append([field.strip() for field in line.rstrip(",").split(",")])
-    return cards
 
 
 @contextlib.contextmanager

@@ -1,93 +1,93 @@
-"""A deck: its mesh with instances, outer faces and bodies."""
+"""A deck as mesh2msh reads it, by numbers: its mesh with instances, outer faces and bodies."""
 import collections
 import re
 
 import numpy as np
 
-from .cards import OF_PARTS, located, number, read_cards, refuse_decimal_commas
+from mesh2msh import deck
+
+from .cards import OF_PARTS, refuse_decimal_commas
 from .elements import CORNERS, EDGES, FACES, corners, shape_functions
-from .mesh import Mesh
 
 # Cosine of the angle between faces that no edge parts: 30 degrees.
 SMOOTH = 0.866
 
 
-class Deck(Mesh):
-    """What a deck says of its mesh, and its cards."""
+class Deck(deck.Deck):
+    """What a deck says of its mesh, and its cards. Sets and surfaces are by their names in capital letters."""
 
     def __init__(self, path):
-        super().__init__()
-        self.cards = read_cards(path, path.parent)
-        # Parts by their names in small letters; instances by those of their parts: (name, rotation matrix or None).
-        self.parts, self.instances = {}, collections.defaultdict(list)
-        at, inside = None, None
+        super().__init__(str(path))
+        inside = False
         for card in self.cards:
-            card.part = at
             refuse_decimal_commas(card)
-            if card.keyword == "part":
-                at = card.get("name").lower()
-                card.part, self.parts[at] = at, Mesh()
-            elif card.keyword == "endpart":
-                at = None
-            elif card.keyword == "instance":
-                inside = card
-                self.add_instance(card)
-            elif card.keyword == "endinstance":
-                inside = None
-            elif inside and card.keyword in OF_PARTS:
+            inside = card.keyword == "instance" or inside and card.keyword != "endinstance"
+            if inside and card.keyword in OF_PARTS:
                 raise ValueError("%s: *%s inside an *INSTANCE; it belongs into its *PART" % (card.place, card.keyword.upper()))
-            with located(card):
-                getattr(self if at is None else self.parts[at], "read_" + card.keyword, lambda card: None)(card)
-        for part in self.parts.values():
-            self.unread += part.unread
-        dimension = {3 if kind.startswith("C3D") else 2 if re.match("CPS|CPE|CAX", kind) else 0 for kind in self.types.values()}
+        self.unread = [(card.place, "*SURFACE %s that is neither of faces nor of nodes" % card.get("name")) for card in self.cards
+                       if card.keyword == "surface" and ("combine" in card.parameters or card.get("type", "element").lower() not in
+                                                         ("element", "node"))]
+        model, self.nodes, self.elements, self.types, place_of_type = self.model, {}, {}, {}, {}
+        for tags, x, *_ in model.nodes:
+            self.nodes.update(zip(tags.tolist(), x.tolist()))
+        for kind, _, tags, nodes, card, _ in model.elements:
+            self.elements.update(zip(tags.tolist(), nodes.tolist()))
+            self.types.update(dict.fromkeys(tags.tolist(), kind))
+            place_of_type.setdefault(kind, card.place)
+        # Names of element sets as they are first written.
+        self.spelled = {key.upper(): own.name for key, own in model.element_sets.items()}
+        self.node_sets, self.element_sets = ({key.upper(): own.numbers().tolist() for key, own in sets.items()}
+                                             for sets in (model.node_sets, model.element_sets))
+        self.offsets = {name.upper(): offset for name, offset in self.offsets.items()}
+        self.surfaces = {key.upper(): (own.name, own.of_nodes, self.entries(own)) for key, own in model.surfaces.items()}
+        dimension = {3 if kind.startswith("C3D") else 2 if re.match("CPS|CPE|CAX", kind) else 0 for kind in place_of_type}
         if len(dimension) != 1 or 0 in dimension:
-            kinds = ["%s (%s)" % (kind, self.place_of_type[kind]) for kind in sorted(set(self.types.values()))]
-            raise ValueError("elements %s: solid elements of one dimension are needed" % ", ".join(kinds))
+            raise ValueError("elements %s: solid elements of one dimension are needed" % ", ".join(
+                "%s (%s)" % (kind, place_of_type[kind]) for kind in sorted(place_of_type)))
         self.dimension = dimension.pop()
-        kinds = {kind[:3] for kind in self.types.values()}
+        kinds = {kind[:3] for kind in place_of_type}
         self.analysis = {"C3D": "3d", "CPS": "plane_stress", "CPE": "plane_strain", "CAX": "axisymmetric"}[kinds.pop()]
         if kinds:
             raise ValueError("plane stress, plane strain and axisymmetric elements together")
         self.find_faces()
         self.find_bodies()
 
-    def add_instance(self, card):
-        """Nodes, elements, sets and surfaces of an instance, with the names and numbers that dotyk gives them."""
-        name, part = card.get("name"), self.parts.get(card.get("part").lower())
-        if part is None:
-            raise ValueError("%s: there is no part '%s'" % (card.place, card.get("part")))
-        given = [number(f) for fields in card.data for f in fields]
-        if len(given) > 10 or 3 < len(given) < 10:
-            raise ValueError("%s: an instance has a translation of 3 numbers and a rotation of 7" % card.place)
-        shift, turn = np.array((given + [0.0]*3)[:3]), None
-        if len(given) > 3:
-            centre = np.array(given[3:6])
-            turn = rotation(np.array(given[6:9]) - centre, given[9])
-        step = 10
-        while any(step <= max([0, *mesh.nodes, *mesh.elements]) for mesh in self.parts.values()):
-            step *= 10
-        offset = step*(len(self.offsets) + 1)
-        self.offsets[name.upper()] = offset
-        self.instances[card.get("part").lower()].append((name, turn))
-        for n, x in part.nodes.items():
-            x = np.array(x) + shift
-            self.nodes[n + offset] = (x if turn is None else centre + turn @ (x - centre)).tolist()
-        for e, nodes in part.elements.items():
-            self.elements[e + offset] = [n + offset for n in nodes]
-            self.types[e + offset] = part.types[e]
-        self.place_of_type.update(part.place_of_type)
-        self.add(self.element_sets, name, [e + offset for e in part.elements])
-        for sets, own in ((self.node_sets, part.node_sets), (self.element_sets, part.element_sets)):
-            for key, members in own.items():
-                self.add(sets, "%s.%s" % (name, part.spelled.get(key, key)), [m + offset for m in members])
-        for key, (spelled, of_nodes, entries) in part.surfaces.items():
-            entries = [m + offset if of_nodes else (m[0] + offset, m[1]) for m in entries]
-            self.surfaces["%s.%s" % (name.upper(), key)] = ("%s.%s" % (name, spelled), of_nodes, entries)
+    def entries(self, surface):
+        """Nodes of a surface, or its elements with the labels of their faces, 0 for outer ones."""
+        found = []
+        for name, value, label, card, line in surface.entries:
+            sets = self.node_sets if surface.of_nodes else self.element_sets
+            if name is not None and name.upper() not in sets:
+                card.fail("there is no set '%s'" % name, line)
+            own = [value] if name is None else sets[name.upper()]
+            found += own if surface.of_nodes else [(e, label) for e in own]
+        return found
+
+    def offset(self, instance):
+        """What is added to the numbers of an instance."""
+        if instance and instance.upper() not in self.offsets:
+            raise ValueError("there is no instance '%s'" % instance)
+        return self.offsets.get(instance.upper(), 0)
+
+    def members(self, sets, field, instance=""):
+        """Members that a field names: a number, that of an instance, as Bolt-1.17, or a set."""
+        name, (before, _, after) = field.replace('"', ""), field.replace('"', "").rpartition(".")
+        if re.fullmatch(r"\d+", name):
+            return [int(name) + self.offset(instance)]
+        for key in (name.upper(), "%s.%s" % (instance.upper(), name.upper())):
+            if key in sets:
+                return sets[key]
+        if before.upper() in self.offsets and re.fullmatch(r"\d+", after):
+            return [int(after) + self.offset(before)]
+        kind, other, others = (("nodes", "elements", self.element_sets) if sets is self.node_sets else ("elements", "nodes", self.node_sets))
+        if name.upper() in others:
+            raise ValueError("'%s' is a set of %s; one of %s is needed here: *%s" % (
+                field, other, kind, "NSET, NSET=..., ELSET=%s makes it" % field if kind == "nodes" else "ELSET"))
+        raise ValueError("there is no set '%s'" % field)
 
     def scopes(self, card):
         """Where a card holds: names of instances, empty for the whole deck, with their rotations."""
-        return [("", None)] if card.part is None else self.instances[card.part]
+        return [("", None)] if card.part is None else self.instances.get(card.part, [])
 
     def shape(self, element):
         return self.dimension, CORNERS[self.dimension][len(self.elements[element])]
@@ -186,10 +186,3 @@ class Deck(Mesh):
                 for node, v in zip(nodes, value):
                     loads[node] += v*area
         return loads
-
-
-def rotation(axis, degrees):
-    """Matrix of a rotation about an axis."""
-    a, angle = axis/np.linalg.norm(axis), np.radians(degrees)
-    cross = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
-    return np.eye(3) + np.sin(angle)*cross + (1 - np.cos(angle))*(cross @ cross)

@@ -3,6 +3,7 @@
 Sources: CalculiX CrunchiX USER'S MANUAL, chapter "Input deck format"; Abaqus Keywords Reference Guide.
 """
 import bisect
+import functools
 import os
 import re
 import warnings
@@ -64,7 +65,7 @@ class Card:
         """file:line of a data line."""
         return "%s:%d" % (self.files[bisect.bisect(self.files, (line, chr(0x10ffff))) - 1][1], self.numbers[line])
 
-    @property
+    @functools.cached_property
     def data(self):
         """Fields of the data lines."""
         return [[field.strip() for field in line.split(",")] for line in self.lines]

@@ -13,7 +13,7 @@ ALL_ELEMENTS = "Eall"
 MOST_LISTED = 5
 
 
-class Fault(Exception):
+class Fault(ValueError):
     """A mistake of the file; the message names its place."""
 
 
