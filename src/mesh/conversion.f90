@@ -353,7 +353,7 @@ contains
       command = shell_quoted(executable(file))//' -B '//shell_quoted(converter())//' '//shell_quoted(plain(file))// &
                 ' '//to_text(dimension)//' '//shell_quoted(temporary//'.msh')
     end if
-    call run_command(command, temporary//'.log', status, confined=meshing%no_shell)
+    call run_command(command, temporary//'.log', status, confined=meshing%no_shell .and. uses_gmsh(file))
     call stop_if_interrupted(error)
     if (.not. allocated(error)) then
       call log%read(temporary//'.log', found)
@@ -406,7 +406,7 @@ contains
     type(conversion_log_t), intent(in) :: log  !! What the program said.
     type(error_t), allocatable, intent(out) :: error  !! The reason.
     character(:), allocatable :: errors
-    if (status == status_not_confined .and. no_shell) then
+    if (status == status_not_confined .and. no_shell .and. uses_gmsh(file)) then
       call set_error(error, file//': --no-shell needs Linux with seccomp: without it gmsh cannot be kept from '// &
                      'starting programs', exit_machine)
     else if (status == status_not_found .or. status == status_not_executable) then
@@ -428,8 +428,8 @@ contains
         errors = errors//crash_text(gmsh_command(file, dimension, temporary, .true.), script, temporary, no_shell)
       call set_error(error, file//': '//trim(merge('gmsh could not mesh it', 'it was not converted  ', &
                                                    uses_gmsh(file)))// &
-                     trim(merge(' under --no-shell', '                 ', no_shell))//':'//errors// &
-                     advice(file, errors)//new_line('a')//'  (full log: '//base//'.log)')
+                     trim(merge(' under --no-shell', '                 ', no_shell .and. uses_gmsh(file)))//':'// &
+                     errors//advice(file, errors)//new_line('a')//'  (full log: '//base//'.log)')
     end if
   end subroutine explain_failure
 

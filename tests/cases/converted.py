@@ -6,6 +6,7 @@ import sys
 import numpy as np
 
 import dotyk_case
+from decks import deck
 from vtu import FIELD, elements, turned
 from vtu_files import grid
 
@@ -54,6 +55,14 @@ class Converted(dotyk_case.Case):
                     self.patch("part.med", "whole", "all")
         listed = self.dotyk("--check", "case.nml")
         self.assertIn("    block         48 elements\n", listed)
+
+    def test_no_shell(self):
+        """Decks start no programs; Python may be a script that does."""
+        self.write("part.inp", deck("C3D8", "hex"))
+        self.write("case.nml", "&scene mesh='part.inp' /\n" + MATERIAL + BODY % "block")
+        python = self.write("python", "#!/bin/sh\ntrue | cat\npython3 \"$@\"\n")
+        python.chmod(0o755)
+        self.assertIn("    block         8 elements\n", self.dotyk("--check", "--no-shell", "case.nml", DOTYK_PYTHON=str(python)))
 
     def test_other_formats(self):
         """Their integers of the cells are volumes."""

@@ -122,6 +122,9 @@ class NodeFields(dotyk_case.Case):
         self.write("part.inp", mesh + start + "*STEP\n*TEMPERATURE\n" + each)
         self.compare("part.inp", ("field='temperature', case='a'", "field='initial_temperature', case='b'"),
                      ("formula='20+%s', case='a'" % PLACED, "value=20, case='b'"))
+        self.write("part.nml", "&scene mesh='part.inp' /\n" + MATERIAL + BODY + self.hold)
+        self.assertIn("part.inp, read as a mesh: fields at nodes: 'initial_temperature', 'temperature', 'temperature step 1'; not read: ",
+                      self.dotyk("--check", "part.nml"))
         self.refused("part.inp", "field='T'", "the nodes have no field 'T'; they have 'initial_temperature', 'temperature', 'temperature step 1'")
         self.write("part.inp", mesh + "*STEP\n*TEMPERATURE\n" + re.sub("(?m)^5, .*\n", "", each))
         self.refused("part.inp", "field='temperature'",

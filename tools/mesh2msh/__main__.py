@@ -31,6 +31,8 @@ def main(path, dimension, output):
         mesh, remark, files = reader.read(path, int(dimension))
         for name in files:
             print("Info    : Reading '%s'..." % name)
+        fields = ", ".join(dict.fromkeys("'%s'" % name for name, *_ in mesh.fields))
+        remark = "; ".join(filter(None, ["fields at nodes: " + fields if fields else "", remark]))
         if remark:
             print("Remark  : %s, read as a mesh: %s" % (path, remark))
         msh.write(output, mesh)

@@ -81,9 +81,10 @@ class Card:
 
     def real(self, text, line):
         """A number; 0 for an empty field."""
-        if text and not REAL.fullmatch(text):
+        value = float(re.sub("[dD]", "e", text)) if REAL.fullmatch(text) else np.inf if text else 0.0
+        if not np.isfinite(value):
             self.fail("expected a finite number, found '%s'" % text, line)
-        return float(re.sub("[dD]", "e", text)) if text else 0.0
+        return value
 
     def table(self):
         """Numbers of the data lines (lines, fields); None where lines differ in the number of fields or have other things than numbers."""

@@ -278,6 +278,8 @@ class Deck:
         offset = self.offsets[name.lower()] = step*(len(self.offsets) + 1)
         shift, turn, centre = np.array((given + [0.0]*3)[:3]), None, np.array(given[3:6])
         if len(given) > 3:
+            if np.array_equal(given[3:6], given[6:9]):
+                card.fail("the two points of the axis of a rotation are the same")
             turn = rotation(np.array(given[6:9]) - centre, given[9])
         self.instances.setdefault(card.get("part").lower(), []).append((name, turn))
         for tags, x, own, lines in part.nodes:

@@ -8,18 +8,19 @@ from .mesh import Fault
 def write(path, mesh):
     """Write the nodes, the groups of elements and the fields of a mesh."""
     groups, entities, used = {}, {0: [], 1: [], 2: [], 3: []}, set()
+    greatest = max(block.entity for block in mesh.blocks)
     for block in mesh.blocks:
         dimension = KINDS[block.kind][1]
         for name in block.groups:
             groups.setdefault((dimension, name), len(groups) + 1)
         # Entities of geometries have positive numbers, other blocks negative ones: no faces of a geometry are known there.
-        key = (dimension, block.entity)
-        if block.entity <= 0 or key in used:
-            key = (dimension, -1 - len(entities[dimension]) if block.entity <= 0 else
-                   max([e for d, e in used if d == dimension] + [b.entity for b in mesh.blocks]) + 1)
-        used.add(key)
-        block.number = key[1]
-        entities[dimension].append((key[1], [groups[dimension, name] for name in block.groups]))
+        block.number = block.entity
+        if block.entity <= 0:
+            block.number = -1 - len(entities[dimension])
+        elif (dimension, block.entity) in used:
+            block.number = greatest = greatest + 1
+        used.add((dimension, block.number))
+        entities[dimension].append((block.number, [groups[dimension, name] for name in block.groups]))
     with open(path, "wb") as file:
         file.write(b"$MeshFormat\n4.1 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(b"$PhysicalNames\n%d\n" % len(groups))

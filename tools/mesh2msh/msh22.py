@@ -173,10 +173,29 @@ class File:
             width = 1 + n_tags + self.n_nodes(kind, done + 1, n_tags)
             if self.place + 12 + 4*own*width > len(self.bytes):
                 self.fail("the file ends inside $Elements: it is truncated")
-            table = np.frombuffer(self.bytes, dtype="<i4", count=own*width, offset=self.place + 12).reshape(own, width).astype(np.int64)
+            if own == 1:
+                # gmsh writes a header for each element.
+                table = self.equal_heads([kind, own, n_tags], n - done, 3 + width)[:, 3:]
+                own = len(table)
+                self.place += 4*own*(3 + width)
+            else:
+                table = np.frombuffer(self.bytes, dtype="<i4", count=own*width, offset=self.place + 12).reshape(own, width)
+                self.place += 12 + 4*own*width
+            table = table.astype(np.int64)
             self.elements.append((kind, done + np.arange(own), table[:, 0], table[:, 1:1 + n_tags], table[:, 1 + n_tags:]))
-            self.place += 12 + 4*own*width
             done += own
+
+    def equal_heads(self, head, most, width):
+        """The rows from here on that begin as the first one: at most so many, each of `width` integers."""
+        most = min(most, (len(self.bytes) - self.place)//(4*width))
+        n = 1
+        while n < most:
+            n = min(2*n, most)
+            rows = np.frombuffer(self.bytes, dtype="<i4", count=n*width, offset=self.place).reshape(n, width)
+            other = np.flatnonzero((rows[n//2:, :3] != head).any(axis=1))
+            if len(other):
+                return rows[:n//2 + other[0]]
+        return np.frombuffer(self.bytes, dtype="<i4", count=n*width, offset=self.place).reshape(n, width)
 
     def n_nodes(self, kind, element, n_tags):
         if int(kind) not in KIND_OF and int(kind) not in OTHERS:
@@ -207,9 +226,11 @@ def read(path, dimension):
             e, k = missing[0]
             file.fail("element %d refers to node %d, which $Nodes does not have" % (tags[e], nodes[e, k]))
         rows = rows[:, KINDS[name][3]] if KINDS[name][3] else rows
-        for group, own in np.unique(np.stack([physical, entity], axis=1)[physical > 0], axis=0):
-            chosen = (physical == group) & (entity == own)
-            blocks.setdefault((name, int(group), int(own)), []).append((order[chosen], tags[chosen], rows[chosen]))
+        by_group = np.lexsort((entity, physical))
+        by_group = by_group[physical[by_group] > 0]
+        ends = np.flatnonzero((np.diff(physical[by_group]) != 0) | (np.diff(entity[by_group]) != 0)) + 1
+        for chosen in np.split(by_group, ends):
+            blocks.setdefault((name, int(physical[chosen[0]]), int(entity[chosen[0]])), []).append((order[chosen], tags[chosen], rows[chosen]))
     if not blocks:
         raise Fault("%s: no element belongs to a physical group: add Physical Volume(\"name\") and Physical Surface(\"name\") (in two dimensions "
                     "Physical Surface and Physical Curve) to the geometry and mesh it again" % path)
