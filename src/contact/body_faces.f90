@@ -2,11 +2,11 @@
 module dotyk_contact_body_faces
   use dotyk_base_kinds, only: dp
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t
+  use dotyk_contact_facet_corners, only: corner_normal
   use dotyk_contact_facet_distance, only: ray_meets_polygon
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_tree_search, only: region_t, tree_walk_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_facet_nodes
-  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -105,14 +105,7 @@ contains
     real(dp), intent(out) :: spacing  !! Mean spacing of the nodes along the edges [length].
     real(dp) :: length
     integer :: i, edges
-    if (n_corners == 2) then
-      normal = [y(2, 2) - y(2, 1), y(1, 1) - y(1, 2), 0.0_dp]
-    else if (n_corners == 3) then
-      normal = cross(y(:, 2) - y(:, 1), y(:, 3) - y(:, 1))
-    else
-      normal = cross(y(:, 3) - y(:, 1), y(:, 4) - y(:, 2))
-    end if
-    normal = normal/max(norm2(normal), tiny(1.0_dp))
+    normal = corner_normal(y(:, :n_corners))
     edges = merge(1, n_corners, n_corners == 2)
     length = 0
     do i = 1, edges

@@ -2,9 +2,10 @@
 module dotyk_contact_facet_corners
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: corner_position, corner_coordinates, edge_coordinates
+  public :: corner_position, corner_coordinates, corner_normal, edge_coordinates
 
 contains
 
@@ -49,4 +50,19 @@ contains
       xi = (1 - s)*square(:, edge) + s*square(:, modulo(edge, 4) + 1)
     end if
   end function edge_coordinates
+
+  !> Unit normal of the plane, or chord, of the corners of a facet (3) []; zero where they are collinear.
+  pure function corner_normal(x) result(normal)
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, 2 to 4) [length].
+    real(dp) :: normal(3)
+    select case (size(x, 2))
+    case (2)
+      normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
+    case (3)
+      normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
+    case default
+      normal = cross(x(:, 3) - x(:, 1), x(:, 4) - x(:, 2))
+    end select
+    normal = normal/max(norm2(normal), tiny(1.0_dp))
+  end function corner_normal
 end module dotyk_contact_facet_corners

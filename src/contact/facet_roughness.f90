@@ -6,13 +6,13 @@
 module dotyk_contact_facet_roughness
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
+  use dotyk_contact_facet_corners, only: corner_coordinates, corner_normal
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_smooth_sheets, only: facet_entity, is_smooth_edge
-  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: corner_place, measure_roughness
+  public :: measure_roughness
 
   real(dp), parameter :: roughness_factor = 0.25_dp  !! Roughness over width times angle: twice the height of the arc.
 
@@ -88,7 +88,7 @@ contains
     curvature = 0
     if (is_flat) return
     do i = 1, set%corners(f)
-      xi = corner_place(set%corners(f), i)
+      xi = corner_coordinates(set%corners(f), i)
       call facet_position_and_normal(set, f, xi, position, other, xu, xv)
       turn = norm2(other - normal)
       distance = norm2(position - centre)
@@ -98,31 +98,6 @@ contains
       curvature = max(curvature, turn/distance)
     end do
   end subroutine bulge
-
-  !> Reference coordinates of a corner of a line, triangle or quadrilateral (2) [].
-  pure function corner_place(corners, i) result(xi)
-    integer, intent(in) :: corners  !! Number of corners.
-    integer, intent(in) :: i  !! Corner.
-    real(dp) :: xi(2)
-    xi = [merge(1, 0, i == 2), merge(1, 0, i == 3)]
-    if (corners == 2) xi = [2*i - 3, 0]
-    if (corners == 4) xi = [merge(1, -1, i == 2 .or. i == 3), merge(1, -1, i > 2)]
-  end function corner_place
-
-  !> Unit normal of the plane, or chord, of the corners (3) []; zero where they are collinear.
-  pure function corner_normal(x) result(normal)
-    real(dp), intent(in) :: x(:, :)  !! Corners (3, 2 to 4) [length].
-    real(dp) :: normal(3)
-    select case (size(x, 2))
-    case (2)
-      normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
-    case (3)
-      normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
-    case default
-      normal = cross(x(:, 3) - x(:, 1), x(:, 4) - x(:, 2))
-    end select
-    normal = normal/max(norm2(normal), tiny(1.0_dp))
-  end function corner_normal
 
   !> Width of a facet across one of its edges: the distance of its farthest corner from the edge; in two dimensions its
   !> length [length].

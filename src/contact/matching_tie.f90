@@ -7,7 +7,7 @@ module dotyk_contact_matching_tie
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, max_facet_nodes, reference_nodes
-  use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_facet, only: area_vector
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   implicit none
   private
@@ -95,21 +95,6 @@ contains
       tie(c) = pair
     end do
   end subroutine discretize_matching_tie
-
-  !> Area times normal of a facet from its corners; in two dimensions its length.
-  pure function area_vector(x) result(vector)
-    real(dp), intent(in) :: x(:, :)  !! Corners (dimension, n_corners) [length].
-    real(dp) :: vector(size(x, 1))
-    integer :: i
-    if (size(x, 1) == 2) then
-      vector = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2)]
-      return
-    end if
-    vector = 0
-    do i = 2, size(x, 2) - 1
-      vector = vector + cross(x(:, i) - x(:, 1), x(:, i + 1) - x(:, 1))/2
-    end do
-  end function area_vector
 
   !> Reference coordinates of a node of a facet (dimension - 1) [].
   pure function reference_node(d, kind, j) result(xi)

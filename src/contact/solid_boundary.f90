@@ -9,7 +9,8 @@ module dotyk_contact_solid_boundary
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
-  use dotyk_contact_facet_roughness, only: corner_place, measure_roughness
+  use dotyk_contact_facet_corners, only: corner_coordinates
+  use dotyk_contact_facet_roughness, only: measure_roughness
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region, nearest_facet
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
@@ -281,7 +282,7 @@ contains
     real(dp) :: position(3), xu(3), xv(3), a(3), b(3)
     integer :: n
     n = set%corners(facet)
-    call facet_position_and_normal(set, facet, corner_place(n, corner), position, normal, xu, xv)
+    call facet_position_and_normal(set, facet, corner_coordinates(n, corner), position, normal, xu, xv)
     if (n == 2) return
     a = x(:, set%corner_node(modulo(corner, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
     b = x(:, set%corner_node(modulo(corner - 2, n) + 1, facet)) - x(:, set%corner_node(corner, facet))

@@ -9,6 +9,7 @@
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
+  use dotyk_contact_facet_corners, only: corner_normal
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_normal_fit, only: fit_normal
   use dotyk_contact_smooth_sheets, only: is_smooth_edge
@@ -123,15 +124,7 @@ contains
     real(dp), intent(out) :: normal(3)  !! Unit normal; zero for a degenerate facet (3) [].
     logical, intent(out) :: planar  !! All corners are coplanar.
     integer :: k
-    select case (corners)
-    case (2)
-      normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
-    case (3)
-      normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
-    case default
-      normal = cross(x(:, 3) - x(:, 1), x(:, 4) - x(:, 2))
-    end select
-    if (norm2(normal) > 0) normal = normal/norm2(normal)
+    normal = corner_normal(x(:, :corners))
     planar = .true.
     do k = 3, corners
       planar = planar .and. abs(dot_product(normal, x(:, k) - x(:, 1))) <= flat_angle*norm2(x(:, k) - x(:, 1))
@@ -142,7 +135,7 @@ contains
   !> which the weighted sum of these normals at a vertex of a sphere is the normal of the sphere (Max, Weights for
   !> computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999); in two dimensions likewise for a
   !> circle.
-  pure subroutine corner_normal(corners, k, x, normal, weight)
+  pure subroutine area_at_corner(corners, k, x, normal, weight)
     integer, intent(in) :: corners  !! Number of corners of the facet.
     integer, intent(in) :: k  !! Corner.
     real(dp), intent(in) :: x(:, :)  !! Corners (3, corners) [length].
@@ -158,7 +151,7 @@ contains
       normal = cross(a, b)
       weight = 1/max(sum(a**2)*sum(b**2), tiny(1.0_dp))
     end if
-  end subroutine corner_normal
+  end subroutine area_at_corner
 
   !> Unit normals of the smooth surface at the corners of linear facets.
   subroutine smooth_corner_normals(division, set, adjacency, x, smooth_neighbour, flat, wanted, normal)
@@ -246,7 +239,7 @@ contains
         do i = 1, n
           if (sheet(i) /= k) cycle
           f = around(i)
-          call corner_normal(set%corners(f), corner(i), x(:, adjacency%vertex(1:set%corners(f), f)), own, weight)
+          call area_at_corner(set%corners(f), corner(i), x(:, adjacency%vertex(1:set%corners(f), f)), own, weight)
           mean = mean + weight*own
           normal(:, corner(i), f) = own/max(norm2(own), tiny(1.0_dp))
           if (.not. flat(f)) cycle
