@@ -74,7 +74,7 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
-    call keep_segments(a, b, found, tolerance%moved, only_corners, depth, worst, met)
+    call keep_segments(a, b, found, tolerance, only_corners, depth, worst, met)
 
   contains
 
@@ -199,12 +199,12 @@ contains
   end function edge_shape
 
   !> Add the segments that are too deep to the deepest point, in the order of the facets.
-  subroutine keep_segments(a, b, found, moved, only_corners, depth, worst, met)
+  subroutine keep_segments(a, b, found, tolerance, only_corners, depth, worst, met)
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     !> The segments: facet, ends, depth and its position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
-    real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
@@ -220,7 +220,7 @@ contains
         if (segment(4) > 0 .and. .not. any(inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
           depth(nodes) = max(depth(nodes), segment(4))
-          call add_met_point(a, nint(segment(1)), nodes, segment(5:7), b, moved, only_corners, met)
+          call add_met_point(a, nint(segment(1)), nodes, segment(5:7), b, tolerance, only_corners, met)
         end if
         if (segment(4) > (1 + same_depth)*worst%depth) then
           worst%depth = segment(4)

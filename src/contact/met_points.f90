@@ -11,6 +11,7 @@ module dotyk_contact_met_points
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_rows, only: replace_points, set_rows
+  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_point_contacts, only: point_contact_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -34,6 +35,9 @@ module dotyk_contact_met_points
   real(dp), parameter :: in_front = 1.0e-6_dp
   !> An edge leaves a body sideways: not through facets whose normals have less than this sine to it.
   real(dp), parameter :: sideways = sqrt(0.5_dp)
+  !> A point may start behind a facet by more than bodies overlap along the normal of a row: along a right-angled wedge
+  !> by this ratio.
+  real(dp), parameter :: most_ratio = sqrt(2.0_dp)
   integer, parameter :: n_steps = 5  !! Newton steps to the closest point of a curved facet.
 
 contains
@@ -42,49 +46,55 @@ contains
   !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Points of
   !> an edge do not leave along it, as the next ones would take their place. Between bodies without a contact pair only
   !> corners count; other points have no facet of b.
-  subroutine add_met_point(a, f, nodes, x, b, moved, only_corners, met, entered)
+  subroutine add_met_point(a, f, nodes, x, b, tolerance, only_corners, met, entered)
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: f  !! Its facet.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
     real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
     type(solid_t), intent(in) :: b  !! The other part.
-    real(dp), intent(in) :: moved  !! Largest displacement of the two beside their common rigid motion [length].
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points so far (n).
     !> The facet that it came through where that is known: it has passed through b.
     integer, intent(in), optional :: entered
     type(met_point_t) :: new
     real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
-    integer :: near, i, j, k, g
+    integer :: near, i, j, k, g, attempt
     logical :: counts
     call closest_point_on_facet(a%set, f, x, new%xi_a, square)
     x0 = x - a%displacement_at(f, new%xi_a)
     call b%depth_of(x, 0, depth, near, xi)
     counts = .not. only_corners
     ! Each of the two may move by as much, against the other.
-    if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*moved)
+    if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
     along = a%x(:, nodes(size(nodes))) - a%x(:, nodes(1))
     behind = huge(behind)
     least = huge(least)
-    do i = 1, b%set%corners(near)
-      associate (v => b%adjacency%vertex(i, near))
-        do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
-          g = b%adjacency%facet(k)
-          if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))]) .or. present(entered)) cycle
-          call closest_point_on_facet(b%set, g, x, xi, square)
-          call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
-          ! Beside a face, as in a concave corner, the point is not below it.
-          if (2*dot_product(normal, at - x) < sqrt(square)) cycle
-          if (norm2(cross(along, normal)) < sideways*norm2(along)) cycle
-          gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
-          gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
-          if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
-          behind = gap
-          least = square
-          new%facet_b = g
-          new%xi_b = xi
-        end do
-      end associate
+    ! Where it leaves sideways through none, as where the end of an edge comes in, through any.
+    do attempt = 1, 2
+      if (new%facet_b > 0) exit
+      do i = 1, b%set%corners(near)
+        associate (v => b%adjacency%vertex(i, near))
+          do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
+            g = b%adjacency%facet(k)
+            if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))]) .or. present(entered)) cycle
+            call closest_point_on_facet(b%set, g, x, xi, square)
+            call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
+            ! Beside a face, as in a concave corner, the point is not below it.
+            if (2*dot_product(normal, at - x) < sqrt(square)) cycle
+            if (attempt == 1 .and. norm2(cross(along, normal)) < sideways*norm2(along)) cycle
+            gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
+            gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
+            ! Deeper than they overlap: the point started beside this facet.
+            if (gap > most_ratio*tolerance%interference) cycle
+            if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
+            behind = gap
+            least = square
+            new%facet_b = g
+            new%xi_b = xi
+          end do
+        end associate
+      end do
     end do
     if (present(entered)) then
       new%facet_b = entered
@@ -212,5 +222,7 @@ contains
     contact%position = x
     contact%normal = -n
     contact%gap = dot_product(n, x - y)
+    ! Bodies without interference are apart, whatever the plane of a facet beside the point says.
+    if (.not. met%is_behind) contact%gap = max(0.0_dp, contact%gap)
   end function contact_before
 end module dotyk_contact_met_points

@@ -66,8 +66,7 @@ contains
     do i = 1, a%n_nodes
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
-      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance%moved, &
-                         only_corners, met)
+      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance, only_corners, met)
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
@@ -137,8 +136,8 @@ contains
       if (.not. depth(i) < 0) cycle
       depth(i) = -depth(i)
       worst%n_passed = worst%n_passed + 1
-      if (entered(i) > 0) call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance%moved, &
-                                             only_corners, met, entered(i))
+      if (entered(i) > 0) call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance, only_corners, met, &
+                                             entered(i))
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)

@@ -8,7 +8,8 @@ module dotyk_contact_touch_search
 
   type, public :: touch_t  !! Touching of two parts.
     integer :: n_facets = 0  !! Facets of the two whose centres lie on faces of the other which face them.
-    real(dp) :: position(3) = 0  !! Centre of the first of them after deformation (3) [length].
+    real(dp) :: position(3) = 0  !! Centre of the deepest of them after deformation (3) [length].
+    real(dp) :: depth = 0  !! Its depth in the other part, 0 where none is below its facets [length].
   end type touch_t
 
   public :: find_touch
@@ -37,8 +38,9 @@ contains
       hint = facet
       if (abs(depth) > no_gap*b%set%size(facet) + slack + b%roughness(facet) + a%roughness(f)) cycle
       if (dot_product(normal, b%normal(:, facet)) > facing_cosine) cycle
-      if (touch%n_facets == 0) touch%position = x
+      if (touch%n_facets == 0 .or. depth > touch%depth) touch%position = x
       touch%n_facets = touch%n_facets + 1
+      if (depth > slack) touch%depth = max(touch%depth, depth)
     end do
   end subroutine find_touch
 end module dotyk_contact_touch_search

@@ -130,12 +130,17 @@ contains
     type(met_point_t), allocatable :: met_b(:)
     real(dp) :: rounding
     logical :: only_corners
+    integer, allocatable :: list(:)
     integer :: i, j
     allocate (met(0), met_b(0))
     if (a == b .and. size(parts_a%part) == 1) return
     call find_left(problem, pairs, first_row, penetration, a, b, left_a)
     call find_left(problem, pairs, first_row, penetration, b, a, left_b)
-    only_corners = size(pairs%between(problem%pair, a, b)) == 0
+    list = pairs%between(problem%pair, a, b)
+    only_corners = size(list) == 0
+    do i = 1, size(list)
+      tolerance%interference = max(tolerance%interference, -minval(problem%pair(list(i))%gap))
+    end do
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
@@ -161,7 +166,7 @@ contains
     end if
     if (found%worst%depth > 0) then
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
-      if (.not. all(is_meant(problem, pairs%between(problem%pair, a, b), met))) met = met(:0)
+      if (.not. all(is_meant(problem, list, met))) met = met(:0)
     end if
     if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &

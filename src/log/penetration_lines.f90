@@ -32,6 +32,10 @@ contains
         call log%line('  no pair          '//quoted(body(found%body)%name)//' and '// &
                       quoted(body(found%other)%name)//' touch at '//place_of(found%touch%position)//' ('// &
                       counted(found%touch%n_facets, 'facet')//'), and no &contact names them')
+        if (found%touch%depth > 0) &
+          call log%line('  warning          '//quoted(body(found%body)%name)//' is inside '// &
+                        quoted(body(found%other)%name)//' by '//to_text(found%touch%depth, 4)// &
+                        ', no deeper than facets are known there')
       end associate
     end do
     if (size(check%touching) > most_touching) &
