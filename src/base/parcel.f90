@@ -17,11 +17,11 @@ module dotyk_base_parcel
     procedure :: words => parcel_words
     procedure :: n_words => parcel_size
     procedure :: at_end => parcel_at_end
-    procedure, private :: carry_integer, carry_real, carry_logical, carry_text, carry_texts
+    procedure, private :: carry_integer, carry_long, carry_real, carry_logical, carry_text, carry_texts
     procedure, private :: carry_integers, carry_longs, carry_integer_table, carry_logicals
     procedure, private :: carry_reals, carry_real_table, carry_real_tables
-    generic :: carry => carry_integer, carry_real, carry_logical, carry_text, carry_texts, carry_integers, &
-      carry_longs, carry_integer_table, carry_logicals, carry_reals, carry_real_table, carry_real_tables
+    generic :: carry => carry_integer, carry_long, carry_real, carry_logical, carry_text, carry_texts, &
+      carry_integers, carry_longs, carry_integer_table, carry_logicals, carry_reals, carry_real_table, carry_real_tables
     procedure :: carry_fixed => carry_fixed_reals
     procedure :: carry_shape => carry_shape_of
   end type parcel_t
@@ -91,6 +91,16 @@ contains
     call move(self, word)
     value = int(word(1))
   end subroutine carry_integer
+
+  !> An integer of 64 bits.
+  pure subroutine carry_long(self, value)
+    class(parcel_t), intent(inout) :: self
+    integer(int64), intent(inout) :: value  !! Written, or set.
+    integer(int64) :: word(1)
+    word = value
+    call move(self, word)
+    value = word(1)
+  end subroutine carry_long
 
   !> A real.
   pure subroutine carry_real(self, value)

@@ -1,11 +1,11 @@
 !> From assembled bodies to factors: order, analyse, factorize.
 module dotyk_control_factorization
-  use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_t, memory_text, set_item
   use dotyk_base_options, only: response_auto, response_compliance
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_body_ranks, only: body_ranks_t
@@ -17,7 +17,7 @@ module dotyk_control_factorization
   use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_ranks_communication, only: n_local_ranks, n_ranks
-  use dotyk_ranks_exchange, only: share, share_errors, share_flat
+  use dotyk_ranks_exchange, only: by_owner, is_own, share, share_errors, share_parcel
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
@@ -42,6 +42,7 @@ module dotyk_control_factorization
     real(dp) :: whole_flops = 0
   contains
     procedure :: take => size_take
+    procedure :: carry => size_carry
   end type factor_size_t
 
   public :: analyze_bodies, check_memory, factorize_bodies
@@ -118,18 +119,38 @@ contains
   subroutine share_sizes(ranks, size_of)
     type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
     type(factor_size_t), intent(inout) :: size_of(:)  !! Those of this rank in, of all out (n_bodies).
-    integer(int8), allocatable :: bytes(:, :)
-    integer :: b
+    type(parcel_t) :: parcel
+    integer, allocatable :: order(:)
+    integer :: b, k
     if (n_ranks() == 1) return
-    allocate (bytes(size(transfer(size_of(1), [0_int8])), size(size_of)))
     do b = 1, size(size_of)
-      bytes(:, b) = transfer(size_of(b), bytes(:, b))
+      if (is_own(ranks%owner(b))) call size_of(b)%carry(parcel)
     end do
-    call share_flat(ranks%owner, bytes)
-    do b = 1, size(size_of)
-      size_of(b) = transfer(bytes(:, b), size_of(b))
+    call share_parcel(ranks%owner, parcel)
+    if (parcel%at_end()) return
+    order = by_owner(ranks%owner)
+    do k = 1, size(order)
+      call size_of(order(k))%carry(parcel)
     end do
   end subroutine share_sizes
+
+  !> Put it into a parcel, or take it out.
+  subroutine size_carry(self, parcel)
+    class(factor_size_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%entries)
+    call parcel%carry(self%bytes)
+    call parcel%carry(self%stiffness_bytes)
+    call parcel%carry(self%flops)
+    call parcel%carry(self%forms_matrix)
+    call parcel%carry(self%product_entries)
+    call parcel%carry(self%class_entries)
+    call parcel%carry(self%path_entries)
+    call parcel%carry(self%form)
+    call parcel%carry(self%is_slow)
+    call parcel%carry(self%steps)
+    call parcel%carry(self%whole_flops)
+  end subroutine size_carry
 
   !> Order and analyse a representative, and choose how products with its compliance are made.
   subroutine analyze_body(body, modes, stiffness, contact_node, work, response, slot, size_of, error)

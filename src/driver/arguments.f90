@@ -11,6 +11,7 @@ module dotyk_driver_arguments
     !> Results file whose contact pressures the scheme starts from; empty: from the scene without contact.
     character(:), allocatable :: restart
     integer :: threads = 0  !! Number of threads; 0: all processors.
+    integer :: parts = 0  !! Number of ranks for which parts of the meshes are made, and nothing solved; 0: none.
     logical :: check = .false.  !! Check everything and solve nothing.
     logical :: no_shell = .false.  !! Geometries may start no program and write no file but their mesh.
     logical :: remesh = .false.  !! Meshes that are kept are made again.
@@ -22,8 +23,8 @@ module dotyk_driver_arguments
 
   public :: read_arguments, parse_arguments, command_line_text
 
-  !> Threads at most: more than any machine for one body has; a larger number is a mistake.
-  integer, parameter :: most_threads = 1024
+  !> Threads at most: more than any machine for one body has; a larger number is a mistake. Ranks at most likewise.
+  integer, parameter :: most_threads = 1024, most_ranks = 1000000
 
 contains
 
@@ -49,8 +50,8 @@ contains
     type(arguments_t), intent(out) :: arguments  !! Arguments that the words spell.
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(9)
-    integer :: i, status
+    type(text_t) :: options(10)
+    integer :: i
     options(1)%s = '--check'
     options(2)%s = '--threads'
     options(3)%s = '--output'
@@ -60,6 +61,7 @@ contains
     options(7)%s = '--restart'
     options(8)%s = '--no-shell'
     options(9)%s = '--remesh'
+    options(10)%s = '--partition'
     arguments%case_file = ''
     arguments%output = ''
     arguments%restart = ''
@@ -81,7 +83,7 @@ contains
         arguments%help = .true.
       case ('--help=markdown')
         arguments%reference = .true.
-      case ('--threads', '--output', '--restart')
+      case ('--threads', '--output', '--restart', '--partition')
         if (i == size(words)) then
           call set_error(error, 'option '//words(i)%s//' needs a value')
           return
@@ -91,14 +93,12 @@ contains
           arguments%output = words(i + 1)%s
         case ('--restart')
           arguments%restart = words(i + 1)%s
+        case ('--partition')
+          call read_number(words(i)%s, words(i + 1)%s, 2, most_ranks, arguments%parts, error)
         case default
-          read (words(i + 1)%s, *, iostat=status) arguments%threads
-          if (verify(words(i + 1)%s, '0123456789') > 0) status = 1
-          if (status /= 0 .or. arguments%threads < 1 .or. arguments%threads > most_threads) &
-            call set_error(error, 'option --threads needs a number from 1 to '//to_text(most_threads)//", not '"// &
-                           words(i + 1)%s//"'")
+          call read_number(words(i)%s, words(i + 1)%s, 1, most_threads, arguments%threads, error)
         end select
-        if (len(words(i + 1)%s) == 0 .and. words(i)%s /= '--threads') &
+        if (len(words(i + 1)%s) == 0 .and. .not. allocated(error)) &
           call set_error(error, 'option '//words(i)%s//' needs a file name')
         if (allocated(error)) return
         i = i + 1
@@ -119,8 +119,23 @@ contains
     end do
     if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
       call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
-                     '[--restart RESULTS.vtkhdf] [--no-shell] [--remesh] [--quiet], or dotyk --help')
+                     '[--restart RESULTS.vtkhdf] [--partition N] [--no-shell] [--remesh] [--quiet], or dotyk --help')
   end subroutine parse_arguments
+
+  !> The number of an option.
+  subroutine read_number(option, word, least, most, number, error)
+    character(*), intent(in) :: option, word  !! The option, and the word behind it.
+    integer, intent(in) :: least, most  !! The range of the number.
+    integer, intent(out) :: number  !! The number.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the word is no such number.
+    integer :: status
+    number = 0
+    read (word, *, iostat=status) number
+    if (verify(word, '0123456789') > 0) status = 1
+    if (status /= 0 .or. number < least .or. number > most) &
+      call set_error(error, 'option '//option//' needs a number from '//to_text(least)//' to '//to_text(most)// &
+                     ", not '"//word//"'")
+  end subroutine read_number
 
   !> The whole command line, for the results file.
   function command_line_text() result(text)

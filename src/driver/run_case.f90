@@ -3,12 +3,13 @@ module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, exit_converged, exit_not_converged, set_error
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: text_t, to_text
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_parallel, only: set_factor_threads, use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_accuracy, only: accuracy_t
   use dotyk_driver_arguments, only: arguments_t
+  use dotyk_driver_body_building, only: make_parts
   use dotyk_driver_cad_faces, only: show_cad_faces
   use dotyk_driver_case_check, only: check_cases
   use dotyk_driver_load_cases, only: solve_cases
@@ -56,9 +57,13 @@ contains
     case%no_shell = arguments%no_shell
     call choose_scheme(case, run)
     call show_title(monitor%log, case, threads)
+    if (arguments%remesh) call forget_meshes(case)
+    if (arguments%parts > 0) then
+      call write_parts(case, arguments%parts, monitor, error)
+      return
+    end if
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
-    if (arguments%remesh) call forget_meshes(case)
     if (.not. case%accuracy%is_given .or. arguments%check) then
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
       return
@@ -129,6 +134,26 @@ contains
       n_added = n_added + 1
     end do
   end subroutine run_mesh
+
+  !> Make the parts of the meshes for the ranks of later runs.
+  subroutine write_parts(case, n_parts, monitor, error)
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: n_parts  !! Number of these ranks.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets lines.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where something is wrong.
+    type(text_t), allocatable :: lines(:)
+    integer :: i
+    if (n_ranks() > 1) then
+      call set_error(error, '--partition needs one process, without mpirun')
+      return
+    end if
+    call set_stage('dividing meshes')
+    call make_parts(case, n_parts, lines, error)
+    if (allocated(error)) return
+    do i = 1, size(lines)
+      call monitor%log%line('  '//lines(i)%s)
+    end do
+  end subroutine write_parts
 
   !> From the case to the results file.
   subroutine run_scene(arguments, input, chosen, may_split, may_add, threads, monitor, has_shown, met, accuracy, &

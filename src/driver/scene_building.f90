@@ -65,8 +65,7 @@ contains
       if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, problem%ranks, error)
       if (allocated(error)) return
       call set_stage('assembling')
-      ! Bodies that were dealt out were expected to be small.
-      call choose_solution(case, problem%body, problem%classes, may_split .and. .not. are_dealt, monitor, form, splits)
+      call choose_solution(case, problem%body, problem%classes, in_parts, monitor, form, splits)
       if (in_parts .and. .not. splits) reason = reason_parts
       if (reason /= reason_none) return
       if (splits) call problem%classes%init(size(problem%body))

@@ -7,6 +7,7 @@
 module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_material, only: material_t
@@ -32,6 +33,7 @@ module dotyk_elasticity_congruence
   contains
     procedure :: init => congruence_invariants_init
     procedure :: matches => congruence_invariants_match
+    procedure :: carry => congruence_invariants_carry
   end type congruence_invariants_t
 
   !> Positions that differ by less than this fraction of the size of the body are equal: rounding of a rotation, times a
@@ -51,6 +53,21 @@ module dotyk_elasticity_congruence
   real(dp), parameter :: displacement_rounding = 4*epsilon(1.0_dp)
 
 contains
+
+  !> Put them into a parcel, or take them out.
+  subroutine congruence_invariants_carry(self, parcel)
+    class(congruence_invariants_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%usable)
+    call parcel%carry(self%dimension)
+    call parcel%carry(self%analysis)
+    call parcel%carry(self%n_nodes)
+    call parcel%carry(self%n_elements)
+    call parcel%carry(self%n_blocks)
+    call parcel%carry(self%n_equations)
+    call parcel%carry(self%spread)
+    call parcel%carry_fixed(size(self%centre), self%centre)
+  end subroutine congruence_invariants_carry
 
   !> Compute the invariants of a body.
   subroutine congruence_invariants_init(self, body)

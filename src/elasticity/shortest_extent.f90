@@ -6,13 +6,12 @@ module dotyk_elasticity_shortest_extent
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_strain, analysis_3d
-  use dotyk_elasticity_part_sums, only: add_up_parts, greatest_of_parts
   use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t, shape_table_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
-  public :: shortest_extent, measure_part
+  public :: shortest_extent
 
 contains
 
@@ -21,59 +20,28 @@ contains
   real(dp) function shortest_extent(mesh) result(extent)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     if (mesh%is_whole()) then
-      call find_extent(mesh, sum(mesh%x, dim=2)/mesh%n_nodes(), extent)
+      call find_extent(mesh, extent)
     else
       extent = mesh%whole%shortest_extent
     end if
   end function shortest_extent
 
-  !> Find the size of a body in parts, which no rank has had as a whole: its diameter and its shortest extent. All ranks
-  !> do so together.
-  subroutine measure_part(mesh)
-    !> Own nodes and own elements, and the number of nodes of the whole body, are known; `whole%diameter` and
-    !> `whole%shortest_extent` are set.
-    type(body_mesh_t), intent(inout) :: mesh
-    real(dp) :: mean(mesh%dimension), diameter(1), extent
-    integer :: i
-    mean = 0
-    do i = 1, mesh%n_nodes()
-      if (mesh%is_own_node(i)) mean = mean + mesh%x(:, i)
-    end do
-    call add_up_parts(mesh, mean)
-    mean = mean/mesh%n_whole_nodes()
-    diameter = 0
-    do i = 1, mesh%n_nodes()
-      if (mesh%is_own_node(i)) diameter = max(diameter, 2*norm2(mesh%x(:, i) - mean))
-    end do
-    call greatest_of_parts(mesh, diameter)
-    call find_extent(mesh, mean, extent)
-    mesh%whole%diameter = diameter(1)
-    mesh%whole%shortest_extent = extent
-  end subroutine measure_part
-
-  !> Shortest edge of the brick with the moments of the own elements of all ranks.
-  subroutine find_extent(mesh, origin, extent)
+  !> Shortest edge of the brick with the moments of the elements.
+  subroutine find_extent(mesh, extent)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    real(dp), intent(in) :: origin(:)  !! A point in its middle, the same on all ranks (dimension) [length].
     real(dp), intent(out) :: extent  !! As in `shortest_extent` [length].
     type(error_t), allocatable :: error
-    real(dp), dimension(mesh%dimension) :: first, values
+    real(dp), dimension(mesh%dimension) :: origin, first, values
     real(dp), dimension(mesh%dimension, mesh%dimension) :: second, axes
-    real(dp) :: volume, moments(1 + mesh%dimension + mesh%dimension**2)
-    integer :: b, k, before
+    real(dp) :: volume
+    integer :: b, k
     volume = 0
     first = 0
     second = 0
-    before = 0
+    origin = sum(mesh%x, dim=2)/mesh%n_nodes()
     do b = 1, size(mesh%block)
-      call add_block(mesh, b, before, origin, volume, first, second)
-      before = before + size(mesh%block(b)%tag)
+      call add_block(mesh, b, origin, volume, first, second)
     end do
-    moments = [volume, first, second]
-    call add_up_parts(mesh, moments)
-    volume = moments(1)
-    first = moments(2:1 + mesh%dimension)
-    second = reshape(moments(2 + mesh%dimension:), shape(second))
     extent = 0
     if (.not. volume > 0) return
     first = first/volume
@@ -85,11 +53,10 @@ contains
     if (.not. allocated(error)) extent = sqrt(12*max(0.0_dp, values(1)))
   end subroutine find_extent
 
-  !> Add the moments of the own elements of one block.
-  subroutine add_block(mesh, i_block, before, origin, volume, first, second)
+  !> Add the moments of the elements of one block.
+  subroutine add_block(mesh, i_block, origin, volume, first, second)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: i_block  !! Index of the element block.
-    integer, intent(in) :: before  !! Number of elements of the blocks before it.
     real(dp), intent(in) :: origin(:)  !! Point that the moments are about (dimension) [length].
     real(dp), intent(inout) :: volume  !! Volume, added to [volume].
     real(dp), intent(inout) :: first(:)  !! First moments, added to (dimension) [volume length].
@@ -103,7 +70,6 @@ contains
       most_points = max(tables%straight%n_points, tables%curved%n_points)
       allocate (x(dim, n), g(n*dim*most_points), w(most_points))
       do e = 1, size(block%node, 2)
-        if (.not. mesh%is_own_element(before + e)) cycle
         x(:, :) = mesh%x(:, block%node(:, e)) - spread(origin, 2, n)
         if (tables%is_curved(x)) then
           call add_element(tables%curved)

@@ -25,7 +25,7 @@ contains
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
       'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf]'//lf// &
-      '             [--no-shell] [--remesh] [--quiet]'//lf// &
+      '             [--partition N] [--no-shell] [--remesh] [--quiet]'//lf// &
       '       dotyk --version | --help'//lf// &
       '  --check        check the input and print a summary of the scene, without solving'//lf// &
       '  --threads N    number of threads; if absent, one per processor'//lf// &
@@ -33,6 +33,7 @@ contains
       '  --restart RESULTS.vtkhdf'//lf// &
       '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
       '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
+      '  --partition N  divide the meshes of large bodies for runs on N ranks (mpirun -n N), without solving'//lf// &
       '  --no-shell     .geo files start no programs and write no files but their mesh'//lf// &
       '  --remesh       make kept meshes again (they are, too, where a file that they depend on is newer)'//lf// &
       '  --quiet        print errors only'//lf// &

@@ -1,12 +1,12 @@
-!> Fill-reducing orders by nested dissection with METIS (G. Karypis and V. Kumar, SIAM J. Sci. Comput. 20, 1998), which
-!> is declared here and nowhere else.
+!> Fill-reducing orders by nested dissection, and partitions of meshes, with METIS (G. Karypis and V. Kumar, SIAM J. Sci.
+!> Comput. 20, 1998), which is declared here and nowhere else.
 module dotyk_linalg_ordering
-  use, intrinsic :: iso_c_binding, only: c_int, c_int32_t, c_loc, c_null_ptr, c_ptr
+  use, intrinsic :: iso_c_binding, only: c_float, c_int, c_int32_t, c_loc, c_null_ptr, c_ptr
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   implicit none
   private
-  public :: nested_dissection, expand_permutation, is_permutation
+  public :: nested_dissection, partition_elements, expand_permutation, is_permutation
 
   !> Graphs of fewer nodes keep their order: their factors are nearly dense in any order.
   integer, parameter :: least_nodes = 50
@@ -35,9 +35,62 @@ module dotyk_linalg_ordering
       integer(c_int32_t), intent(out) :: permutation(*)  !! Node that is eliminated k-th (n).
       integer(c_int32_t), intent(out) :: inverse(*)  !! Position of each node in that order (n).
     end function metis_node_nd
+
+    !> Partition of the graph of elements that have some nodes in common, with 0-based numbers.
+    integer(c_int) function metis_part_mesh_dual(n_elements, n_nodes, start, node, weight, sizes, n_common, n_parts, &
+                                                 fraction, options, cut, part, part_of_node) &
+      bind(c, name='METIS_PartMeshDual')
+      import :: c_float, c_int, c_int32_t, c_ptr
+      integer(c_int32_t), intent(in) :: n_elements, n_nodes  !! Number of elements, and of nodes.
+      integer(c_int32_t), intent(inout) :: start(*)  !! Position of the first node of each element (n_elements + 1).
+      integer(c_int32_t), intent(inout) :: node(*)  !! Nodes of the elements.
+      integer(c_int32_t), intent(in) :: weight(*)  !! Weights of the elements (n_elements).
+      type(c_ptr), value :: sizes  !! Null.
+      integer(c_int32_t), intent(in) :: n_common  !! Nodes that neighbours have in common, at least.
+      integer(c_int32_t), intent(in) :: n_parts  !! Number of parts.
+      real(c_float), intent(in) :: fraction(*)  !! Fraction of the weight of each part (n_parts).
+      integer(c_int32_t), intent(in) :: options(*)  !! Options (n_options).
+      integer(c_int32_t), intent(out) :: cut  !! Number of neighbours in other parts.
+      integer(c_int32_t), intent(out) :: part(*)  !! Part of each element (n_elements).
+      integer(c_int32_t), intent(out) :: part_of_node(*)  !! Part of each node (n_nodes).
+    end function metis_part_mesh_dual
   end interface
 
 contains
+
+  !> Partition elements so that few of them have neighbours in other parts.
+  subroutine partition_elements(start, node, n_nodes, n_common, weight, fraction, part, error)
+    integer, intent(in) :: start(:)  !! Position of the first node of each element (n_elements + 1), 1-based.
+    integer, intent(in) :: node(:)  !! Nodes of the elements (start(n_elements + 1) - 1).
+    integer, intent(in) :: n_nodes  !! Number of nodes.
+    integer, intent(in) :: n_common  !! Nodes that neighbours have in common, at least.
+    integer, intent(in) :: weight(:)  !! Weights of the elements (n_elements).
+    real, intent(in) :: fraction(:)  !! Fraction of the weight that each part should have; their sum is 1 (n_parts).
+    integer, intent(out) :: part(:)  !! Part of each element, from 1 (n_elements).
+    type(error_t), allocatable, intent(out) :: error  !! METIS has no memory, or refuses the mesh.
+    integer(c_int32_t), allocatable :: start_c(:), node_c(:), part_c(:), part_of_node(:)
+    integer(c_int32_t) :: options(n_options), cut
+    integer(c_int) :: status
+    part = 1
+    if (size(fraction) == 1 .or. size(weight) < 2) return
+    allocate (part_c(size(weight)), part_of_node(n_nodes))
+    start_c = int(start, c_int32_t) - 1_c_int32_t
+    node_c = int(node, c_int32_t) - 1_c_int32_t
+    !$omp critical(dotyk_metis)
+    status = metis_set_default_options(options)
+    options(option_seed) = 1
+    status = metis_part_mesh_dual(int(size(weight), c_int32_t), int(n_nodes, c_int32_t), start_c, node_c, &
+                                  int(weight, c_int32_t), c_null_ptr, int(n_common, c_int32_t), &
+                                  int(size(fraction), c_int32_t), real(fraction, c_float), options, cut, part_c, &
+                                  part_of_node)
+    !$omp end critical(dotyk_metis)
+    if (status /= metis_ok) then
+      call set_error(error, 'METIS cannot divide a mesh of '//to_text(size(weight))//' elements (its status is '// &
+                     to_text(int(status))//'; -3: out of memory)', exit_machine)
+    else
+      part = part_c + 1
+    end if
+  end subroutine partition_elements
 
   !> Nested dissection of a graph. The same graph and seed give the same order, whatever other threads do.
   subroutine nested_dissection(start, neighbour, permutation, error, seed, weight, separators)

@@ -1,19 +1,27 @@
 !> The boundary of the mesh of one body: the faces that belong to one element only, as flat facets on their corners; and
 !> the pieces of the body whose elements are joined by whole faces.
 module dotyk_mesh_boundary_facets
-  use dotyk_base_kinds, only: dp
-  use dotyk_base_sort, only: sort_order
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds
   use dotyk_mesh_element_faces, only: corners_of, element_faces_t
-  use dotyk_mesh_face_faults, only: face_faults_t, face_order, face_signature
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_mesh_union_find, only: join
   implicit none
   private
 
   integer, parameter, public :: max_corners = 4  !! Greatest number of corners of a facet.
+
+  integer, parameter :: kind_bits = 5  !! Signatures end with the kind of the face in this many bits.
+
+  type :: face_faults_t  !! Faults of faces; the first of each kind, in the order of the elements, is told.
+    integer :: n_shared = 0  !! Number of faces of more than two elements.
+    real(dp) :: shared_position(3) = 0  !! A node of the first of them (3) [length].
+    integer :: n_mixed = 0  !! Number of faces on which two elements have other nodes.
+    integer(int64) :: mixed(2) = 0  !! Tags of the elements of the first of them.
+    logical :: mixed_kinds = .false.  !! Whether they have another kind of face each, such as tri6 and tri3.
+    real(dp) :: mixed_position(3) = 0  !! A node of it (3) [length].
+  end type face_faults_t
 
   !> Boundary facets in three components (z = 0 in two dimensions), and what is wrong with interior faces.
   type, public :: boundary_facets_t
@@ -28,7 +36,6 @@ module dotyk_mesh_boundary_facets
     type(face_faults_t) :: faults  !! What is wrong with faces of several elements.
   contains
     procedure :: find => facets_find
-    procedure :: take_layer => facets_take_layer
   end type boundary_facets_t
 
 contains
@@ -115,43 +122,20 @@ contains
     end function first_node
   end subroutine facets_find
 
-  !> Take the facets of a surface layer, in the order of the elements as well.
-  subroutine facets_take_layer(self, layer)
-    class(boundary_facets_t), intent(out) :: self
-    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
-    type(element_kind_t) :: kind
-    real(dp), allocatable :: place(:)
-    integer, allocatable :: order(:)
-    integer :: b, f, i, k, m, offset(size(layer%mesh%block) + 1)
-    allocate (place(layer%boundary%n_facets), order(layer%boundary%n_facets))
-    offset(1) = 0
-    do b = 1, size(layer%mesh%block)
-      offset(b + 1) = offset(b) + size(layer%mesh%block(b)%tag)
+  !> A number that tells the nodes on a face beside its corners: equal where kind and nodes are, in any order of nodes.
+  pure integer function face_signature(kind, inner_node) result(signature)
+    integer, intent(in) :: kind  !! Element kind of the face.
+    !> Nodes of the face that are no corners, (any).
+    integer, intent(in) :: inner_node(:)
+    integer(int64), parameter :: factor = 1327217885_int64
+    integer(int64) :: hash
+    integer :: i
+    hash = 0
+    do i = 1, size(inner_node)
+      hash = hash + iand(ieor(inner_node(i)*factor, ishft(inner_node(i)*factor, -29)), int(z'7fffffff', int64))
     end do
-    associate (surface => layer%boundary)
-      do i = 1, surface%n_facets
-        b = surface%block(i)
-        kind = element_kind(layer%mesh%block(b)%kind)
-        m = corners_of(surface%kind(i))
-        do f = 1, kind%n_faces
-          if (kind%face_kind(f) /= surface%kind(i)) cycle
-          if (all(layer%mesh%block(b)%node(kind%face_node(:m, f), surface%element(i)) == surface%node(:m, i))) exit
-        end do
-        place(i) = real(face_order(b, surface%element(i), f), dp)
-      end do
-      call sort_order(place, order)
-      call reserve(self, surface%n_facets)
-      do k = 1, self%n
-        i = order(k)
-        m = corners_of(surface%kind(i))
-        self%element(k) = offset(surface%block(i)) + surface%element(i)
-        self%n_corners(k) = m
-        self%corner(:, k) = 0
-        self%corner(:m, k) = surface%node(:m, i)
-        call set_geometry(self, layer%mesh, k)
-      end do
-    end associate
-  end subroutine facets_take_layer
+    signature = int(ishft(ibits(hash, 0, 31 - kind_bits), kind_bits)) + kind
+  end function face_signature
 
   !> Make room for facets.
   subroutine reserve(self, n)

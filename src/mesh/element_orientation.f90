@@ -1,43 +1,35 @@
 !> Orientation of the elements of a body: a mesh whose elements all are inverted is reversed; some of both signs, and
-!> degenerate elements, are refused. The census of several shares of a body is the sum of theirs.
+!> degenerate elements, are refused.
 module dotyk_mesh_element_orientation
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_element, only: element_kind, element_kind_t
-  use dotyk_mesh_face_faults, only: face_order
   use dotyk_mesh_jacobian, only: jacobian_range, mirror_order
   use dotyk_mesh_mesh, only: element_block_t
   use dotyk_mesh_mesh_check, only: position_text
   implicit none
   private
-  public :: orient_elements, refuse_orientations, reverse_elements
+  public :: orient_elements
 
   integer, parameter :: max_listed = 10  !! Greatest number of tags in a message.
 
-  type, public :: element_sign_t  !! Elements of one sign of the Jacobian determinant.
+  type :: element_sign_t  !! Elements of one sign of the Jacobian determinant.
     integer(int64) :: n = 0  !! Number of elements.
-    !> Places of the first of them in the order of the elements (`face_order`), ascending (0 .. max_listed).
-    integer(int64), allocatable :: order(:)
-    integer(int64), allocatable :: tag(:)  !! Their tags (0 .. max_listed).
-  contains
-    procedure :: add => sign_add
+    integer(int64), allocatable :: tag(:)  !! Tags of the first of them (0 .. max_listed).
   end type element_sign_t
 
-  type, public :: orientation_census_t  !! Elements by the sign of their Jacobian determinant.
+  type :: orientation_census_t  !! Elements by the sign of their Jacobian determinant.
     type(element_sign_t) :: positive, negative  !! Elements of positive volume, and of negative volume.
     integer(int64) :: n_degenerate = 0  !! Number of other elements.
     !> How bad the worst of them is: the ratio of the determinant of the wrong sign to that of the right one, 1 for an
     !> element that vanishes; negative where there is none.
     real(dp) :: badness = -1
-    integer(int64) :: worst_order = huge(0_int64)  !! Its place in the order of the elements.
     integer(int64) :: worst_tag = 0, worst_kind = 0  !! Its tag and kind.
     real(dp) :: range(2) = 0  !! Its least and greatest determinant [length^dimension].
     real(dp) :: middle(3) = 0  !! Mean of its corners (3) [length].
   contains
     procedure :: find => census_find
-    procedure :: add => census_add
   end type orientation_census_t
 
 contains
@@ -74,23 +66,22 @@ contains
     real(dp), allocatable :: smallest(:), largest(:)
     real(dp) :: badness
     integer :: b, e
-    allocate (self%positive%order(0), self%positive%tag(0), self%negative%order(0), self%negative%tag(0))
+    allocate (self%positive%tag(0), self%negative%tag(0))
     do b = 1, size(block)
       kind = element_kind(block(b)%kind)
       allocate (smallest(size(block(b)%tag)), largest(size(block(b)%tag)))
       call jacobian_range(block(b)%kind, size(smallest), block(b)%node, size(x, 1), size(x, 2), x, smallest, largest)
       do e = 1, size(smallest)
         if (smallest(e) > 0) then
-          call count_element(self%positive, face_order(b, e, 0), block(b)%tag(e))
+          call count_element(self%positive, block(b)%tag(e))
         else if (largest(e) < 0) then
-          call count_element(self%negative, face_order(b, e, 0), block(b)%tag(e))
+          call count_element(self%negative, block(b)%tag(e))
         else
           self%n_degenerate = self%n_degenerate + 1
           badness = 1
           if (largest(e) > smallest(e)) badness = min(-smallest(e), largest(e))/max(-smallest(e), largest(e))
           if (badness <= self%badness) cycle
           self%badness = badness
-          self%worst_order = face_order(b, e, 0)
           self%worst_tag = block(b)%tag(e)
           self%worst_kind = block(b)%kind
           self%range = [smallest(e), largest(e)]
@@ -102,48 +93,13 @@ contains
   end subroutine census_find
 
   !> Count an element, and keep its tag where it is one of the first.
-  subroutine count_element(elements, order, tag)
+  subroutine count_element(elements, tag)
     type(element_sign_t), intent(inout) :: elements  !! Elements of the sign; updated.
-    integer(int64), intent(in) :: order  !! Place of the element in the order of the elements.
-    integer(int64), intent(in) :: tag  !! Its tag.
+    integer(int64), intent(in) :: tag  !! Tag of the element.
     elements%n = elements%n + 1
     if (elements%n > max_listed) return
-    elements%order = [elements%order, order]
     elements%tag = [elements%tag, tag]
   end subroutine count_element
-
-  !> Add the elements of one sign of another share.
-  subroutine sign_add(self, other)
-    class(element_sign_t), intent(inout) :: self
-    type(element_sign_t), intent(in) :: other  !! Elements of the same sign.
-    integer, allocatable :: by_place(:)
-    self%n = self%n + other%n
-    self%order = [self%order, other%order]
-    self%tag = [self%tag, other%tag]
-    allocate (by_place(size(self%order)))
-    call sort_order(real(self%order, dp), by_place)
-    by_place = by_place(:min(max_listed, size(by_place)))
-    self%order = self%order(by_place)
-    self%tag = self%tag(by_place)
-  end subroutine sign_add
-
-  !> Add the census of another share.
-  subroutine census_add(self, other)
-    class(orientation_census_t), intent(inout) :: self
-    !> Census of the other share; its places in the order of the elements are those of the whole body.
-    type(orientation_census_t), intent(in) :: other
-    call self%positive%add(other%positive)
-    call self%negative%add(other%negative)
-    self%n_degenerate = self%n_degenerate + other%n_degenerate
-    if (other%badness < self%badness) return
-    if (other%badness <= self%badness .and. other%worst_order > self%worst_order) return
-    self%badness = other%badness
-    self%worst_order = other%worst_order
-    self%worst_tag = other%worst_tag
-    self%worst_kind = other%worst_kind
-    self%range = other%range
-    self%middle = other%middle
-  end subroutine census_add
 
   !> Refuse degenerate elements, and a mixture of orientations.
   subroutine refuse_orientations(census, dimension, error)

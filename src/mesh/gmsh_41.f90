@@ -100,11 +100,12 @@ contains
         call cursor%require(n, merge(8, 2, cursor%binary)*(n_nodes + 1), 'elements', first)
         if (cursor%broken) return
       end if
-      if (builder%selection%everything) then
-        if (kept) call builder%reserve(block, int(n))
-        call read_block(cursor, builder, block, entity%tag, n, n_nodes, 0)
+      if (block == 0 .or. builder%selection%counts_only) then
+        if (block > 0) builder%block(block)%n_in_file = builder%block(block)%n_in_file + int(n)
+        call skip_elements(cursor, builder, entity%tag, n, n_nodes)
       else
-        call read_share(cursor, builder, block, entity, n, n_nodes, dimension == builder%selection%dimension)
+        call builder%reserve(block, int(n))
+        call read_block(cursor, builder, block, entity%tag, n, n_nodes)
       end if
       n_read = n_read + n
     end do
@@ -112,53 +113,28 @@ contains
       call cursor%fail(to_text(n_elements)//' elements are announced, the blocks have '//to_text(n_read))
   end subroutine read_elements_41
 
-  !> Read a share of the elements of one block of the file, and skip the others.
-  subroutine read_share(cursor, builder, block, entity, n, n_nodes, shared)
+  !> Skip the elements of one block of the file.
+  subroutine skip_elements(cursor, builder, entity, n, n_nodes)
     type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
-    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
-    integer, intent(in) :: block  !! Block of the builder that receives the elements, 0 for none.
-    type(entity_t), intent(in) :: entity  !! Geometric entity.
+    type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction; it is unchanged.
+    integer, intent(in) :: entity  !! Geometric entity.
     integer(int64), intent(in) :: n  !! Number of elements.
     integer, intent(in) :: n_nodes  !! Number of nodes of each element.
-    logical, intent(in) :: shared  !! Whether the elements are divided into shares; all are read otherwise.
-    integer(int64) :: first, last
-    integer :: before
-    first = 0
-    last = n
-    if (shared) call builder%selection%limits(n, entity%partition, first, last)
-    if (block == 0) last = first
-    call skip_elements(first)
-    if (block > 0) then
-      before = builder%block(block)%n_in_file
-      call builder%reserve(block, int(last - first))
-      call read_block(cursor, builder, block, entity%tag, last - first, n_nodes, before + int(first))
-      builder%block(block)%n_in_file = before + int(n)
+    if (cursor%binary .and. .not. builder%selection%everything) then
+      call cursor%skip_bytes(8*(n_nodes + 1)*n)
+    else
+      call read_block(cursor, builder, 0, entity, n, n_nodes)
     end if
-    call skip_elements(n - last)
-
-  contains
-
-    !> Skip elements.
-    subroutine skip_elements(m)
-      integer(int64), intent(in) :: m  !! Their number.
-      if (cursor%binary) then
-        call cursor%skip_bytes(8*(n_nodes + 1)*m)
-      else
-        call read_block(cursor, builder, 0, entity%tag, m, n_nodes, 0)
-      end if
-    end subroutine skip_elements
-  end subroutine read_share
+  end subroutine skip_elements
 
   !> Read the elements of one block of the file.
-  subroutine read_block(cursor, builder, block, entity, n, n_nodes, before)
+  subroutine read_block(cursor, builder, block, entity, n, n_nodes)
     type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
     type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
     integer, intent(in) :: block  !! Block of the builder that receives the elements, 0 for none.
     integer, intent(in) :: entity  !! Tag of the geometric entity.
     integer(int64), intent(in) :: n  !! Number of elements.
     integer, intent(in) :: n_nodes  !! Number of nodes of each element.
-    !> Number of elements of the block in the file before these; used only where not all is read.
-    integer, intent(in) :: before
     integer(int64) :: tag(max_nodes), element, first, i
     integer :: node(max_nodes), k
     do i = 1, n
@@ -172,7 +148,7 @@ contains
       if (block == 0) cycle
       call find_nodes(cursor, builder, tag(:n_nodes), element, first, node(:n_nodes))
       if (cursor%broken) return
-      call builder%add_element(block, element, entity, node(:n_nodes), before + int(i))
+      call builder%add_element(block, element, entity, node(:n_nodes))
     end do
   end subroutine read_block
 

@@ -98,7 +98,6 @@ contains
     real(dp) :: ignored
     integer :: k, before
     call read_counts(cursor, merge(32, 8, cursor%binary), 'nodes', n_blocks, n_nodes)
-    builder%n_file_nodes = int(n_nodes)
     n_read = 0
     do i = 1, n_blocks
       if (cursor%broken) return

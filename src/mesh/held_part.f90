@@ -9,11 +9,34 @@ module dotyk_mesh_held_part
   use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
-  public :: hold_part, surface_part, add_neighbours, held_surface, sample_step
+  public :: describe_whole, choose_part, hold_part, surface_part, held_surface, sample_step
 
+  !> Layers of elements that a rank holds around its own ones: recovered strains at the nodes of its elements need
+  !> those of all vertices around them.
+  integer, parameter :: n_ghost_layers = 2
   integer, parameter :: most_samples = 64  !! Elements of a block that are held as samples of the interior, at most.
 
 contains
+
+  !> What every part knows of a whole body.
+  subroutine describe_whole(mesh, extent, whole)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    real(dp), intent(in) :: extent  !! Shortest extent of the body [length].
+    !> The body; components, facets and nodes in the numbers of the whole body, owners not known.
+    type(whole_body_t), intent(out) :: whole
+    type(surface_t) :: boundary
+    integer :: b
+    whole%n_nodes = mesh%n_nodes()
+    whole%n_file_nodes = mesh%n_file_nodes()
+    whole%diameter = mesh%diameter()
+    whole%shortest_extent = extent
+    whole%n_of_block = [(size(mesh%block(b)%tag), b=1, size(mesh%block))]
+    allocate (whole%component(mesh%n_nodes()))
+    call connected_components(mesh, whole%component, whole%n_components)
+    call extract_boundary(mesh, boundary)
+    call move_alloc(boundary%kind, whole%facet_kind)
+    call move_alloc(boundary%node, whole%facet_node)
+  end subroutine describe_whole
 
   !> What a rank holds that does not compute the body: samples of its elements, and all nodes that every rank holds.
   subroutine surface_part(mesh, holds, node)
@@ -25,21 +48,64 @@ contains
     integer, allocatable :: of_boundary(:)
     integer :: b, e, n
     allocate (holds(mesh%n_elements()), held(mesh%n_nodes()), source=.false.)
+    call hold_samples(mesh, holds)
     call extract_boundary(mesh, boundary)
     call surface_nodes(boundary, of_boundary)
     held(of_boundary) = .true.
     n = 0
     do b = 1, size(mesh%block)
       associate (of_element => mesh%block(b)%node)
-        do e = 1, size(of_element, 2), sample_step(size(of_element, 2))
-          holds(n + e) = .true.
-          held(of_element(:, e)) = .true.
+        do e = 1, size(of_element, 2)
+          if (holds(n + e)) held(of_element(:, e)) = .true.
         end do
         n = n + size(of_element, 2)
       end associate
     end do
     node = pack([(e, e=1, size(held))], held)
   end subroutine surface_part
+
+  !> Hold samples of the elements.
+  pure subroutine hold_samples(mesh, holds)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    logical, intent(inout) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
+    integer :: b, n
+    n = 0
+    do b = 1, size(mesh%block)
+      associate (m => size(mesh%block(b)%tag))
+        holds(n + 1:n + m:sample_step(m)) = .true.
+        n = n + m
+      end associate
+    end do
+  end subroutine hold_samples
+
+  !> What a rank holds and computes of a body that all ranks compute together: its own elements, those around them, and
+  !> samples of the others.
+  pure subroutine choose_part(mesh, element_rank, rank, holds, own_node)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the whole body.
+    integer, intent(in) :: element_rank(:)  !! Rank of each element, from 0, through all blocks (n_elements).
+    integer, intent(in) :: rank  !! The rank, from 0.
+    logical, allocatable, intent(out) :: holds(:)  !! Whether it holds each element, through all blocks (n_elements).
+    !> Whether it computes each node: it is the lowest rank that has an element with it (n_nodes).
+    logical, allocatable, intent(out) :: own_node(:)
+    integer, allocatable :: lowest(:)
+    integer :: b, e, n, layer
+    holds = element_rank == rank
+    do layer = 1, n_ghost_layers
+      call add_neighbours(mesh, holds)
+    end do
+    call hold_samples(mesh, holds)
+    allocate (lowest(mesh%n_nodes()), source=huge(0))
+    n = 0
+    do b = 1, size(mesh%block)
+      associate (node => mesh%block(b)%node)
+        do e = 1, size(node, 2)
+          lowest(node(:, e)) = min(lowest(node(:, e)), element_rank(n + e))
+        end do
+        n = n + size(node, 2)
+      end associate
+    end do
+    own_node = lowest == rank
+  end subroutine choose_part
 
   !> Add all elements that have a node of one that is held.
   pure subroutine add_neighbours(mesh, holds)
@@ -72,35 +138,30 @@ contains
   end function sample_step
 
   !> Reduce a whole mesh to the part that a rank holds.
-  subroutine hold_part(mesh, holds, own_element, own_node, extent, number)
+  subroutine hold_part(mesh, whole_body, holds, own_element, own_node, number)
     type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the whole body in, held part out.
+    type(whole_body_t), intent(in) :: whole_body  !! The whole body, as from `describe_whole`.
     logical, intent(in) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
     logical, intent(in) :: own_element(:)  !! Whether this rank computes it; it is held then (n_elements).
     !> Whether this rank computes each node; it is a node of a held element then (n_nodes).
     logical, intent(in) :: own_node(:)
-    real(dp), intent(in) :: extent  !! Shortest extent of the body [length].
     !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
     integer, allocatable, intent(out) :: number(:)
     type(whole_body_t) :: whole
-    type(surface_t) :: boundary
     logical, allocatable :: held(:)
-    integer, allocatable :: of_boundary(:), chosen(:), component(:)
+    integer, allocatable :: chosen(:)
     integer :: b, e, i, n
-    whole%n_nodes = mesh%n_nodes()
-    whole%n_file_nodes = mesh%n_file_nodes()
-    whole%diameter = mesh%diameter()
-    whole%shortest_extent = extent
-    allocate (component(mesh%n_nodes()), whole%n_of_block(size(mesh%block)))
-    call connected_components(mesh, component, whole%n_components)
-    call extract_boundary(mesh, boundary)
-    call surface_nodes(boundary, of_boundary)
+    whole = whole_body
     allocate (held(mesh%n_nodes()), source=.false.)
-    held(of_boundary) = .true.
+    do i = 1, size(whole%facet_node, 2)
+      associate (node => whole%facet_node(:, i))
+        held(pack(node, node > 0)) = .true.
+      end associate
+    end do
     allocate (whole%element(0), whole%own_element(0))
     n = 0
     do b = 1, size(mesh%block)
       associate (block => mesh%block(b))
-        whole%n_of_block(b) = size(block%tag)
         chosen = pack([(e, e=1, size(block%tag))], holds(n + 1:n + size(block%tag)))
         whole%element = [whole%element, chosen]
         whole%own_element = [whole%own_element, own_element(n + chosen)]
@@ -114,7 +175,7 @@ contains
     end do
     whole%node = pack([(i, i=1, size(held))], held)
     whole%own_node = own_node(whole%node)
-    whole%component = component(whole%node)
+    whole%component = whole%component(whole%node)
     allocate (number(size(held)), source=0)
     number(whole%node) = [(i, i=1, size(whole%node))]
     do b = 1, size(mesh%block)
@@ -129,9 +190,8 @@ contains
     ! Nodes from order elevation are not in the file.
     if (allocated(mesh%mesh_node)) &
       mesh%mesh_node = mesh%mesh_node(pack(whole%node, whole%node <= size(mesh%mesh_node)))
-    call move_alloc(boundary%kind, whole%facet_kind)
-    call renumber(boundary%node, number)
-    call move_alloc(boundary%node, whole%facet_node)
+    call renumber(whole%facet_node, number)
+    if (allocated(mesh%whole)) deallocate (mesh%whole)
     allocate (mesh%whole)
     mesh%whole = whole
   end subroutine hold_part

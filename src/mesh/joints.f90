@@ -12,10 +12,8 @@ module dotyk_mesh_joints
   use dotyk_base_thresholds, only: generic_direction
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary_facets, only: boundary_facets_t, max_corners
+  use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_share_faults, only: share_faults_t
-  use dotyk_mesh_shortest_edges, only: find_shortest_edges
-  use dotyk_mesh_surface_layer, only: surface_layer_t
   implicit none
   private
 
@@ -29,7 +27,6 @@ module dotyk_mesh_joints
     character(:), allocatable :: slit  !! Slit that hardly is one; not allocated where there is none.
   contains
     procedure :: find => joints_find
-    procedure :: find_in_layer => joints_find_in_layer
     procedure :: carry => joints_carry
   end type joints_t
 
@@ -62,20 +59,30 @@ contains
     call judge(self, mesh, facets, component, shortest)
   end subroutine joints_find
 
-  !> The same for a body of which each rank has a share of the elements only.
-  subroutine joints_find_in_layer(self, layer, shortest, faults)
-    class(joints_t), intent(out) :: self
-    type(surface_layer_t), intent(in) :: layer  !! Surface layer of the body.
-    !> Shortest edge at each node of the layer: the least of all ranks, from `find_layer_edges` (n_nodes) [length].
-    real(dp), intent(in) :: shortest(:)
-    type(share_faults_t), intent(in) :: faults  !! What is known of the faces of all ranks.
-    type(boundary_facets_t) :: facets
-    self%n_parts = faults%n_parts
-    self%n_pieces = faults%n_pieces
-    call facets%take_layer(layer)
-    facets%faults = faults%faces
-    call judge(self, layer%mesh, facets, layer%component, shortest)
-  end subroutine joints_find_in_layer
+  !> Shortest edge or diagonal of the elements at each node: what is small beside it is no thickness of elements.
+  pure subroutine find_shortest_edges(mesh, shortest)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    real(dp), intent(out) :: shortest(:)  !! Lengths; huge at nodes that are no corners (n_nodes) [length].
+    type(element_kind_t) :: kind
+    real(dp) :: length
+    integer :: b, e, i, j, n, p, q
+    shortest = huge(shortest)
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      n = kind%n_corners
+      do e = 1, size(mesh%block(b)%tag)
+        do i = 2, n
+          p = mesh%block(b)%node(i, e)
+          do j = 1, i - 1
+            q = mesh%block(b)%node(j, e)
+            length = norm2(mesh%x(:, p) - mesh%x(:, q))
+            shortest(p) = min(shortest(p), length)
+            shortest(q) = min(shortest(q), length)
+          end do
+        end do
+      end do
+    end do
+  end subroutine find_shortest_edges
 
   !> Judge the findings.
   subroutine judge(self, mesh, facets, component, shortest)

@@ -19,10 +19,7 @@ module dotyk_mesh_mesh
     !> Physical groups to which all these elements belong, indices of `group` of the mesh (n_groups of the block, may be
     !> 0).
     integer, allocatable :: group(:)
-    !> Number of each element among those of the block in the file, ascending (n_elements); not allocated where all were
-    !> read.
-    integer, allocatable :: place(:)
-    integer :: n_in_file = 0  !! Number of elements of the block in the file, where not all were read.
+    integer :: n_in_file = 0  !! Number of elements of the block in the file, where they are counted only.
   end type element_block_t
 
   type, public :: physical_group_t  !! Named set of elements of one dimension.
@@ -41,9 +38,6 @@ module dotyk_mesh_mesh
     !> Nodal coordinates (3, n_nodes) [length]; z is 0 in a plane mesh. Nodes without elements are allowed.
     real(dp), allocatable :: x(:, :)
     integer(int64), allocatable :: node_tag(:)  !! Node tags in the file (n_nodes).
-    !> Number of each node among those of the file, ascending (n_nodes); not allocated where all were read.
-    integer, allocatable :: file_node(:)
-    integer :: n_file_nodes = 0  !! Number of nodes of the file, where not all were read.
     type(element_block_t), allocatable :: block(:)  !! Elements (n_blocks).
     !> Physical groups (n_groups). Groups of different dimension, and of the same one, may share a name.
     type(physical_group_t), allocatable :: group(:)

@@ -15,8 +15,7 @@ module dotyk_mesh_mesh_builder
     integer(int64), allocatable :: tag(:)  !! Element tags (room).
     integer, allocatable :: entity(:)  !! Geometric entities (room).
     integer, allocatable :: group(:)  !! Indices of physical groups, ascending (n_groups).
-    integer :: n_in_file = 0  !! Number of elements in the file so far, read or not.
-    integer, allocatable :: place(:)  !! Number of each element among them; allocated where not all are read (room).
+    integer :: n_in_file = 0  !! Number of elements in the file so far, where they are counted only.
   end type growing_block_t
 
   type, public :: mesh_builder_t  !! Mesh under construction.
@@ -25,7 +24,6 @@ module dotyk_mesh_mesh_builder
     type(growing_tag_map_t) :: used
     !> Number of each node among those of the file, where not all is read (n_nodes).
     integer, allocatable :: file_node(:)
-    integer :: n_file_nodes = 0  !! Number of nodes of the file.
     integer :: n_groups = 0  !! Number of physical groups so far.
     integer :: n_blocks = 0  !! Number of blocks so far.
     real(dp), allocatable :: x(:, :)  !! Nodal coordinates (3, n_nodes) [length].
@@ -100,7 +98,6 @@ contains
         call move_alloc(self%block(i)%tag, larger(i)%tag)
         call move_alloc(self%block(i)%entity, larger(i)%entity)
         call move_alloc(self%block(i)%group, larger(i)%group)
-        call move_alloc(self%block(i)%place, larger(i)%place)
         larger(i)%n_in_file = self%block(i)%n_in_file
       end do
       call move_alloc(larger, self%block)
@@ -110,7 +107,6 @@ contains
     self%block(index)%kind = kind
     self%block(index)%group = group
     allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0), self%block(index)%entity(0))
-    if (.not. self%selection%everything) allocate (self%block(index)%place(0))
   end subroutine builder_add_block
 
   !> Whether elements are read.
@@ -141,17 +137,14 @@ contains
   end subroutine builder_reserve
 
   !> Add an element, for which room is reserved.
-  subroutine builder_add_element(self, index, tag, entity, node, place)
+  subroutine builder_add_element(self, index, tag, entity, node)
     class(mesh_builder_t), intent(inout) :: self
     integer, intent(in) :: index  !! Index of the block.
     integer(int64), intent(in) :: tag  !! Tag of the element.
     integer, intent(in) :: entity  !! Geometric entity of the element, 0 if unknown.
     integer, intent(in) :: node(:)  !! Node indices of the element (n_nodes of the kind).
-    !> Number of the element among those of the block in the file; used only where not all is read.
-    integer, intent(in) :: place
     integer :: n
     n = self%block(index)%n + 1
-    if (allocated(self%block(index)%place)) self%block(index)%place(n) = place
     self%block(index)%n = n
     self%block(index)%tag(n) = tag
     self%block(index)%entity(n) = entity
@@ -182,8 +175,7 @@ contains
     end if
     call move_alloc(self%x, mesh%x)
     call move_alloc(self%node_tag, mesh%node_tag)
-    call move_alloc(self%file_node, mesh%file_node)
-    mesh%n_file_nodes = self%n_file_nodes
+    if (allocated(self%file_node)) deallocate (self%file_node)
     allocate (mesh%group(self%n_groups), mesh%block(self%n_blocks))
     do i = 1, self%n_groups
       mesh%group(i)%dimension = self%group(i)%dimension
@@ -197,7 +189,6 @@ contains
       call move_alloc(self%block(i)%tag, mesh%block(i)%tag)
       call move_alloc(self%block(i)%entity, mesh%block(i)%entity)
       call move_alloc(self%block(i)%group, mesh%block(i)%group)
-      call move_alloc(self%block(i)%place, mesh%block(i)%place)
       mesh%block(i)%n_in_file = self%block(i)%n_in_file
     end do
     if (allocated(self%group)) deallocate (self%group)
@@ -225,14 +216,9 @@ contains
   subroutine resize(block, room)
     type(growing_block_t), intent(inout) :: block  !! Block.
     integer, intent(in) :: room  !! New room, at least the number of elements.
-    integer, allocatable :: node(:, :), entity(:), place(:)
+    integer, allocatable :: node(:, :), entity(:)
     integer(int64), allocatable :: tag(:)
     if (size(block%tag) == room) return
-    if (allocated(block%place)) then
-      allocate (place(room))
-      place(:block%n) = block%place(:block%n)
-      call move_alloc(place, block%place)
-    end if
     allocate (node(size(block%node, 1), room), tag(room), entity(room))
     node(:, :block%n) = block%node(:, :block%n)
     tag(:block%n) = block%tag(:block%n)

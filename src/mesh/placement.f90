@@ -1,6 +1,7 @@
 !> Placement of a body: a rotation about the origin of its mesh, then a translation.
 module dotyk_mesh_placement
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_rotation, only: cosine_and_sine, rotation_matrix
   implicit none
   private
@@ -14,6 +15,7 @@ module dotyk_mesh_placement
   contains
     procedure :: init => placement_init
     procedure :: apply => placement_apply
+    procedure :: carry => placement_carry
   end type placement_t
 
 contains
@@ -42,4 +44,13 @@ contains
       x(:, i) = x(:, i) + self%shift(:d)
     end do
   end subroutine placement_apply
+
+  !> Put it into a parcel, or take it out.
+  subroutine placement_carry(self, parcel)
+    class(placement_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry_fixed(size(self%rotation), self%rotation)
+    call parcel%carry_fixed(size(self%shift), self%shift)
+    call parcel%carry(self%rotated)
+  end subroutine placement_carry
 end module dotyk_mesh_placement

@@ -39,8 +39,7 @@ module dotyk_mesh_surface
     procedure :: carry => surface_carry
   end type surface_t
 
-  public :: extract_surface, surface_nodes, surface_names, gather_facets, choose_facets, find_parents, name_surfaces, &
-    node_numbers, refuse_inner
+  public :: extract_surface, surface_nodes, surface_names, gather_facets, node_numbers, refuse_inner
 
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
@@ -63,6 +62,7 @@ contains
     integer(int64), allocatable :: tag(:)
     integer, allocatable :: number(:), entity(:), parents(:)
     character(:), allocatable :: message
+    integer :: inner
     wanted = groups_like(mesh, trim(surface_name), body_mesh%dimension - 1)
     message = ''
     if (present(has_facets)) has_facets = .false.
@@ -76,7 +76,14 @@ contains
         call find_parents(body_mesh, table, surface, parents)
       end if
       if (present(has_facets)) has_facets = any(parents > 0)
-      call choose_facets(mesh, surface_name, body_mesh%dimension, tag, entity, parents, surface, error)
+      surface%name = trim(surface_name)
+      surface%dimension = body_mesh%dimension
+      inner = findloc(parents > 1, .true., dim=1)
+      if (inner > 0) then
+        call refuse_inner(mesh, surface_name, count(parents > 1), tag(inner), error)
+      else
+        call keep_facets(surface, tag, entity, parents == 1)
+      end if
       if (surface%n_facets > 0 .or. allocated(error)) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
     else
@@ -85,27 +92,6 @@ contains
     call surface_names(mesh, body_mesh, names)
     call set_error(error, message//'; on this body: '//names_text(names))
   end subroutine extract_surface
-
-  !> Keep the facets that have one parent, and complete the surface.
-  subroutine choose_facets(mesh, surface_name, dimension, tag, entity, parents, surface, error)
-    type(mesh_t), intent(in) :: mesh  !! Mesh.
-    character(*), intent(in) :: surface_name  !! Name of the physical groups, maybe with wildcards.
-    integer, intent(in) :: dimension  !! Dimension of space.
-    integer(int64), intent(in) :: tag(:)  !! Element tags of the facets (n).
-    integer, intent(in) :: entity(:)  !! Their geometric entities (n).
-    integer, intent(in) :: parents(:)  !! Number of elements of the body with each facet (n).
-    type(surface_t), intent(inout) :: surface  !! The surface; on entry it has all facets, without tags.
-    type(error_t), allocatable, intent(out) :: error  !! Set for facets inside the body.
-    integer :: inner
-    surface%name = trim(surface_name)
-    surface%dimension = dimension
-    inner = findloc(parents > 1, .true., dim=1)
-    if (inner > 0) then
-      call refuse_inner(mesh, surface_name, count(parents > 1), tag(inner), error)
-    else
-      call keep_facets(surface, tag, entity, parents == 1)
-    end if
-  end subroutine choose_facets
 
   !> Refuse a surface inside the body.
   subroutine refuse_inner(mesh, surface_name, n_inner, first_tag, error)
@@ -272,24 +258,15 @@ contains
     type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
     type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
     type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
-    integer, allocatable :: number(:)
-    call node_numbers(mesh, body_mesh, number)
-    call name_surfaces(mesh, body_mesh%dimension, number > 0, names)
-  end subroutine surface_names
-
-  !> Names of the physical groups that have a facet all of whose nodes are in a body.
-  subroutine name_surfaces(mesh, dimension, in_body, names)
-    type(mesh_t), intent(in) :: mesh  !! Mesh.
-    integer, intent(in) :: dimension  !! Dimension of space.
-    logical, intent(in) :: in_body(:)  !! Nodes of the body (n_nodes of the mesh).
-    type(text_t), allocatable, intent(out) :: names(:)  !! Names (n_names).
     type(text_t), allocatable :: all_names(:)
+    integer, allocatable :: number(:)
     logical, allocatable :: found(:)
     integer :: i, n
-    call group_names(mesh, dimension - 1, all_names)
+    call node_numbers(mesh, body_mesh, number)
+    call group_names(mesh, body_mesh%dimension - 1, all_names)
     allocate (found(size(all_names)))
     do i = 1, size(all_names)
-      found(i) = touches(mesh, groups_named(mesh, all_names(i)%s, dimension - 1), in_body)
+      found(i) = touches(mesh, groups_named(mesh, all_names(i)%s, body_mesh%dimension - 1), number > 0)
     end do
     allocate (names(count(found)))
     n = 0
@@ -298,7 +275,7 @@ contains
       n = n + 1
       names(n)%s = all_names(i)%s
     end do
-  end subroutine name_surfaces
+  end subroutine surface_names
 
   !> Whether some element of some groups has all its nodes in the body.
   pure logical function touches(mesh, wanted, in_body)

@@ -1,16 +1,13 @@
-!> What each rank goes on to hold of the bodies: those that it computes; of others their surfaces; of those that all
-!> ranks compute together its part.
+!> What each rank goes on to hold of bodies that have one rank each: those that it computes; of others their surfaces.
 module dotyk_model_body_parts
-  use dotyk_base_kinds, only: int64
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_held_body, only: hold_own_part, hold_surface
-  use dotyk_mesh_element_ranks, only: element_work, rank_elements
+  use dotyk_elasticity_held_body, only: hold_surface
   use dotyk_mesh_held_part, only: held_surface, surface_part
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: hold_parts, keep_surface
@@ -27,8 +24,6 @@ contains
     type(body_surfaces_t), intent(inout) :: surfaces(:)
     !> Rigid body modes that supports leave; found for bodies that are not held wholly, at the held nodes (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
-    integer, allocatable :: number(:), element_rank(:)
-    integer(int64) :: work, before
     integer :: b
     allocate (modes(size(body)))
     if (n_ranks() == 1) return
@@ -36,15 +31,7 @@ contains
       call hold_surfaces(classes, ranks, body, surfaces, modes)
       return
     end if
-    work = sum([(element_work(body(b)%mesh), b=1, size(body))])
-    before = 0
     do b = 1, size(body)
-      if (body(b)%mesh%is_whole()) then
-        call rank_elements(body(b)%mesh, before, work, n_ranks(), element_rank)
-        before = before + element_work(body(b)%mesh)
-        call hold_own_part(body(b), element_rank, this_rank(), n_ranks(), number)
-        call follow(body(b), number, surfaces(b))
-      end if
       call modes(b)%find(body(b))
     end do
   end subroutine hold_parts

@@ -16,8 +16,7 @@ module dotyk_model_body_setup
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material, survey_material, turn_material
-  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
-  use dotyk_model_mesh_shares, only: mesh_shares_t
+  use dotyk_model_mesh_file, only: add_unions, meshing_of, read_alone, read_mesh
   use dotyk_model_special_volumes, only: refuse_on_both_halves
   use dotyk_model_volumes, only: volume_t
   implicit none
@@ -27,7 +26,7 @@ module dotyk_model_body_setup
 contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
-  subroutine build_bodies(case, body, surfaces, remarks, error, shares)
+  subroutine build_bodies(case, body, surfaces, remarks, error, kept, given)
     type(case_t), intent(in) :: case  !! The case.
     type(body_t), allocatable, intent(out) :: body(:)  !! Bodies, not yet assembled (n_bodies).
     !> Surfaces of the bodies that contact pairs may need (n_bodies).
@@ -35,8 +34,11 @@ contains
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
-    !> Shares of the meshes that this rank has read, where it gets its parts of the bodies; used up.
-    type(mesh_shares_t), intent(inout), optional :: shares
+    !> The volumes with the surfaces that were asked for, those of the first bodies with each; the meshes are read
+    !> without the other ranks (n_bodies).
+    type(volume_t), intent(inout), optional :: kept(:)
+    !> The same of this rank's parts of the bodies, in place of meshes (n_bodies).
+    type(volume_t), intent(inout), optional :: given(:)
     type(problem_list_t) :: problems
     type(mesh_t) :: whole_mesh
     type(meshing_t) :: meshing
@@ -57,12 +59,16 @@ contains
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       read = read .or. same
-      if (present(shares)) then
-        call build_file(shares%mesh(b))
+      if (present(given)) then
+        call build_file(whole_mesh)
         cycle
       end if
       before = problems%count
-      call read_mesh(case%body(b)%mesh, case%scene%dimension, whole_mesh, meshing, failed)
+      if (present(kept)) then
+        call read_alone(case%body(b)%mesh, case%scene%dimension, whole_mesh, meshing, failed)
+      else
+        call read_mesh(case%body(b)%mesh, case%scene%dimension, whole_mesh, meshing, failed)
+      end if
       if (len(meshing%remark) > 0) call add_remark(remarks, meshing%remark)
       call problems%add_error(failed)
       if (problems%count > before) cycle
@@ -80,27 +86,39 @@ contains
 
     !> Build the bodies of one file.
     subroutine build_file(mesh)
-      type(mesh_t), intent(in) :: mesh  !! The file, or this rank's share of it.
+      type(mesh_t), intent(in) :: mesh  !! The file; empty where this rank has parts of its volumes.
       type(volume_t) :: volume
-      integer :: c, k, n_same
+      integer :: c
       do c = b, size(body)
         if (.not. same(c) .or. done(c)) cycle
-        if (present(shares)) then
-          call shares%take_part(case, c, volume)
+        if (present(given)) then
+          call build_volume(mesh, c, given(c))
         else
           call volume%take(mesh, case%scene, case%body(c), locks(c))
+          call build_volume(mesh, c, volume)
         end if
-        n_same = 0
-        do k = c, size(body)
-          if (.not. same(k) .or. (locks(k) .neqv. locks(c))) cycle
-          if (.not. case%body(k)%has_shape_of(case%body(c))) cycle
-          done(k) = .true.
-          n_same = n_same + 1
-          call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
-        end do
-        if (.not. allocated(volume%error)) call describe_joints(case, volume%joints, n_same, c, remarks)
+        if (.not. present(kept) .or. problems%count > 0) cycle
+        call volume%complete(mesh)
+        kept(c) = volume
       end do
     end subroutine build_file
+
+    !> Build the bodies of one volume.
+    subroutine build_volume(mesh, c, volume)
+      type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+      integer, intent(in) :: c  !! The first body.
+      type(volume_t), intent(inout) :: volume  !! The volume.
+      integer :: k
+      volume%n_bodies = 0
+      do k = c, size(body)
+        if (.not. same(k) .or. (locks(k) .neqv. locks(c))) cycle
+        if (.not. case%body(k)%has_shape_of(case%body(c))) cycle
+        done(k) = .true.
+        volume%n_bodies = volume%n_bodies + 1
+        call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
+      end do
+      if (.not. allocated(volume%error)) call describe_joints(case, volume%joints, volume%n_bodies, c, remarks)
+    end subroutine build_volume
   end subroutine build_bodies
 
   !> Report groups whose wildcards name bodies of which none has the surface.

@@ -3,8 +3,8 @@
 !> They are those that one process finds: bodies are compared in the same order, each by its own rank, which reads the
 !> representative, too, where it may be congruent.
 module dotyk_model_dealt_classes
-  use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_congruence, only: are_congruent, congruence_invariants_t
@@ -13,7 +13,7 @@ module dotyk_model_dealt_classes
   use dotyk_mesh_placement, only: placement_t
   use dotyk_model_chosen_bodies, only: chosen_bodies_t
   use dotyk_model_mesh_survey, only: mesh_survey_t
-  use dotyk_ranks_exchange, only: is_own, on_any_rank, share, share_flat
+  use dotyk_ranks_exchange, only: by_owner, is_own, on_any_rank, share, share_parcel
   implicit none
   private
   public :: find_classes
@@ -65,18 +65,18 @@ contains
     integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
     type(body_t), intent(in) :: body(:)  !! Bodies, those of this rank built (n_bodies).
     type(congruence_invariants_t), intent(out) :: invariants(:)  !! Their invariants (n_bodies).
-    type(congruence_invariants_t) :: mold
-    integer(int8) :: bytes(storage_size(mold)/8, size(owner))
-    integer :: b, n_bytes
-    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
-    inquire (iolength=n_bytes) mold
+    type(parcel_t) :: parcel
+    integer :: b, k, order(size(owner))
     do b = 1, size(owner)
-      if (is_own(owner(b))) call invariants(b)%init(body(b))
-      bytes(:, b) = transfer(invariants(b), bytes(:, b))
+      if (.not. is_own(owner(b))) cycle
+      call invariants(b)%init(body(b))
+      call invariants(b)%carry(parcel)
     end do
-    call share_flat(owner, bytes)
-    do b = 1, size(owner)
-      invariants(b) = transfer(bytes(:, b), mold)
+    call share_parcel(owner, parcel)
+    if (parcel%at_end()) return
+    order = by_owner(owner)
+    do k = 1, size(order)
+      call invariants(order(k))%carry(parcel)
     end do
   end subroutine share_invariants
 
@@ -84,17 +84,16 @@ contains
   subroutine share_motions(owner, motion)
     integer, intent(in) :: owner(:)  !! Rank of each body (n_bodies).
     type(placement_t), intent(inout) :: motion(:)  !! Those of the bodies of this rank in, of all out (n_bodies).
-    type(placement_t) :: mold
-    integer(int8) :: bytes(storage_size(mold)/8, size(owner))
-    integer :: b, n_bytes
-    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
-    inquire (iolength=n_bytes) mold
+    type(parcel_t) :: parcel
+    integer :: b, k, order(size(owner))
     do b = 1, size(owner)
-      bytes(:, b) = transfer(motion(b), bytes(:, b))
+      if (is_own(owner(b))) call motion(b)%carry(parcel)
     end do
-    call share_flat(owner, bytes)
-    do b = 1, size(owner)
-      motion(b) = transfer(bytes(:, b), mold)
+    call share_parcel(owner, parcel)
+    if (parcel%at_end()) return
+    order = by_owner(owner)
+    do k = 1, size(order)
+      call motion(order(k))%carry(parcel)
     end do
   end subroutine share_motions
 end module dotyk_model_dealt_classes

@@ -15,7 +15,7 @@ module dotyk_model_mesh_file
   use dotyk_ranks_exchange, only: meet
   implicit none
   private
-  public :: add_unions, forget_meshes, meshing_of, read_mesh
+  public :: add_unions, find_msh, forget_meshes, meshing_of, read_alone, read_mesh
 
 contains
 
@@ -54,10 +54,22 @@ contains
     waits = this_rank() > 0
     if (waits) waits = needs_conversion(path)
     meshing%is_made = waits
-    if (.not. waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
+    if (.not. waits) call read_alone(path, dimension, mesh, meshing, error, selection)
     call meet()
-    if (waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
+    if (waits) call read_alone(path, dimension, mesh, meshing, error, selection)
   end subroutine read_mesh
+
+  !> The MSH file of a mesh; it is made first where there is none, or an older one.
+  subroutine find_msh(case, path, msh, error)
+    type(case_t), intent(in) :: case  !! The case.
+    character(*), intent(in) :: path  !! Path of the mesh or geometry.
+    character(:), allocatable, intent(out) :: msh  !! Path of the MSH file.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be meshed or converted.
+    type(meshing_t) :: meshing
+    meshing = meshing_of(case)
+    msh = path
+    if (needs_conversion(path)) call make_mesh(path, case%scene%dimension, msh, error, meshing)
+  end subroutine find_msh
 
   !> Add the unions of the volumes of bodies that have several to the mesh of their file.
   subroutine add_unions(case, path, mesh)
@@ -72,8 +84,8 @@ contains
     end do
   end subroutine add_unions
 
-  !> Read a mesh, or make it first.
-  subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
+  !> Read a mesh, or make it first, without other ranks.
+  subroutine read_alone(path, dimension, mesh, meshing, error, selection)
     character(*), intent(in) :: path  !! Path of the mesh or geometry.
     integer, intent(in) :: dimension  !! Dimension of space.
     type(mesh_t), intent(out) :: mesh  !! The mesh.
@@ -88,5 +100,5 @@ contains
     if (is_stl_file(path) .and. .not. allocated(error)) call join_smooth_faces(mesh, sharp*acos(-1.0_dp)/180)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
-  end subroutine read_or_make
+  end subroutine read_alone
 end module dotyk_model_mesh_file

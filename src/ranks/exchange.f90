@@ -12,14 +12,15 @@ module dotyk_ranks_exchange
   use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_timer, only: processor_time, wall_time
-  use dotyk_ranks_communication, only: add_integers, collect_reals, deliver_integers, end_ranks, gather_bytes, &
+  use dotyk_ranks_communication, only: add_integers, collect_reals, end_ranks, gather_bytes, &
     gather_integers, gather_reals, greet, greeting_length, n_ranks, this_rank
   use dotyk_ranks_item_order, only: by_owner, numbers
   implicit none
   private
-  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
-    add_counts, add_up, deliver, gather_all, greatest, join
+  public :: by_owner, is_own, share, share_errors, share_flat, share_parcel, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
+    add_counts, add_up, gather_all, greatest, join
 
   type, public :: exchange_cost_t  !! What exchanges have cost this rank so far.
     real(dp) :: waited = 0  !! Time in which it waited for other ranks [s].
@@ -42,7 +43,7 @@ module dotyk_ranks_exchange
 
   !> Kinds of exchanges, the first number of a greeting.
   integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, &
-    of_parts = 6, of_sums = 7, of_parcels = 8, of_lists = 9, of_counts = 10, of_joined = 11
+    of_parts = 6, of_sums = 7, of_lists = 8, of_counts = 9, of_joined = 10
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   integer(int64), parameter :: not_there = -1  !! Size of an item that is not allocated.
@@ -151,6 +152,20 @@ contains
     value = number > 0
   end subroutine share_logicals
 
+  !> Items that the ranks have put into parcels with their procedures `carry`, each its own in ascending order: all of
+  !> them, to be taken out in the order of `by_owner`. Nothing is exchanged of items of all ranks, nor on one rank.
+  subroutine share_parcel(owner, parcel)
+    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
+    type(parcel_t), intent(inout) :: parcel  !! Written in, read out; empty where nothing is exchanged.
+    integer(int64), allocatable :: word(:)
+    if (is_shared(owner)) then
+      call gather_all(parcel%words(), word)
+    else
+      allocate (word(0))
+    end if
+    call parcel%open(word)
+  end subroutine share_parcel
+
   !> Bytes of each item, as many of each: derived types without allocatable components, by `transfer`.
   subroutine share_flat(owner, bytes)
     integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
@@ -216,18 +231,6 @@ contains
     call collect_reals(own, n, all)
     cost%bytes = cost%bytes + 8*max(0_int64, size(all, kind=int64) - size(own, kind=int64))
   end subroutine collect
-
-  !> Integers for each rank, to that rank.
-  subroutine deliver(own, n, all, n_from)
-    integer(int64), intent(in) :: own(:)  !! Those for rank 0, for rank 1, and so on (sum(n)).
-    integer(int64), intent(in) :: n(:)  !! Number for each rank (n_ranks).
-    !> Those for this rank, from rank 0, from rank 1, and so on (sum(n_from)).
-    integer(int64), allocatable, intent(out) :: all(:)
-    integer(int64), intent(out) :: n_from(:)  !! Number from each rank (n_ranks).
-    call agree_on(of_parcels, 1_int64)
-    call deliver_integers(own, n, all, n_from)
-    cost%bytes = cost%bytes + 8*(sum(n_from) - n_from(this_rank() + 1))
-  end subroutine deliver
 
   !> Integers of all ranks on all ranks, one rank after the other.
   subroutine gather_all(own, all)

@@ -5,12 +5,14 @@ module test_bodies
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: analysis_dimension
   use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_held_body, only: hold_body
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_support, only: collect_supports, support_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_hex8, element_quad4, &
     element_pyramid5, max_facet_nodes, reference_nodes, shape_functions
+  use dotyk_mesh_held_part, only: choose_part
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -31,9 +33,23 @@ module test_bodies
     procedure :: repeat => box_repeat
   end type box_t
 
-  public :: make_support, make_body, solve, rotation, nodal_forces, steel
+  public :: hold_own_part, make_support, make_body, solve, rotation, nodal_forces, steel
 
 contains
+
+  !> Reduce a body to the part of a rank.
+  subroutine hold_own_part(body, element_rank, rank, number)
+    type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
+    integer, intent(in) :: element_rank(:)  !! Rank of each element, from 0, through all blocks (n_elements).
+    integer, intent(in) :: rank  !! The rank, from 0.
+    !> Number of each node of the whole body in the part, 0 where it is not held (n_nodes).
+    integer, allocatable, intent(out) :: number(:)
+    logical, allocatable :: holds(:), own_node(:)
+    call choose_part(body%mesh, element_rank, rank, holds, own_node)
+    call hold_body(body, holds, element_rank == rank, own_node, number)
+    body%mesh%whole%in_parts = .true.
+    call body%number_part(body%mesh%whole%own_node)
+  end subroutine hold_own_part
 
   !> Mesh the unit square or cube.
   subroutine box_init(self, kind, cells, distortion)

@@ -7,7 +7,7 @@ module dotyk_ranks_communication
   use mpi_f08, only: mpi_abort, mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, &
     mpi_comm_split_type, mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, &
     mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_bcast, mpi_recv, mpi_send, &
-    mpi_status_ignore, mpi_allreduce, mpi_alltoall, mpi_in_place, mpi_proc_null, mpi_sendrecv, mpi_sum
+    mpi_status_ignore, mpi_allreduce, mpi_in_place, mpi_sum
   use dotyk_base_error, only: exit_machine
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
@@ -15,7 +15,7 @@ module dotyk_ranks_communication
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes, collect_reals, deliver_integers, add_integers
+    gather_reals, gather_bytes, collect_reals, add_integers
 
   character(*), parameter, public :: built_with = ', MPI and PETSc'  !! What the program is built with, for its version.
   integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
@@ -196,41 +196,6 @@ contains
       done = done + n(r + 1)
     end do
   end subroutine gather_bytes
-
-  !> Integers for each rank, to that rank; from all ranks, one after the other.
-  subroutine deliver_integers(own, n, all, n_from, most)
-    integer(int64), intent(in) :: own(:)  !! Those for rank 0, for rank 1, and so on (sum(n)).
-    integer(int64), intent(in) :: n(:)  !! Number for each rank (n_ranks).
-    integer(int64), allocatable, intent(out) :: all(:)  !! Those of all ranks for this one (sum(n_from)).
-    integer(int64), intent(out) :: n_from(:)  !! Number from each rank (n_ranks).
-    integer(int64), intent(in), optional :: most  !! Numbers that one message may have, for tests; 2^24 if absent.
-    integer(int64) :: length, done, sent, got
-    integer :: step, to, from, target, source
-    length = 2_int64**24
-    if (present(most)) length = most
-    call mpi_alltoall(n, 1, mpi_integer8, n_from, 1, mpi_integer8, mpi_comm_world)
-    allocate (all(sum(n_from)))
-    sent = sum(n(:own_rank))
-    got = sum(n_from(:own_rank))
-    all(got + 1:got + n_from(own_rank + 1)) = own(sent + 1:sent + n(own_rank + 1))
-    ! Ranks that have nothing for each other do not meet.
-    do step = 1, number_of_ranks - 1
-      to = modulo(own_rank + step, number_of_ranks)
-      from = modulo(own_rank - step, number_of_ranks)
-      do done = 0, max(n(to + 1), n_from(from + 1)) - 1, length
-        sent = sum(n(:to)) + min(done, n(to + 1))
-        got = sum(n_from(:from)) + min(done, n_from(from + 1))
-        target = merge(to, mpi_proc_null, done < n(to + 1))
-        source = merge(from, mpi_proc_null, done < n_from(from + 1))
-        associate (n_out => max(0_int64, min(length, n(to + 1) - done)), &
-                   n_in => max(0_int64, min(length, n_from(from + 1) - done)))
-          call mpi_sendrecv(own(sent + 1:sent + n_out), int(n_out), mpi_integer8, target, 0, &
-                            all(got + 1:got + n_in), int(n_in), mpi_integer8, source, 0, mpi_comm_world, &
-                            mpi_status_ignore)
-        end associate
-      end do
-    end do
-  end subroutine deliver_integers
 
   !> Sums of the integers of all ranks.
   subroutine add_integers(value)

@@ -7,7 +7,7 @@ module dotyk_ranks_communication
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes, collect_reals, deliver_integers, add_integers
+    gather_reals, gather_bytes, collect_reals, add_integers
 
   character(*), parameter, public :: built_with = ''  !! What the program is built with, for its version.
   integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
@@ -89,16 +89,6 @@ contains
     integer(int8), intent(out) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine gather_bytes
-
-  !> Integers of the one rank for itself.
-  pure subroutine deliver_integers(own, n, all, n_from)
-    integer(int64), intent(in) :: own(:)  !! Its integers.
-    integer(int64), intent(in) :: n(:)  !! Their number (1).
-    integer(int64), allocatable, intent(out) :: all(:)  !! The same integers.
-    integer(int64), intent(out) :: n_from(:)  !! Their number (1).
-    all = own(:n(1))
-    n_from = n
-  end subroutine deliver_integers
 
   !> Sums of the integers of the one rank.
   pure subroutine add_integers(value)
