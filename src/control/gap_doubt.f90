@@ -10,6 +10,7 @@ module dotyk_control_gap_doubt
   use dotyk_base_thresholds, only: rounding
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_ranks_exchange, only: greatest
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -110,17 +111,17 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! Bodies.
     type(displacements_t), intent(in) :: displacements  !! Their displacements, where they are known.
     real(dp), intent(in) :: given  !! What is known without [length].
-    real(dp) :: greatest(1)
+    real(dp) :: of_rank(1)
     integer :: b
-    greatest = given
+    of_rank = given
     if (allocated(displacements%body)) then
       do b = 1, size(displacements%body)
         if (problem%ranks%is_own(b) .and. allocated(displacements%body(b)%displacement)) &
-          greatest = max(greatest, maxval(abs(displacements%body(b)%displacement)))
+          of_rank = max(of_rank, maxval(abs(displacements%body(b)%displacement)))
       end do
     end if
-    call problem%ranks%share_greatest(greatest)
-    moved = greatest(1)
+    call greatest(of_rank)
+    moved = of_rank(1)
   end function greatest_displacement
 
   !> Uncertainties as parts of the greatest values.
