@@ -1,6 +1,7 @@
 !> The deepest point of one part below the boundary of another one.
 module dotyk_contact_penetration
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   implicit none
   private
 
@@ -13,11 +14,23 @@ module dotyk_contact_penetration
   contains
     procedure :: add => penetration_add
     procedure :: outweighs => penetration_outweighs
+    procedure :: carry => penetration_carry
   end type penetration_t
 
   real(dp), parameter, public :: same_depth = 1.0e-9_dp  !! Depths that differ by less, relative to them, are the same.
 
 contains
+
+  !> Put it into a parcel, or take it out.
+  subroutine penetration_carry(self, parcel)
+    class(penetration_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%depth)
+    call parcel%carry_fixed(size(self%position), self%position)
+    call parcel%carry(self%n_nodes)
+    call parcel%carry(self%n_edges)
+    call parcel%carry(self%n_passed)
+  end subroutine penetration_carry
 
   !> Add the points of another one.
   pure subroutine penetration_add(self, other)

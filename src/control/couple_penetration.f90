@@ -1,6 +1,7 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
 module dotyk_control_couple_penetration
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
@@ -28,6 +29,8 @@ module dotyk_control_couple_penetration
     integer :: other = 0  !! The body that they are in; the same for two parts of one body.
     type(penetration_t) :: worst  !! The deepest point.
     type(touch_t) :: touch  !! Faces that touch though no contact pair has the two.
+  contains
+    procedure :: carry => body_penetration_carry
   end type body_penetration_t
 
   type, public :: parts_t  !! Parts of one body.
@@ -47,6 +50,17 @@ module dotyk_control_couple_penetration
   real(dp), parameter :: coordinate_rounding = 1.0e-13_dp  !! Rounding of coordinates relative to the largest.
 
 contains
+
+  !> Put it into a parcel, or take it out.
+  subroutine body_penetration_carry(self, parcel)
+    class(body_penetration_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%body)
+    call parcel%carry(self%other)
+    call self%worst%carry(parcel)
+    call parcel%carry(self%touch%n_facets)
+    call parcel%carry_fixed(size(self%touch%position), self%touch%position)
+  end subroutine body_penetration_carry
 
   !> Boundaries of the parts of a body.
   subroutine split_parts(b, problem, pairs, displacement, parts)

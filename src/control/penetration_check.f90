@@ -4,10 +4,10 @@
 !> against that of all others whose boxes it meets. Contact pairs only explain the penetration that their penalty and
 !> their given gaps leave. Self contact of one part is not checked.
 module dotyk_control_penetration_check
-  use, intrinsic :: iso_fortran_env, only: int8
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_contact_met_points, only: met_point_t
@@ -22,7 +22,7 @@ module dotyk_control_penetration_check
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_division, only: deal_out, division_t
-  use dotyk_ranks_exchange, only: all_ranks, is_own, share_flat
+  use dotyk_ranks_exchange, only: all_ranks, by_owner, is_own, share_parcel
   implicit none
   private
 
@@ -288,22 +288,22 @@ contains
     type(body_penetration_t), intent(inout) :: found(:)
     type(nodal_field_t), intent(inout) :: depth(:)  !! Depth at the nodes, likewise (n_bodies) [length].
     type(division_t) :: division
-    integer(int8), allocatable :: bytes(:, :)
+    type(parcel_t) :: parcel
     real(dp), allocatable :: list(:, :), all(:, :)
-    integer, allocatable :: dealt(:), node(:)
-    integer :: b, i, k, n_bytes
+    integer, allocatable :: dealt(:), node(:), order(:)
+    integer :: b, i, k
     dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
     if (size(dealt) == 0) return
-    ! Refused by the compiler where a component is allocatable: its bytes would be an address.
-    inquire (iolength=n_bytes) found(dealt(1))
-    allocate (bytes(storage_size(found)/8, size(dealt)))
     do k = 1, size(dealt)
-      bytes(:, k) = transfer(found(dealt(k)), bytes(:, k))
+      if (is_own(owner(dealt(k)))) call found(dealt(k))%carry(parcel)
     end do
-    call share_flat(owner(dealt), bytes)
-    do k = 1, size(dealt)
-      found(dealt(k)) = transfer(bytes(:, k), found(dealt(k)))
-    end do
+    call share_parcel(owner(dealt), parcel)
+    order = dealt(by_owner(owner(dealt)))
+    if (.not. parcel%at_end()) then
+      do k = 1, size(order)
+        call found(order(k))%carry(parcel)
+      end do
+    end if
     if (.not. any(found(dealt)%worst%depth > 0)) return
     ! Body, place among its boundary nodes, and depth where there is one.
     allocate (all(3, 0))

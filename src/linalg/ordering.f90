@@ -1,5 +1,5 @@
-!> Fill-reducing orders by nested dissection, and partitions of meshes, with METIS (G. Karypis and V. Kumar, SIAM J. Sci.
-!> Comput. 20, 1998), which is declared here and nowhere else.
+!> Fill-reducing orders by nested dissection, and partitions of meshes, with METIS (G. Karypis and V. Kumar, SIAM J.
+!> Sci. Comput. 20, 1998), which is declared here and nowhere else.
 module dotyk_linalg_ordering
   use, intrinsic :: iso_c_binding, only: c_float, c_int, c_int32_t, c_loc, c_null_ptr, c_ptr
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable

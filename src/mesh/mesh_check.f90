@@ -28,7 +28,8 @@ contains
     do i = 1, size(x, 2)
       if (.not. any(is_too_large(x(:, i)))) cycle
       if (all(ieee_is_finite(x(:, i)))) then
-        call set_error(error, 'node '//to_text(tag(i))//' is too far away, at '//position_text(x(:, i))//'; '//size_rule)
+        call set_error(error, 'node '//to_text(tag(i))//' is too far away, at '//position_text(x(:, i))//'; '// &
+                       size_rule)
       else
         call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//position_text(x(:, i)))
       end if

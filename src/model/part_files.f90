@@ -2,9 +2,9 @@
 !> layers around them, their numbers in the whole volumes, their owners, and the surfaces that the case names.
 !>
 !> One process reads the meshes, builds the bodies with all checks, divides the elements and writes the files, before a
-!> run (`--partition`) or at its start; then each rank reads its own. They are in the cache of meshes beside the case. They
-!> begin with the names of all that they depend on, the volumes and surfaces that are asked for, and are made again by
-!> the rule of make where a mesh is newer.
+!> run (`--partition`) or at its start; then each rank reads its own. They are in the cache of meshes beside the case.
+!> They begin with the names of all that they depend on, the volumes and surfaces that are asked for, and are made again
+!> by the rule of make where a mesh is newer.
 module dotyk_model_part_files
   use dotyk_base_error, only: error_t, exit_not_written, set_error
   use dotyk_base_files, only: own_mark, remove_leftovers
@@ -178,7 +178,7 @@ contains
   subroutine write_parts(self, volume, error)
     type(part_files_t), intent(in) :: self  !! The files.
     type(volume_t), intent(inout) :: volume(:)  !! Volumes, those of first bodies (n_bodies).
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where a file cannot be written, or METIS has no memory.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where there is no memory, or no room on the disk.
     type :: rank_list_t
       integer, allocatable :: of(:)  !! Rank of each element (n_elements).
     end type rank_list_t
@@ -313,8 +313,8 @@ contains
       close (unit)
     end if
     if (status /= 0) then
-      call set_error(error, file_of(self, rank)//': the part of rank '//to_text(rank)//' cannot be read, or another '// &
-                     'run has replaced it: all ranks need the same file system; run the case again')
+      call set_error(error, file_of(self, rank)//': the part of rank '//to_text(rank)//' cannot be read, or '// &
+                     'another run has replaced it: all ranks need the same file system; run the case again')
       return
     end if
     call parcel%open(word)

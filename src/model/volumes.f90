@@ -159,8 +159,8 @@ contains
     integer :: i
     call surface_names(mesh, volume%mesh, volume%name)
     if (.not. volume%is_half) return
-    ! Of surfaces that end at a jagged cut a half may have all nodes of a facet, and no facet. Names of facets inside the
-    ! half stay: what acts on them is refused.
+    ! Of surfaces that end at a jagged cut a half may have all nodes of a facet, and no facet. Names of facets inside
+    ! the half stay: what acts on them is refused.
     allocate (is_there(size(volume%name)))
     do i = 1, size(is_there)
       call extract_surface(mesh, volume%mesh, volume%name(i)%s, surface, failed, is_there(i))

@@ -7,20 +7,19 @@
 !> of ranks. With each exchange the ranks agree on interrupts (`dotyk_base_interrupt`). In a program on one rank
 !> nothing happens here.
 module dotyk_ranks_exchange
-  use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_error, only: error_slot_t, error_t, set_error, exit_machine
   use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_timer, only: processor_time, wall_time
-  use dotyk_ranks_communication, only: add_integers, collect_reals, end_ranks, gather_bytes, &
-    gather_integers, gather_reals, greet, greeting_length, n_ranks, this_rank
+  use dotyk_ranks_communication, only: add_integers, collect_reals, end_ranks, gather_integers, &
+    gather_reals, greet, greeting_length, n_ranks, this_rank
   use dotyk_ranks_item_order, only: by_owner, numbers
   implicit none
   private
-  public :: by_owner, is_own, share, share_errors, share_flat, share_parcel, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
-    add_counts, add_up, gather_all, greatest, join
+  public :: by_owner, is_own, share, share_errors, share_parcel, agree_on_error, on_any_rank, meet, exchange_cost, &
+    collect, add_counts, add_up, gather_all, greatest, join
 
   type, public :: exchange_cost_t  !! What exchanges have cost this rank so far.
     real(dp) :: waited = 0  !! Time in which it waited for other ranks [s].
@@ -42,8 +41,8 @@ module dotyk_ranks_exchange
   end interface share
 
   !> Kinds of exchanges, the first number of a greeting.
-  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, &
-    of_parts = 6, of_sums = 7, of_lists = 8, of_counts = 9, of_joined = 10
+  integer(int64), parameter :: of_items = 1, of_values = 2, of_flag = 3, of_meeting = 4, of_parts = 5, &
+    of_sums = 6, of_lists = 7, of_counts = 8, of_joined = 9
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   integer(int64), parameter :: not_there = -1  !! Size of an item that is not allocated.
@@ -165,20 +164,6 @@ contains
     end if
     call parcel%open(word)
   end subroutine share_parcel
-
-  !> Bytes of each item, as many of each: derived types without allocatable components, by `transfer`.
-  subroutine share_flat(owner, bytes)
-    integer, intent(in) :: owner(:)  !! Rank that has each item (n_items).
-    integer(int8), intent(inout) :: bytes(:, :)  !! Those of the items of this rank in, of all out (n_bytes, n_items).
-    integer(int8), allocatable :: all(:)
-    integer :: i
-    if (.not. is_shared(owner)) return
-    allocate (all(size(bytes, kind=int64)))
-    call agree_on(of_bytes, size(bytes, kind=int64))
-    call gather_bytes(pack(bytes, spread(owner == this_rank(), 1, size(bytes, 1))), &
-                      numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)
-    bytes(:, by_owner(owner)) = reshape(all, shape(bytes))
-  end subroutine share_flat
 
   !> Sums of the numbers of all ranks, in the order of the ranks.
   subroutine add_up(value)

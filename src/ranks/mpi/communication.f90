@@ -3,10 +3,9 @@
 !> Every exchange begins with the same short message of all ranks (`greet`): what each rank is about to do. A rank that
 !> ends, for whatever reason, says so there, and all others end with it: no rank waits for one that is gone.
 module dotyk_ranks_communication
-  use, intrinsic :: iso_fortran_env, only: int8
   use mpi_f08, only: mpi_abort, mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, &
     mpi_comm_split_type, mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, &
-    mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_bcast, mpi_recv, mpi_send, &
+    mpi_init_thread, mpi_integer8, mpi_thread_funneled, mpi_comm, mpi_bcast, mpi_recv, mpi_send, &
     mpi_status_ignore, mpi_allreduce, mpi_in_place, mpi_sum
   use dotyk_base_error, only: exit_machine
   use dotyk_base_kinds, only: dp, int64
@@ -15,7 +14,7 @@ module dotyk_ranks_communication
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes, collect_reals, add_integers
+    gather_reals, collect_reals, add_integers
 
   character(*), parameter, public :: built_with = ', MPI and PETSc'  !! What the program is built with, for its version.
   integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
@@ -122,13 +121,17 @@ contains
   end subroutine gather_integers
 
   !> Reals of all ranks, one rank after the other. Many numbers go rank by rank.
-  subroutine gather_reals(own, n, all)
+  subroutine gather_reals(own, n, all, most)
     real(dp), intent(in) :: own(:)  !! Those of this rank.
     integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
     real(dp), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
-    integer(int64) :: first, last, done
+    !> Numbers that one message may have, for tests; as many as MPI counts if absent.
+    integer(int64), intent(in), optional :: most
+    integer(int64) :: first, last, done, limit
     integer :: r
-    if (sum(n) < most_numbers) then
+    limit = most_numbers
+    if (present(most)) limit = most
+    if (sum(n) < limit) then
       call mpi_allgatherv(own, size(own), mpi_double_precision, all, counts(n), places(n), mpi_double_precision, &
                           mpi_comm_world)
       return
@@ -136,8 +139,8 @@ contains
     done = 0
     do r = 0, number_of_ranks - 1
       if (r == own_rank) all(done + 1:done + n(r + 1)) = own
-      do first = done + 1, done + n(r + 1), most_numbers
-        last = min(first + most_numbers - 1, done + n(r + 1))
+      do first = done + 1, done + n(r + 1), limit
+        last = min(first + limit - 1, done + n(r + 1))
         call mpi_bcast(all(first:last), int(last - first + 1), mpi_double_precision, r, mpi_comm_world)
       end do
       done = done + n(r + 1)
@@ -170,32 +173,6 @@ contains
       done = done + n(r + 1)
     end do
   end subroutine collect_reals
-
-  !> Bytes of all ranks, one rank after the other. Many bytes go rank by rank.
-  subroutine gather_bytes(own, n, all, most)
-    integer(int8), intent(in) :: own(:)  !! Those of this rank.
-    integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
-    integer(int8), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
-    !> Bytes that one message may have, for tests; as many as MPI counts if absent.
-    integer(int64), intent(in), optional :: most
-    integer(int64) :: first, last, done, limit
-    integer :: r
-    limit = most_numbers
-    if (present(most)) limit = most
-    if (sum(n) < limit) then
-      call mpi_allgatherv(own, size(own), mpi_integer1, all, counts(n), places(n), mpi_integer1, mpi_comm_world)
-      return
-    end if
-    done = 0
-    do r = 0, number_of_ranks - 1
-      if (r == own_rank) all(done + 1:done + n(r + 1)) = own
-      do first = done + 1, done + n(r + 1), limit
-        last = min(first + limit - 1, done + n(r + 1))
-        call mpi_bcast(all(first:last), int(last - first + 1), mpi_integer1, r, mpi_comm_world)
-      end do
-      done = done + n(r + 1)
-    end do
-  end subroutine gather_bytes
 
   !> Sums of the integers of all ranks.
   subroutine add_integers(value)

@@ -1,13 +1,12 @@
 !> The one rank of a program without MPI.
 module dotyk_ranks_communication
-  use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: end_expected
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes, collect_reals, add_integers
+    gather_reals, collect_reals, add_integers
 
   character(*), parameter, public :: built_with = ''  !! What the program is built with, for its version.
   integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
@@ -81,14 +80,6 @@ contains
     real(dp), intent(inout) :: all(:)  !! The same.
     all = own(:n(1))
   end subroutine collect_reals
-
-  !> Bytes of the one rank.
-  pure subroutine gather_bytes(own, n, all)
-    integer(int8), intent(in) :: own(:)  !! Its bytes.
-    integer(int64), intent(in) :: n(:)  !! Their number (1).
-    integer(int8), intent(out) :: all(:)  !! The same.
-    all = own(:n(1))
-  end subroutine gather_bytes
 
   !> Sums of the integers of the one rank.
   pure subroutine add_integers(value)
