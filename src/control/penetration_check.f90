@@ -185,13 +185,13 @@ contains
     end do
     if (n_ranks() > 1) call share_findings(problem%body, owner, found, check%depth)
     allocate (check%met(0))
-    do k = 1, size(found)
-      if (found(k)%worst%depth > 0) check%met = [check%met, met(k)%of]
-    end do
-    ! Rows are of use where they keep out all bodies, in a scene of contact.
-    if (n_ranks() > 1 .or. size(problem%pair) == 0 .or. &
-         any([(found(k)%worst%depth > 0 .and. size(met(k)%of) == 0, k=1, size(found))])) &
-      check%met = check%met(:0)
+    ! Rows are of use where they keep out all bodies, in a scene of contact. Ranks know the points of their own couples.
+    if (n_ranks() == 1 .and. size(problem%pair) > 0) then
+      do k = 1, size(found)
+        if (found(k)%worst%depth > 0) check%met = [check%met, met(k)%of]
+      end do
+      if (any([(found(k)%worst%depth > 0 .and. size(met(k)%of) == 0, k=1, size(found))])) check%met = check%met(:0)
+    end if
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     allocate (order(size(check%found)))
