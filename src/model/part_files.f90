@@ -187,7 +187,10 @@ contains
     type(part_files_t) :: part
     integer(int64) :: work, before
     integer :: b, r
-    work = sum([(volume(b)%n_bodies*element_work(volume(b)%mesh), b=1, size(volume))], mask=volume%n_bodies > 0)
+    work = 0
+    do b = 1, size(volume)
+      if (volume(b)%n_bodies > 0) work = work + volume(b)%n_bodies*element_work(volume(b)%mesh)
+    end do
     before = 0
     do b = 1, size(volume)
       if (volume(b)%n_bodies == 0) cycle
