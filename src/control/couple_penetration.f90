@@ -60,6 +60,7 @@ contains
     call self%worst%carry(parcel)
     call parcel%carry(self%touch%n_facets)
     call parcel%carry_fixed(size(self%touch%position), self%touch%position)
+    call parcel%carry(self%touch%depth)
   end subroutine body_penetration_carry
 
   !> Boundaries of the parts of a body.
