@@ -205,6 +205,4 @@ class Geometry(Assembly):
             return None, numbers, ""
         words = "contact force %.3g, not from %.3g to %.3g" % (force, low, high)
         told = re.search(r"uncertain by", log)
-        # the error of the energy norm that the log states is that of elements wider than the contact
-        told = told or float((re.search(r"discretization ~ ([\d.eE+-]+) %", log) or "00")[1]) > 50
         return (None, numbers, words) if told else (words, numbers, "")
