@@ -8,8 +8,8 @@
 !> are treated alike.
 !>
 !> Quadratic facets bend as the gap does where the contact spans them: their gaps keep r. Bodies that merely touch
-!> somewhere on a facet do not bend it, and bodies apart do not either: there r is taken off, wholly where nothing
-!> overlaps, and in part up to an overlap as great as r; it goes back where the contact turns out to span the facet
+!> somewhere on a facet do not bend it: there r is taken off, wholly where the least gap of the facet is 0, and in part
+!> up to a least gap, or an overlap, as great as r; it goes back where the contact turns out to span the facet
 !> (facet_bending.f90).
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
@@ -241,7 +241,7 @@ contains
     end if
     r = r + rest
     if (properties%order > 1) then
-      r = r*max(0.0_dp, 1 + min(0.0_dp, least)/greatest)
+      r = r*max(0.0_dp, 1 - abs(least)/greatest)
       bend = r
     end if
     gap = gap - r

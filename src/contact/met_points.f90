@@ -43,9 +43,9 @@ module dotyk_contact_met_points
 contains
 
   !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
-  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Points of
-  !> an edge do not leave along it, as the next ones would take their place. Between bodies without a contact pair only
-  !> corners count; other points have no facet of b.
+  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Points
+  !> of an edge do not leave along it, as the next ones would take their place. Between bodies without a contact pair
+  !> only corners count; other points have no facet of b.
   subroutine add_met_point(a, f, nodes, x, b, tolerance, only_corners, met, entered)
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: f  !! Its facet.

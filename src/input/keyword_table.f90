@@ -146,8 +146,8 @@ contains
                   '(VTK: values of arrays of integers of cells are volumes and surfaces, those of points '// &
                   'surfaces), .med and other formats of meshio, or a CAD file (.step, .stp, .iges, .igs, .brep, '// &
                   '.brp, .stl; meshed by gmsh, lengths in mm; each closed surface of an .stl file is a solid), '// &
-                  'whose volumes are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh numbers '// &
-                  'them; relative to the namelist file')
+                  'whose volumes are solid 1, solid 2, ..., and whose surfaces face 1, face 2, ..., as gmsh '// &
+                  'numbers them; relative to the namelist file')
     call list%add('mesh_size', kind_real, unit='length', positive=.true., &
                   meaning='size of the elements in CAD files; smaller at curved faces (16 around a circle); if '// &
                   'absent, a twelfth of the largest extent of each solid')
