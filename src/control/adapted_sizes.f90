@@ -74,7 +74,7 @@ contains
     type(placement_t), intent(in) :: placement(:)  !! Placement of each body (n_bodies).
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(contact_solution_t), intent(in) :: solution  !! With its errors.
-    !> Allocated where a body has other elements than triangles or tetrahedra, or its mesh has no volumes of a geometry.
+    !> Allocated where a body has other elements than triangles or tetrahedra.
     type(error_t), allocatable, intent(out) :: error
     integer :: b, e, k, v
     if (.not. allocated(self%view)) call find_views(self, file, placement, problem, error)
@@ -130,10 +130,6 @@ contains
             call set_error(error, file(b)%s//': body '//quoted(problem%body(b)%name)//' has other elements than '// &
                            'triangles or tetrahedra, whose sizes &accuracy cannot choose: remove Recombine, Layers '// &
                            'or Transfinite from the geometry')
-            return
-          end if
-          if (.not. allocated(mesh%block(k)%entity)) then
-            call set_error(error, file(b)%s//': &accuracy chooses sizes for one process, not for several ranks')
             return
           end if
           entity = [entity, mesh%block(k)%entity]

@@ -1,6 +1,6 @@
 !> Meshes until the error is as small as asked for: each is solved, its errors give the sizes of the next one.
 module dotyk_driver_accuracy
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_converged
   use dotyk_base_files, only: own_mark
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -10,7 +10,6 @@ module dotyk_driver_accuracy
   use dotyk_control_adapted_sizes, only: adapted_sizes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
-  use dotyk_control_gap_doubt, only: is_doubtful
   use dotyk_input_case, only: case_t
   use dotyk_mesh_mesh_cache, only: find_cache
   use dotyk_mesh_placement, only: placement_t
@@ -21,7 +20,6 @@ module dotyk_driver_accuracy
   type, public :: accuracy_t  !! The meshes so far.
     integer :: n_meshes = 0  !! Number of meshes, the present one included.
     type(adapted_sizes_t), private :: sizes  !! What is known on the present mesh.
-    logical, private :: is_doubtful = .false.  !! Whether results depend on gaps that the mesh does not tell.
     real(dp), private :: began = 0  !! When the first mesh began: wall time [s].
     integer, private :: n_unknowns = 0  !! Unknowns of the present mesh.
     integer, private :: n_before = 0  !! Elements of the mesh before.
@@ -32,6 +30,7 @@ module dotyk_driver_accuracy
     procedure :: begin_mesh => accuracy_begin_mesh
     procedure :: observe => accuracy_observe
     procedure :: conclude => accuracy_conclude
+    procedure :: remove_views => accuracy_remove_views
   end type accuracy_t
 
   !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
@@ -55,7 +54,6 @@ contains
     if (self%n_meshes == 0) self%began = wall_time()
     self%n_before = self%sizes%n_elements
     self%sizes = nothing
-    self%is_doubtful = .false.
     self%n_meshes = self%n_meshes + 1
     case%mesh_number = self%n_meshes
   end subroutine accuracy_begin_mesh
@@ -70,21 +68,22 @@ contains
     type(text_t) :: file(size(case%body))
     type(placement_t) :: placement(size(case%body))
     integer :: b
-    if (.not. case%accuracy%is_given) return
+    if (.not. case%accuracy%is_given .or. .not. allocated(solution%state%pressure)) return
     do b = 1, size(file)
       file(b)%s = case%body(b)%mesh
       call placement(b)%init(case%body(b)%axis, case%body(b)%angle, case%body(b)%at)
     end do
     call self%sizes%observe(file, placement, problem, solution, error)
-    if (allocated(error)) return
     self%n_unknowns = sum(problem%body%n_unknowns())
-    self%is_doubtful = self%is_doubtful .or. is_doubtful(solution%gap_doubt)
   end subroutine accuracy_observe
 
   !> Decide on the mesh that was solved: the last one, or the case gets what gmsh needs for the next.
-  subroutine accuracy_conclude(self, case, log, reached, done, error)
+  subroutine accuracy_conclude(self, case, code, log, reached, done, error)
     class(accuracy_t), intent(inout) :: self
     type(case_t), intent(inout) :: case  !! The case; its sizes are set.
+    !> Exit code of the solution: the mesh is not the last one where the solution is not valid, as where contact forces
+    !> depend on gaps that the mesh does not tell.
+    integer, intent(in) :: code
     type(log_t), intent(inout) :: log  !! Gets a line.
     logical, intent(out) :: reached  !! Whether the error is as small as asked for.
     logical, intent(out) :: done  !! Whether the mesh is the last one.
@@ -92,29 +91,28 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: why, verdict
     real(dp) :: aim, miss, most, seconds
-    call remove_views(self)
-    reached = .false.
     associate (sizes => self%sizes, asked => case%accuracy, now => real(self%sizes%n_elements, dp))
       seconds = wall_time() - self%began
-      reached = sizes%error <= asked%error .and. sizes%contact < resolved .and. .not. self%is_doubtful
+      reached = sizes%error <= asked%error .and. sizes%contact < resolved .and. code == exit_converged
       why = ''
       if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
       if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
         why = 'max_seconds = '//to_text(asked%max_seconds)
       if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
-        why = 'the geometry gives its mesh whatever sizes are asked for (Transfinite, Layers)'
-      if (.not. sizes%error > 0 .and. .not. reached) why = 'no error is known'
+        why = 'the geometry, which fixes its mesh (Transfinite, Layers)'
+      if (.not. sizes%error > 0 .and. .not. reached) why = 'the lack of an error estimate'
       verdict = ''
       if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'
       if (.not. reached .and. len(why) > 0) &
-        verdict = '; not reached: '//percent(asked%error)//' were asked for, and '//why//' ends the search'
+        verdict = '; not reached: '//percent(asked%error)//' were asked for; stopped by '//why
       call log%line('  accuracy         mesh '//to_text(self%n_meshes)//': '// &
                     counted(self%n_unknowns, 'unknown')//', error ~ '//percent(sizes%error)//', contact '// &
                     percent(sizes%contact)//', after '//to_text(seconds, 3)//' s'//verdict)
       done = reached .or. len(why) > 0
       if (done) return
-      aim = asked%error
+      ! Contact that the mesh does not resolve is no reason to coarsen what is good enough.
+      aim = min(asked%error, sizes%error)
       if (self%n_meshes > 1) then
         self%factor = now/self%expected*self%factor
         miss = self%predicted/sizes%error
@@ -182,16 +180,16 @@ contains
     call move_alloc(scripts, case%size_script)
   end subroutine write_views
 
-  !> Remove the files of the last mesh.
-  subroutine remove_views(self)
-    type(accuracy_t), intent(inout) :: self  !! Forgets them.
+  !> Remove what gmsh has read for the mesh.
+  subroutine accuracy_remove_views(self)
+    class(accuracy_t), intent(inout) :: self
     integer :: f
     if (.not. allocated(self%view_file)) return
     do f = 1, size(self%view_file)
       call remove_file(self%view_file(f)%s)
     end do
     deallocate (self%view_file)
-  end subroutine remove_views
+  end subroutine accuracy_remove_views
 
   !> A fraction in percent.
   function percent(fraction) result(text)

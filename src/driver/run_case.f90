@@ -73,13 +73,19 @@ contains
                      'meshes; run without mpirun')
       return
     end if
+    if (len(arguments%restart) > 0) then
+      call set_error(error, '--restart: '//case%file//' has an &accuracy, which makes new meshes, and the results '// &
+                     'of one mesh start no other')
+      return
+    end if
     do
       call monitor%log%hold()
       call accuracy%begin_mesh(case)
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
+      call accuracy%remove_views()
       call monitor%log%take(lines)
       is_last = allocated(error) .or. interrupted()
-      if (.not. is_last) call accuracy%conclude(case, monitor%log, reached, is_last, error)
+      if (.not. is_last) call accuracy%conclude(case, code, monitor%log, reached, is_last, error)
       if (allocated(error) .and. accuracy%n_meshes > 1 .and. .not. interrupted()) then
         ! The results of the last mesh are there.
         call monitor%log%line('  accuracy         not reached: mesh '//to_text(accuracy%n_meshes)//': '//error%message)

@@ -85,11 +85,14 @@ contains
     accuracy%line = group%line
     accuracy%is_given = .true.
     if (is_usable(group, 'error')) accuracy%error = real_of(group, 'error')
+    if (is_usable(group, 'error') .and. .not. accuracy%error < 1) &
+      call report(problems, group, 'error', 'error is a fraction of the energy norm below 1, 0.05 for 5 %, got '// &
+                  to_text(accuracy%error))
     accuracy%max_meshes = integer_of(group, 'max_meshes')
     accuracy%max_unknowns = integer_of(group, 'max_unknowns')
     if (is_given(group, 'max_seconds')) accuracy%max_seconds = real_of(group, 'max_seconds')
     do b = 1, size(body)
-      if (len(body(b)%mesh) == 0 .or. is_cad_file(body(b)%mesh) .or. extension_of(body(b)%mesh) == '.geo') cycle
+      if (len(body(b)%mesh) == 0 .or. is_cad_file(body(b)%mesh) .or. is_geo_file(body(b)%mesh)) cycle
       call problems%add(group%line, '&accuracy: the mesh of body '//quoted(body(b)%name)//' is no geometry: '// &
                         shown(body(b)%mesh)//'; gmsh makes new meshes of .geo and CAD files')
       return

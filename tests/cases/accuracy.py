@@ -140,6 +140,35 @@ Physical Curve("up") = {3};
         self.assertIn("'a'", log)
         self.assertFalse((self.folder / "case.vtkhdf").exists())
 
+    def test_percent_and_restarts_are_refused(self):
+        self.write("step.geo", STEP)
+        self.write("case.nml", STEPS + "&accuracy error=5 /")
+        self.assertIn("case.nml:10: &accuracy: error", self.dotyk("case.nml", code=2))
+        self.write("case.nml", STEPS + "&accuracy error=0.01 /")
+        self.write("earlier.vtkhdf", "")
+        self.assertIn("--restart", self.dotyk("case.nml", "--restart", "earlier.vtkhdf", code=2))
+
+    def test_results_that_are_not_valid_are_refined(self):
+        """A small approach, which the first mesh of the sphere does not resolve, however large an error is allowed."""
+        log, summary = self.run_scene("""
+&scene mesh='s.geo' /
+&material name='steel', young=210e9, poisson=0.3 /
+&body name='ball', volume='ball', material='steel' /
+&body name='block', volume='block', material='steel' /
+&support body='ball', surface='cut', fix='z', value=0,0,-3e-7 /
+&support body='ball', surface='plane x', fix='x' /
+&support body='ball', surface='plane y', fix='y' /
+&support body='block', surface='bottom', fix='xyz' /
+&support body='block', surface='plane x', fix='x' /
+&support body='block', surface='plane y', fix='y' /
+&contact name='touch', surface_a='ball:skin', surface_b='block:up' /
+&accuracy error=0.6 /""", HERTZ)
+        # The first mesh has an error below 0.6.
+        self.assertGreater(len(self.meshes(log)[0]), 1)
+        self.assertLess(self.meshes(log)[1][0], 0.6)
+        force = 4 / 3 * 210e9 / (2 * 0.91) * 0.1 * 3e-7**1.5 / 4
+        self.assertBetween(0.8 * force, self.results("case.vtkhdf")["dotyk/contact/touch"].attrs["force"][2], 1.2 * force)
+
 
 if __name__ == "__main__":
     dotyk_case.main()

@@ -39,7 +39,7 @@ class Card:
     """A keyword card with its parameters and data lines.
 
     keyword in small letters without blanks; parameters by names in the same way, values without quotes; lines: data lines without blanks
-    around them and commas behind, comments left out; part: name of the part to which it belongs, in small letters, None outside.
+    around them and commas behind, without comments; part: name of the part to which it belongs, in small letters, None outside.
     """
 
     def __init__(self, text, path, number):

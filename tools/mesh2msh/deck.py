@@ -423,7 +423,7 @@ def place(chunks, i, of_tags):
 
 
 def members(chosen, index, what):
-    """Indices of the members of a set, each once, those that do not exist left out."""
+    """Indices of the members of a set, each once, without those that do not exist."""
     found = []
     for numbers, card, lines in chosen.pieces:
         own = index.find(numbers)
