@@ -8,6 +8,7 @@ module dotyk_control_gap_doubt
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: rounding
+  use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_ranks_exchange, only: greatest
@@ -25,7 +26,7 @@ module dotyk_control_gap_doubt
   type, public :: gap_doubt_t  !! Of one pair; NaN where it is not known.
     real(dp) :: uncertainty = 0  !! Uncertainty of its gaps where they matter: of rows that may be active [length].
     real(dp) :: force = 0, force_change = 0  !! Sum of its contact forces, and its uncertainty [force].
-    real(dp) :: area_change = 0  !! Uncertainty of the area of its active rows [as the weights].
+    real(dp) :: area_change = 0  !! Uncertainty of its contact area [as the weights].
     real(dp) :: moved_change = 0  !! Uncertainty of normal displacements of its sides against each other [length].
     !> Both uncertainties as parts of the greatest force of all pairs and the greatest displacement of all bodies [].
     real(dp) :: force_part = 0, moved_part = 0
@@ -101,7 +102,7 @@ contains
           if (pattern == 2 .and. any(abs(of_pair) > 0)) sign = -sign
         end associate
       end do
-      call compare(qp, compliance, linear_solver, solver, state, shift, doubt)
+      call compare(problem, qp, compliance, linear_solver, solver, state, shift, doubt)
     end do
     call find_parts(moved, doubt)
   end subroutine find_gap_doubt
@@ -156,7 +157,8 @@ contains
   end subroutine estimate_roughly
 
   !> Solve with other gaps, and compare.
-  subroutine compare(qp, compliance, linear_solver, solver, state, shift, doubt)
+  subroutine compare(problem, qp, compliance, linear_solver, solver, state, shift, doubt)
+    type(contact_problem_t), intent(in) :: problem  !! As in `find_gap_doubt`.
     type(contact_qp_t), intent(in) :: qp  !! As in `find_gap_doubt`.
     class(compliance_t), intent(inout) :: compliance  !! As in `find_gap_doubt`.
     integer, intent(in) :: linear_solver  !! As in `find_gap_doubt`.
@@ -195,7 +197,7 @@ contains
           else if (.not. ieee_is_nan(of%force_change)) then
             associate (m_2 => other%pressure(first:last))
               of%force_change = max(of%force_change, abs(sum(w*m_2) - of%force))
-              of%area_change = max(of%area_change, abs(sum(w, mask=m_2 > 0) - sum(w, mask=m > 0)))
+              of%area_change = max(of%area_change, abs(contact_area(problem, k, m_2) - contact_area(problem, k, m)))
               of%moved_change = maxval([of%moved_change, &
                                         pack(abs(other%penetration(first:last) + shifted%gap(first:last) - moved), &
                                              m > 0 .or. m_2 > 0)])
@@ -206,4 +208,14 @@ contains
       end associate
     end do
   end subroutine compare
+
+  !> Contact area of a pair.
+  real(dp) function contact_area(problem, k, pressure) result(area)
+    type(contact_problem_t), intent(in) :: problem  !! As in `find_gap_doubt`.
+    integer, intent(in) :: k  !! The pair.
+    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows (n_rows) [pressure].
+    type(contact_patch_t), allocatable :: patch(:)
+    call find_patches(problem%pair(k), problem%surface_a(k), pressure, pressure > 0, patch)
+    area = sum(patch%area)
+  end function contact_area
 end module dotyk_control_gap_doubt

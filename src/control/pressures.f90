@@ -4,6 +4,7 @@ module dotyk_control_pressures
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_thresholds, only: rounding
+  use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
   use dotyk_contact_pressure_projection, only: pressure_projection_t
@@ -15,7 +16,7 @@ module dotyk_control_pressures
 
   type, public :: pair_solution_t  !! Pressures of one pair.
     real(dp), allocatable :: pressure(:)  !! Pressure of the scheme (n_rows) [pressure].
-    !> The same, projected on the linear shape functions of surface_a (n_rows) [pressure].
+    !> The same, projected on the linear shape functions of surface_a; 0 where that is less (n_rows) [pressure].
     real(dp), allocatable :: projected(:)
     real(dp), allocatable :: gap(:)  !! Gap that is left, negative where the points penetrate (n_rows) [length].
     real(dp) :: force(3) = 0  !! Resultant on body a (3) [force].
@@ -26,8 +27,10 @@ module dotyk_control_pressures
     integer :: n_active = 0
     real(dp) :: moment(3) = 0  !! Moment on body a about the origin; 0 in axisymmetric analyses (3) [force length].
     real(dp) :: centre(3) = 0  !! Centre of pressure, see `pair_resultant_t`; NaN where there is none (3) [length].
-    real(dp) :: area = 0  !! Sum of the weights of active rows [as the weights].
-    real(dp) :: peak = 0  !! Greatest projected pressure [pressure].
+    type(contact_patch_t), allocatable :: patch(:)  !! Connected patches of active rows (n_patches).
+    real(dp) :: area = 0  !! Contact area, the sum of their areas [as the weights].
+    !> Greatest projected pressure of rows that the master covers, of the others where these have none [pressure].
+    real(dp) :: peak = 0
     real(dp) :: peak_position(3) = 0  !! Position of its row (3) [length].
     real(dp) :: peak_covered = 1  !! Fraction of the slave surface around this row that the master covers [].
     real(dp) :: least_gap = 0  !! Least gap [length].
@@ -41,6 +44,10 @@ module dotyk_control_pressures
   end type nodal_field_t
 
   public :: project_pressures
+
+  !> Fraction of the slave surface around a vertex from which on the master covers it: on straight edges of the master
+  !> across facets it is half, at corners a quarter []. The pressure at a sliver is no measure of that beside it.
+  real(dp), parameter, public :: well_covered = 0.2_dp
 
 contains
 
@@ -103,12 +110,17 @@ contains
       solution(k)%moment = resultant%moment
       solution(k)%centre = resultant%centre
       solution(k)%n_active = count(active)
-      solution(k)%area = sum(problem%pair(k)%row_weight, mask=active)
+      call find_patches(problem%pair(k), problem%surface_a(k), solution(k)%pressure, active, solution(k)%patch)
+      solution(k)%area = sum(solution(k)%patch%area)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), &
         on_b(size(projection%side_b%node)))
       call projection%project(problem%pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
+      ! The projection may fall below 0 at the rim of the contact.
+      solution(k)%projected = max(0.0_dp, solution(k)%projected)
+      on_a = max(0.0_dp, on_a)
+      on_b = max(0.0_dp, on_b)
       call at_nodes(problem%pair(k)%body_a)%add(problem%pair(k), projection%side_a, -1.0_dp, on_a)
       call at_nodes(problem%pair(k)%body_b)%add(problem%pair(k), projection%side_b, 1.0_dp, on_b)
       call find_extremes(problem%pair(k), solution(k))
@@ -132,12 +144,16 @@ contains
   pure subroutine find_extremes(pair, solution)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(pair_solution_t), intent(inout) :: solution  !! Its projected pressures and gaps in, the extremes out.
+    logical :: covered(pair%n_rows)
     integer :: i
     if (pair%n_rows == 0) return
-    i = maxloc(solution%projected, 1)
+    ! Contacts at points and edges have no area.
+    covered = .true.
+    covered(:pair%n_mortar_rows) = pair%row_covered >= well_covered
+    if (.not. any(covered .and. solution%projected > 0)) covered = .true.
+    i = maxloc(solution%projected, 1, covered)
     solution%peak = solution%projected(i)
     solution%peak_position(:pair%dimension) = pair%row_position(:, i)
-    ! Contacts at points and edges have no area.
     if (i <= pair%n_mortar_rows .and. solution%peak > 0) solution%peak_covered = pair%row_covered(i)
     i = minloc(solution%gap, 1)
     solution%least_gap = solution%gap(i)

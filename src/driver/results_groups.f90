@@ -31,8 +31,9 @@ contains
     type(contact_solution_t), intent(in) :: solution  !! The solution, with the penalty parameters.
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
+    character(21), parameter :: half_axis(2) = ['patch_half_axis_long ', 'patch_half_axis_short']
     character(:), allocatable :: group
-    integer :: k
+    integer :: i, k
     do k = 1, size(pair)
       group = contact_group(pair(k)%name)
       call file%add_group(group)
@@ -51,6 +52,14 @@ contains
       call file%put_attribute(group, 'centre_of_pressure', pair_solution(k)%centre)
       call file%put_attribute(group, 'active', pair_solution(k)%n_active)
       call file%put_attribute(group, 'contact_area', pair_solution(k)%area)
+      call file%put_array(group, 'patch_area', pair_solution(k)%patch%area)
+      call file%put_array(group, 'patch_force', pair_solution(k)%patch%force)
+      call file%put_array(group, 'patch_centre', reshape([(pair_solution(k)%patch(i)%centre, &
+                                                           i=1, size(pair_solution(k)%patch))], &
+                                                         [3, size(pair_solution(k)%patch)]))
+      do i = 1, 2
+        call file%put_array(group, trim(half_axis(i)), pair_solution(k)%patch%half_axes(i))
+      end do
       call file%put_attribute(group, 'peak_pressure', pair_solution(k)%peak)
       call file%put_attribute(group, 'peak_position', pair_solution(k)%peak_position)
       call file%put_attribute(group, 'peak_covered', pair_solution(k)%peak_covered)

@@ -8,7 +8,7 @@ module dotyk_log_force_tables
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_control_pressures, only: pair_solution_t, well_covered
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_load_tables, only: resultant_line, vector_text
   use dotyk_log_tie_tables, only: show_tie_forces
@@ -18,9 +18,6 @@ module dotyk_log_force_tables
 
   !> Greatest number of contact pairs, supports or bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20
-  !> Vertices less of which is covered get a word: on straight edges of the master across facets it is half, at corners
-  !> a quarter [].
-  real(dp), parameter :: well_covered = 0.2_dp
 
 contains
 
@@ -64,8 +61,12 @@ contains
     if (solution%n_active > 0) then
       if (.not. any(ieee_is_nan(solution%centre))) &
         line = line//'centre of pressure '//vector_text(solution%centre)//', '
-      line = line//'contact area '//to_text(solution%area, 5)//', peak pressure at '// &
-             vector_text(solution%peak_position)//', '
+      line = line//'contact area '//to_text(solution%area, 5)
+      associate (patch => solution%patch, i => maxloc(solution%patch%area, 1))
+        if (size(patch) > 1) line = line//' in '//to_text(size(patch))//' patches (the largest '// &
+                                    to_text(patch(i)%area, 5)//' around '//vector_text(patch(i)%centre)//')'
+      end associate
+      line = line//', peak pressure at '//vector_text(solution%peak_position)//', '
       if (solution%peak_covered < well_covered) &
         line = line//'where the master covers '//to_text(100*solution%peak_covered, 2)//' % of the vertex (no '// &
                'measure of the pressure beside it), '

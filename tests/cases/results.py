@@ -130,7 +130,9 @@ class Results(dotyk_case.Case):
         self.check_shapes(joint, {
             **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap_uncertainty", "gap", "pressure",
                                               "pressure_projected")},
-            **{name: ((m, 3), "f") for name in ("position", "normal")}})
+            **{name: ((m, 3), "f") for name in ("position", "normal")},
+            **{"patch_" + name: ((1,), "f") for name in ("area", "force", "half_axis_long", "half_axis_short")},
+            "patch_centre": ((1, 3), "f")})
         self.assertEqual(joint.attrs["force"].shape, (3,))
         for name in ("theta", "force_uncertainty", "contact_area_uncertainty", "displacement_uncertainty"):
             self.assertEqual(np.shape(joint.attrs[name]), (), name)

@@ -211,7 +211,7 @@ class RigidBodies(dotyk_case.Case):
                 x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
                 np.testing.assert_allclose(abs(touch["force"][1]), force, rtol=1e-8)
                 np.testing.assert_allclose(touch["peak_pressure"], peak, rtol=2e-3)
-                np.testing.assert_allclose(np.sqrt(touch["contact_area"] / np.pi), a, rtol=0.05)
+                np.testing.assert_allclose(np.sqrt(touch["contact_area"] / np.pi), a, rtol=2e-3)
                 if rigid == "ball":
                     ball = np.unique(np.round(u[x[:, 1] > 1e-3, 1], 12))
                     self.assertEqual(len(ball), 1)
