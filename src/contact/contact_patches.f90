@@ -179,11 +179,11 @@ contains
   !> Depths of the active corners next to the rim.
   subroutine find_depths(rim)
     type(rim_t), intent(inout) :: rim  !! Corners in, depths out.
-    !> Of the neighbours with more pressure, which are inside: sums of weights, means of the squares of the pressures and
-    !> of the slopes of these, and of the squares of the distances.
+    !> Of the neighbours with more pressure, which are inside: sums of weights; means of the squares of pressures, of
+    !> the slopes of these, and of the squares of the distances.
     real(dp), dimension(rim%corners%n) :: share, square, slope_inside, reach
-    !> Slopes and curvatures of the squares of the pressures, distances to the neighbours inside, half-widths, and depths
-    !> over these.
+    !> Slopes and curvatures of the squares of the pressures, distances to the neighbours inside, half-widths, and
+    !> depths over these.
     real(dp), dimension(rim%corners%n) :: slope, curvature, distance, width, depth
     !> Means of the positions of the neighbours inside, and of the places of their slopes; place of the slope.
     real(dp), dimension(3, rim%corners%n) :: inside, place_inside, place

@@ -233,7 +233,7 @@ Physical Surface("end") = {Surface In BoundingBox{1 - e, -e, -e, 1 + e, 1 + e, 1
             self.assertAlmostEqual(joint["peak_position"][0], at, delta=1e-12)
             self.assertAlmostEqual(joint["peak_covered"], covered, delta=1e-9)
             if at == 1 and x == 0:  # of the vertex at 2 it covers 9 %
-                self.assertGreater(own["contact/joint/pressure_projected"][:].max(), 2 * joint["peak_pressure"])
+                self.assertGreater(own["contact/joint/pressure_projected"][:].max(), 1.2 * joint["peak_pressure"])
             self.assertEqual("where the master covers 12 % of the vertex" in printed, x > 0)
 
     def test_moments_far_from_the_origin(self):
