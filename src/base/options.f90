@@ -127,6 +127,11 @@ module dotyk_base_options
   integer, parameter, public :: error_part_penalty = 1         !< distance to the solution with theta = 0
   integer, parameter, public :: error_part_discretization = 2  !< discretization error
 
+  character(*), parameter, public :: quantity_names = 'force displacement reaction'  !! Kinds of `quantity`.
+  integer, parameter, public :: quantity_force = 1         !< contact force of a pair
+  integer, parameter, public :: quantity_displacement = 2  !< mean displacement of a face along an axis
+  integer, parameter, public :: quantity_reaction = 3      !< reaction of a support along an axis
+
   real(dp), parameter, public :: default_tolerance = 1.0e-6_dp  !! Default of `&solver tolerance` [].
   real(dp), parameter, public :: default_budget_fraction = 0.1_dp  !! Default of `&solver budget_fraction` [].
   real(dp), parameter, public :: default_max_unbalanced = 0.01_dp  !! Default of `&solver max_unbalanced` [].

@@ -21,6 +21,7 @@ module dotyk_control_contact_solution
   use dotyk_control_gap_doubt, only: find_gap_doubt, gap_doubt_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
+  use dotyk_control_quantity_error, only: quantity_errors_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_body_compliance, only: body_compliance_t
@@ -72,6 +73,7 @@ module dotyk_control_contact_solution
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
     type(error_budget_t) :: budget  !! Errors of the last round.
     type(gap_doubt_t), allocatable :: gap_doubt(:)  !! What hangs on uncertain gaps (n_pairs).
+    type(quantity_errors_t) :: quantities  !! Quantities with error bars.
     type(penetration_check_t) :: penetration  !! Whether the deformed bodies penetrate each other.
   contains
     procedure :: energies => solution_energies

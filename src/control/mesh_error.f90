@@ -18,7 +18,7 @@ module dotyk_control_mesh_error
   use dotyk_ranks_communication, only: n_local_ranks
   implicit none
   private
-  public :: estimate_mesh_errors, to_representative
+  public :: collect_thermal, estimate_mesh_errors, to_representative
 
   !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
   real(dp), parameter :: least_share = 0.01_dp

@@ -8,6 +8,7 @@ module dotyk_driver_load_cases
   use dotyk_control_rotations, only: find_rotations
   use dotyk_control_gap_doubt, only: is_doubtful
   use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_control_quantity_error, only: find_quantity_errors
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_control_tie_forces, only: keep_shortenings
   use dotyk_driver_accuracy, only: accuracy_t
@@ -22,6 +23,7 @@ module dotyk_driver_load_cases
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_summary, only: show_solution
   use dotyk_output_results_file, only: results_file_t
+  use dotyk_scheme_monitor, only: phase_estimate
   use dotyk_scheme_scheme, only: reason_none
   use dotyk_scheme_solver_state, only: ended_gaps
   implicit none
@@ -65,6 +67,14 @@ contains
                  case => block%now)
         reason = solved%reason
         if (allocated(error) .or. reason /= reason_none) exit
+        if (allocated(solution%state%pressure) .and. size(scene%quantity) > 0) then
+          call monitor%begin_phase(phase_estimate)
+          call find_quantity_errors(scene%problem, solution%qp, scene%compliance, run%settings%linear_solver, &
+                                    scene%quantity, solution%state, solution%budget, scene%kept, &
+                                    solution%displacements, solution%quantities, error)
+          call monitor%end_phase()
+          if (allocated(error)) exit
+        end if
         if (k == n) call scene%compliance%destroy()
         if (allocated(solution%state%pressure)) call keep_shortenings(solution%state, scene%problem)
         call find_rotations(scene%problem, solution%state, ratio)

@@ -11,11 +11,13 @@ module dotyk_driver_results
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_results_fields, only: write_fields
-  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_timing
+  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, &
+    write_quantities, write_timing
   use dotyk_driver_results_summary, only: write_summary
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
   use dotyk_log_force_tables, only: show_balance, show_pair_results
+  use dotyk_log_quantity_table, only: show_quantities
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_output_results_file, only: results_file_t
   use dotyk_ranks_communication, only: this_rank
@@ -74,6 +76,7 @@ contains
       end if
       if (solution%state%ended /= ended_time) then
         call show_pair_results(monitor%log, problem%pair, pair_solution)
+        call show_quantities(monitor%log, solution%quantities)
         call show_balance(monitor%log, problem, balance)
       end if
       allocate (nodal_stress(size(problem%body)))
@@ -89,6 +92,7 @@ contains
                         contact, balance, solution%budget, solution%penetration, error)
       if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
+      call write_quantities(file, solution%quantities)
       call write_forces(file, problem, balance)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)

@@ -8,6 +8,7 @@ module dotyk_driver_results_groups
   use dotyk_control_contact_problem, only: contact_problem_t, tied_surfaces_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_control_quantity_error, only: quantity_errors_t
   use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_driver_arguments, only: command_line_text
   use dotyk_elasticity_body, only: body_t
@@ -19,7 +20,7 @@ module dotyk_driver_results_groups
   use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
-  public :: write_forces, write_pairs, write_provenance, write_timing
+  public :: write_forces, write_pairs, write_provenance, write_quantities, write_timing
 
 contains
 
@@ -73,6 +74,25 @@ contains
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
+
+  !> Quantities with error bars.
+  subroutine write_quantities(file, quantities)
+    type(results_file_t), intent(inout) :: file  !! Results file, open.
+    type(quantity_errors_t), intent(in) :: quantities  !! The quantities; nothing is written where there are none.
+    character(:), allocatable :: names
+    integer :: i
+    if (.not. allocated(quantities%of)) return
+    if (size(quantities%of) == 0) return
+    call file%add_group('quantities')
+    names = quantities%of(1)%name
+    do i = 2, size(quantities%of)
+      names = names//new_line('a')//quantities%of(i)%name
+    end do
+    call file%put_attribute('quantities', 'names', names)
+    call file%put_array('quantities', 'value', quantities%of%value)
+    call file%put_array('quantities', 'error', quantities%of%error)
+    call file%put_array('quantities', 'estimate', quantities%of%estimate)
+  end subroutine write_quantities
 
   !> Forces on the bodies: loads and supports one by one, and sums by bodies with strain energies; and those of ties.
   subroutine write_forces(file, problem, balance)

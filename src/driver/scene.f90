@@ -4,6 +4,7 @@ module dotyk_driver_scene
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
+  use dotyk_control_quantity_error, only: quantity_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, operator_slot_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -32,6 +33,7 @@ module dotyk_driver_scene
     type(contact_qp_t) :: qp  !! The quadratic programme.
     type(body_compliance_t) :: compliance  !! Its compliance.
     type(kept_estimates_t) :: kept  !! What error estimates and nodal stresses keep between rounds and load cases.
+    type(quantity_t), allocatable :: quantity(:)  !! Quantities with error bars (n_quantities).
     type(split_scene_t) :: split  !! Bodies that all ranks compute together.
   contains
     procedure :: has_multigrid => scene_has_multigrid

@@ -17,6 +17,7 @@ module dotyk_driver_scene_building
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_double_bodies, only: refuse_doubles
+  use dotyk_model_quantities, only: find_quantities
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: reason_none, reason_parts, scheme_t
   implicit none
@@ -82,6 +83,8 @@ contains
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('searching for contact')
       call build_contact(case, surfaces, met, scene, error)
+      if (allocated(error)) return
+      call find_quantities(case, surfaces, problem, scene%quantity, error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')

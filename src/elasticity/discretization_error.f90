@@ -62,7 +62,8 @@ contains
 
   !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
   !> own elements where the rank holds a part of the body.
-  subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, thermal)
+  subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, thermal, &
+                                            partner, product)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
@@ -77,9 +78,16 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Thermal dilatations of each material at the nodes; none where absent (n_bodies, n_nodes, n_materials) [].
     real(dp), intent(in), optional :: thermal(:, :, :)
-    real(dp), allocatable :: element_norm(:, :), element_rounding(:, :), expanded(:, :)
+    !> For each body an earlier one, or 0, by the error of which its own is multiplied (n_bodies).
+    integer, intent(in), optional :: partner(:)
+    !> These products A(e, e') over the elements; 0 without a partner (n_bodies, n_elements) [energy].
+    real(dp), intent(out), optional :: product(:, :)
+    real(dp), allocatable :: element_norm(:, :), element_rounding(:, :), expanded(:, :), products(:, :)
     integer, allocatable :: own(:)
-    integer :: i, m
+    integer :: with(size(u, 1)), i, m
+    with = 0
+    if (present(partner)) with = partner
+    allocate (products(size(square, 1), size(square, 2)), source=0.0_dp)
     square = 0
     norm_square = 0
     allocate (element_norm(size(square, 1), size(square, 2)), source=0.0_dp)
@@ -88,8 +96,8 @@ contains
     do m = 1, size(material)
       if (present(thermal)) expanded = thermal(:, :, m)
       if (size(material) == 1) then
-        call estimate_material(mesh, analysis, material(m), u, expanded, recovery(m), square, element_norm, &
-                               element_rounding, error)
+        call estimate_material(mesh, analysis, material(m), u, expanded, recovery(m), with, square, element_norm, &
+                               element_rounding, products, error)
       else
         own = elements_of_material(mesh, m)
         if (size(own) > 0) call estimate_some(material(m), mesh_of_material(mesh, m), recovery(m))
@@ -102,9 +110,11 @@ contains
           square(i, :) = 0
           element_norm(i, :) = 0
           element_rounding(i, :) = 0
+          products(i, :) = 0
         end where
       end do
     end if
+    if (present(product)) product = products
     do i = 1, size(norm_square)
       ! Summed in the order of the elements: the same rounding on any number of threads.
       norm_square(i) = sum(element_norm(i, :))
@@ -121,19 +131,22 @@ contains
       type(material_t), intent(in) :: of_material  !! The material.
       type(body_mesh_t), intent(in) :: part  !! Its elements.
       type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
-      real(dp), dimension(size(square, 1), size(own)) :: of_part, norm, rounding
+      real(dp), dimension(size(square, 1), size(own)) :: of_part, norm, rounding, times
       of_part = 0
       norm = 0
       rounding = 0
-      call estimate_material(part, analysis, of_material, u, expanded, fit, of_part, norm, rounding, error)
+      times = 0
+      call estimate_material(part, analysis, of_material, u, expanded, fit, with, of_part, norm, rounding, times, error)
       square(:, own) = of_part
+      products(:, own) = times
       element_norm(:, own) = norm
       element_rounding(:, own) = rounding
     end subroutine estimate_some
   end subroutine estimate_discretization_errors
 
   !> Estimate the elements of one material.
-  subroutine estimate_material(mesh, analysis, material, u, expanded, fit, square, norm_square, rounding_square, error)
+  subroutine estimate_material(mesh, analysis, material, u, expanded, fit, partner, square, norm_square, &
+                               rounding_square, product, error)
     type(body_mesh_t), intent(in) :: mesh  !! Its elements, and the nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! The material.
@@ -142,9 +155,10 @@ contains
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
     type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
-    !> Squared errors of the elements, squared energy norms of the displacement on them, and bounds of the rounding
-    !> errors of these norms, in the order of the blocks (n_bodies, n_elements) [energy].
-    real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square
+    integer, intent(in) :: partner(:)  !! As in `estimate_discretization_errors` (n_bodies).
+    !> Squared errors of the elements, squared energy norms of the displacement on them, bounds of the rounding errors
+    !> of these norms, and products with the partners, in the order of the blocks (n_bodies, n_elements) [energy].
+    real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square, product
     !> Allocated where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
     type(dilatation_fit_t), allocatable :: dilatation(:)
@@ -158,16 +172,17 @@ contains
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, field, fit, dilatation, u, expanded, square(:, first:last), &
-                          norm_square(:, first:last), rounding_square(:, first:last), error)
+      call estimate_block(mesh, b, analysis, material, field, fit, dilatation, u, expanded, partner, &
+                          square(:, first:last), norm_square(:, first:last), rounding_square(:, first:last), &
+                          product(:, first:last), error)
       if (allocated(error)) exit
     end do
     call field%destroy()
   end subroutine estimate_material
 
   !> Estimate the elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, field, fit, dilatation, u, expanded, square, &
-                            norm_square, rounding_square, error)
+  subroutine estimate_block(mesh, i_block, analysis, material, field, fit, dilatation, u, expanded, partner, square, &
+                            norm_square, rounding_square, product, error)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: i_block  !! Index of the element block.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
@@ -180,9 +195,10 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
-    !> Squared errors of the elements of the block, squared energy norms of the displacement on them, and bounds of the
-    !> rounding errors of these norms (n_bodies, n_elements) [energy].
-    real(dp), dimension(:, :), intent(out), contiguous :: square, norm_square, rounding_square
+    integer, intent(in) :: partner(:)  !! As in `estimate_discretization_errors` (n_bodies).
+    !> Squared errors of the elements of the block, squared energy norms of the displacement on them, bounds of the
+    !> rounding errors of these norms, and products with the partners (n_bodies, n_elements) [energy].
+    real(dp), dimension(:, :), intent(out), contiguous :: square, norm_square, rounding_square, product
     !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: element_failure
@@ -203,15 +219,15 @@ contains
     ! A formula serves one thread: serial where the modulus varies.
     !$omp parallel do default(none) schedule(static) if (field%constant) private(element_failure) &
     !$omp& shared(mesh, i_block, analysis, form, bulk, field, fit, dilatation, kind, table, rule, corners, u, &
-    !$omp& expanded, square, norm_square, rounding_square, error)
+    !$omp& expanded, partner, square, norm_square, rounding_square, product, error)
     do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
                               fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
                               n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, field, &
                               analysis, mesh%block(i_block)%kind, table, rule, corners%shape, fit, dilatation, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, expanded, square(:, e), &
-                              norm_square(:, e), rounding_square(:, e), element_failure)
+                              mesh%block(i_block)%tag(e), node, mesh%x, u, expanded, partner, square(:, e), &
+                              norm_square(:, e), rounding_square(:, e), product(:, e), element_failure)
       end associate
       if (allocated(element_failure)) then
         !$omp critical
@@ -225,7 +241,7 @@ contains
   !> Estimate one element.
   subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
                               bulk, field, analysis, element, table, rule, corner_shape, fit, dilatation, tag, node, &
-                              all_x, all_u, expanded, square, norm_square, rounding_square, error)
+                              all_x, all_u, expanded, partner, square, norm_square, rounding_square, product, error)
     integer, intent(in) :: n  !! Number of nodes of the element.
     integer, intent(in) :: n_corners  !! Number of corners of the element.
     integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
@@ -253,9 +269,10 @@ contains
     real(dp), intent(in) :: all_u(n_bodies, dim, *)  !! Displacements of the bodies (n_bodies, dim, n_nodes) [length].
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
-    !> Squared errors of the element, squared energy norms of the displacement on it, and bounds of the rounding errors
-    !> of these norms (n_bodies) [energy].
-    real(dp), dimension(n_bodies), intent(out) :: square, norm_square, rounding_square
+    integer, intent(in) :: partner(n_bodies)  !! As in `estimate_discretization_errors` (n_bodies).
+    !> Squared errors of the element, squared energy norms of the displacement on it, bounds of the rounding errors of
+    !> these norms, and products with the partners (n_bodies) [energy].
+    real(dp), dimension(n_bodies), intent(out) :: square, norm_square, rounding_square, product
     !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(dim, n), u(n_bodies, dim, n), place(n_points, dim)
@@ -264,11 +281,12 @@ contains
     real(dp) :: displacement(n_points, n_bodies, dim), largest, scale, worst
     real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
     real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
-    real(dp), allocatable :: matrix(:, :, :)
+    real(dp), allocatable :: matrix(:, :, :), error_strain(:, :, :), error_dilatation(:, :)
     integer :: b, i, s
     square = 0
     norm_square = 0
     rounding_square = 0
+    product = 0
     do i = 1, n
       x(:, i) = all_x(:, node(i))
       u(:, :, i) = all_u(:, :, node(i))
@@ -302,6 +320,8 @@ contains
       coefficient(:, :, :, i) = fit%strain(:, :, :, fit%vertex(node(i)))
     end do
     call values_at_points(n_points, n_bodies*n_smooth, n_lower*n_corners, functions, coefficient, recovered)
+    if (any(partner > 0)) &
+      allocate (error_strain(n_points, form%n_strains, n_bodies), error_dilatation(n_points, n_bodies))
     do b = 1, n_bodies
       call physical_gradients(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
       call form%strains(n_points, slope, strain)
@@ -313,6 +333,8 @@ contains
       ! The hoop strain of axisymmetric analyses contains no derivative: its error is of a higher order.
       strain(:, n_smooth + 1:) = 0
       square(b) = form%energy(stiffness, strain, matrix)
+      if (allocated(error_strain)) error_strain(:, :, b) = strain
+      if (partner(b) > 0) product(b) = form%product(stiffness, strain, error_strain(:, :, partner(b)), matrix)
       if (.not. bulk_at(1) > 0) cycle
       projected = slope(:, 1, 1) + slope(:, 2, 2)
       if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
@@ -328,6 +350,9 @@ contains
         projected = projected - heated
       end if
       square(b) = square(b) + scale*dot_product(bulk_weight, (fitted - projected)**2)
+      if (allocated(error_dilatation)) error_dilatation(:, b) = projected - fitted
+      if (partner(b) > 0) product(b) = product(b) + &
+        scale*dot_product(bulk_weight, error_dilatation(:, b)*error_dilatation(:, partner(b)))
     end do
   end subroutine estimate_element
 

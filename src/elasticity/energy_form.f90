@@ -21,6 +21,7 @@ module dotyk_elasticity_energy_form
     procedure :: init => energy_form_init
     procedure :: strains => energy_form_strains
     procedure :: energy => energy_form_energy
+    procedure :: product => energy_form_product
   end type energy_form_t
 
 contains
@@ -104,4 +105,27 @@ contains
     end do
     energy = dot_product(weight, density)
   end function energy_form_energy
+
+  !> The bilinear form of two strains, whose energy is that of a strain with itself, summed over points [energy].
+  pure real(dp) function energy_form_product(self, weight, strain, other, matrix) result(product)
+    class(energy_form_t), intent(in) :: self
+    real(dp), intent(in) :: weight(:)  !! Volumes of the points (n_points) [volume].
+    real(dp), intent(in), contiguous :: strain(:, :), other(:, :)  !! Strains (n_points, n_strains) [].
+    real(dp), intent(in), allocatable :: matrix(:, :, :)  !! As in `energy`.
+    real(dp) :: density(size(weight))
+    integer :: k, q
+    density = 0
+    if (allocated(matrix)) then
+      do q = 1, size(weight)
+        density(q) = dot_product(strain(q, :), matmul(matrix(self%component, self%component, q), other(q, :)))
+      end do
+    else
+      do k = 1, self%n_terms
+        associate (s => self%pair(1, k), t => self%pair(2, k), c => self%coefficient(k)/2)
+          density = density + c*(strain(:, s)*other(:, t) + strain(:, t)*other(:, s))
+        end associate
+      end do
+    end if
+    product = dot_product(weight, density)
+  end function energy_form_product
 end module dotyk_elasticity_energy_form

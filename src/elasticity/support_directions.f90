@@ -26,6 +26,7 @@ module dotyk_elasticity_support_directions
     procedure :: n_supports => directions_n_supports
     procedure :: hold_nodes => directions_hold_nodes
     procedure :: add_up_reactions => directions_add_up_reactions
+    procedure :: weights => directions_weights
     procedure :: carry => directions_carry
   end type support_directions_t
 
@@ -89,11 +90,7 @@ contains
     last = 0
     do while (last < size(self%node))
       first = last + 1
-      last = first
-      do while (last < size(self%node))
-        if (self%node(last + 1) /= self%node(first)) exit
-        last = last + 1
-      end do
+      last = last_of_node(self%node, first)
       associate (node => self%node(first), source => self%source(first:last))
         if (.not. mesh%is_own_node(node)) cycle
         if (all(source == source(1))) then
@@ -112,6 +109,40 @@ contains
       end associate
     end do
   end subroutine directions_add_up_reactions
+
+  !> Weights of the reactions at the nodes in a component of the force of a support (dim, n_nodes) [].
+  function directions_weights(self, support, axis, n_nodes) result(weight)
+    class(support_directions_t), intent(in) :: self
+    integer, intent(in) :: support  !! The support.
+    integer, intent(in) :: axis  !! The component.
+    integer, intent(in) :: n_nodes  !! Number of nodes.
+    real(dp), allocatable :: weight(:, :), unit(:)
+    integer :: first, last, k
+    allocate (weight(size(self%direction, 1), n_nodes), unit(size(self%direction, 1)), source=0.0_dp)
+    last = 0
+    do while (last < size(self%node))
+      first = last + 1
+      last = last_of_node(self%node, first)
+      associate (of_support => self%source(first:last) == support, direction => self%direction(:, first:last))
+        do k = 1, merge(size(unit), 0, any(of_support))
+          unit = 0
+          unit(k) = 1
+          weight(k, self%node(first)) = sum(divide_force(direction, unit)*direction(axis, :), mask=of_support)
+        end do
+      end associate
+    end do
+  end function directions_weights
+
+  !> Last condition of the node of a condition.
+  pure integer function last_of_node(node, first) result(last)
+    integer, intent(in) :: node(:)  !! Nodes of the conditions, ascending (n).
+    integer, intent(in) :: first  !! The first condition of the node.
+    last = first
+    do while (last < size(node))
+      if (node(last + 1) /= node(first)) exit
+      last = last + 1
+    end do
+  end function last_of_node
 
   !> Forces along directions with the sum r and the least sum of squares (n) [force].
   function divide_force(direction, r) result(part)

@@ -11,7 +11,7 @@ module dotyk_input_case
   use dotyk_base_options, only: default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
     default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
     default_max_unbalanced, default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, &
-    default_tolerance, load_traction, material_isotropic
+    default_tolerance, load_traction, material_isotropic, quantity_force
   use dotyk_base_text, only: quoted, text_t
   use dotyk_input_body, only: body_input_t
   use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t
@@ -38,6 +38,20 @@ module dotyk_input_case
     integer :: max_unknowns = 0  !! Unknowns of a mesh at most.
     real(dp) :: max_seconds = 0  !! Time from which on no mesh begins; 0 where it is not given [s].
   end type accuracy_input_t
+
+  type, public :: quantity_input_t  !! A quantity of `&output` or `&accuracy`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: text  !! As written.
+    integer :: kind = quantity_force  !! One of `quantity_*`.
+    !> Whether meshes are made until its error is small enough.
+    logical :: is_goal = .false.
+    !> Name of a contact pair or `body - body`; or of the body: maybe with wildcards.
+    character(:), allocatable :: name
+    character(:), allocatable :: surface  !! Physical group of the face or support, maybe with wildcards.
+    integer :: axis = 0  !! Component of displacement or reaction.
+    logical :: any_body = .false.  !! Whether wildcards name the body: those without the surface have no such quantity.
+    integer, allocatable :: body(:)  !! Bodies of displacements and reactions (n).
+  end type quantity_input_t
 
   type, public :: material_input_t  !! `&material`.
     integer :: line = 0  !! Line of the group.
@@ -233,6 +247,7 @@ module dotyk_input_case
     !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
     type(contact_case_input_t), allocatable :: contact_case(:)
     type(accuracy_input_t) :: accuracy  !! `&accuracy`.
+    type(quantity_input_t), allocatable :: quantity(:)  !! Quantities with error bars (n_quantities).
     integer :: mesh_number = 0  !! Number of the mesh where one follows the other; 0 where there is one.
     !> Geometries whose elements get sizes of the program, and what gmsh reads after each; not allocated without (n).
     type(text_t), allocatable :: sized_file(:), size_script(:)

@@ -86,7 +86,8 @@ contains
                        "&contact_case case='hot', contact='fit', gap=-3e-5 /")
     groups(16) = group('accuracy', at_most_one, 'meshes that the program chooses until the error is small enough: '// &
                       'of .geo and CAD files with triangles and tetrahedra', &
-                      '&accuracy error=0.05 /')
+                      '&accuracy error=0.05 /'//lf// &
+                      "&accuracy error=0.01, quantity='force:ball - block', 'displacement:block:up z' /")
     groups(17) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")

@@ -16,6 +16,7 @@ module dotyk_input_parse
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_remarks, only: add_remarks
+  use dotyk_input_quantities, only: read_quantities
   use dotyk_input_settings, only: read_accuracy, read_output, read_scene, read_solver
   use dotyk_input_ties, only: read_ties
   use dotyk_input_solver_checks, only: check_solver_keys
@@ -109,11 +110,14 @@ contains
     call read_output(output, case%output)
 
     call read_bodies(groups, materials, mesh_expected, problems, bodies, case)
+    allocate (case%quantity(0))
     call pick_groups(groups, 'accuracy', picked)
     if (size(picked) > 0) then
       call read_accuracy(groups(picked(1)), case%body, problems, case%accuracy)
-      case%output%error_discretization = .true.
+      call read_quantities(groups(picked(1)), .true., case%scene%dimension, bodies, problems, case%quantity)
     end if
+    call read_quantities(output, .false., case%scene%dimension, bodies, problems, case%quantity)
+    if (case%accuracy%is_given .or. size(case%quantity) > 0) case%output%error_discretization = .true.
     call read_actions(groups, cases, bodies, problems, case)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))

@@ -2,7 +2,7 @@
 module dotyk_model_body_setup
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
-  use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_options, only: analysis_axisymmetric, quantity_displacement
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t
@@ -204,6 +204,12 @@ contains
         end if
       end associate
     end do
+    do k = 1, size(case%quantity)
+      associate (given => case%quantity(k))
+        if (given%kind /= quantity_displacement) cycle
+        if (any(given%body == b)) call take_side(given%line, given%surface, given%any_body)
+      end associate
+    end do
     is_half = case%body(b)%cut%is_cut()
     do k = 1, size(case%tie)
       if (case%tie(k)%body_a == b) &
@@ -230,7 +236,7 @@ contains
       end do
     end subroutine place
 
-    !> Take a surface of the body for contact pairs and ties.
+    !> Take a surface of the body for contact pairs, ties and mean displacements.
     subroutine take_side(line, name, may_lack)
       integer, intent(in) :: line  !! Line of the namelist file.
       character(*), intent(in) :: name  !! Name of the surface, maybe with wildcards.

@@ -1,0 +1,151 @@
+!> Quantities of the input on the bodies and contact pairs of a scene.
+module dotyk_model_quantities
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: load_traction, option_name, quantity_displacement, quantity_force, quantity_names
+  use dotyk_base_text, only: join, quoted, shown, text_t, to_text
+  use dotyk_base_wildcard, only: has_wildcard, matches
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_quantity_error, only: quantity_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_load, only: add_surface_load, load_t
+  use dotyk_input_case, only: case_t, quantity_input_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_ranks_communication, only: n_ranks
+  implicit none
+  private
+  public :: find_quantities
+
+contains
+
+  !> Find the quantities of a case, each one once.
+  subroutine find_quantities(case, surfaces, problem, quantity, error)
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_surfaces_t), intent(in) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(quantity_t), allocatable, intent(out) :: quantity(:)  !! The quantities (n).
+    !> Allocated where a name is unknown, or several ranks have the bodies; names file and line.
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: known(:)
+    integer :: i, k, n
+    allocate (quantity(0))
+    do i = 1, size(case%quantity)
+      associate (given => case%quantity(i))
+        if (n_ranks() > 1) then
+          call set_error(error, 'quantity: one process estimates errors of quantities; run without mpirun', &
+                         exit_bad_input)
+        else
+          allocate (known(0))
+          n = size(quantity)
+          if (given%kind == quantity_force) then
+            call take_pairs(given, problem, quantity, known)
+          else
+            do k = 1, size(given%body)
+              associate (b => given%body(k))
+                call take_places(given, b, problem%body(b), surfaces(b), quantity, known, error)
+              end associate
+              if (allocated(error)) exit
+            end do
+          end if
+          if (size(quantity) == n .and. .not. allocated(error) .and. &
+              (size(known) > 0 .or. .not. has_wildcard(given%name))) &
+            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are: '// &
+                           join(known, ', '), exit_bad_input)
+          deallocate (known)
+        end if
+        call add_context(error, case%file//':'//to_text(given%line)//': ')
+        if (allocated(error)) return
+      end associate
+    end do
+  end subroutine find_quantities
+
+  !> Take contact pairs, by their names or those of their bodies, in any order.
+  subroutine take_pairs(given, problem, quantity, known)
+    type(quantity_input_t), intent(in) :: given  !! What is wanted.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
+    type(text_t), allocatable, intent(inout) :: known(:)  !! Names of all pairs.
+    type(quantity_t) :: new
+    integer :: k
+    do k = 1, size(problem%pair)
+      associate (pair => problem%pair(k))
+        known = [known, text_t(quoted('force:'//pair%name))]
+        associate (a => problem%body(pair%body_a)%name, b => problem%body(pair%body_b)%name)
+          if (.not. any([matches(given%name, pair%name), matches(given%name, a//' - '//b), &
+                         matches(given%name, b//' - '//a)])) cycle
+        end associate
+        new%name = 'force:'//pair%name
+        new%pair = k
+        call add(given, new, quantity)
+      end associate
+    end do
+  end subroutine take_pairs
+
+  !> Take a face or the supports of a body.
+  subroutine take_places(given, b, body, surfaces, quantity, known, error)
+    type(quantity_input_t), intent(in) :: given  !! What is wanted.
+    integer, intent(in) :: b  !! Index of the body.
+    type(body_t), intent(in) :: body  !! The body.
+    type(body_surfaces_t), intent(in) :: surfaces  !! Its surfaces.
+    type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
+    type(text_t), allocatable, intent(inout) :: known(:)  !! Names of such quantities.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the face has no area.
+    type(quantity_t) :: new
+    integer :: s
+    character(:), allocatable :: kind, axis
+    kind = option_name(quantity_names, given%kind)//':'//body%name//':'
+    axis = ' '//given%text(len_trim(given%text):len_trim(given%text))
+    new%body = b
+    if (given%kind == quantity_displacement) then
+      s = surfaces%find(given%surface)
+      if (s == 0) return
+      new%name = kind//given%surface//axis
+      allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+      call weigh_face()
+      if (.not. allocated(error)) call add(given, new, quantity)
+      return
+    end if
+    do s = 1, body%directions%n_supports()
+      associate (place => body%directions%place(s)%s)
+        known = [known, text_t(quoted(kind//place//axis))]
+        ! A rigid body has no reactions at nodes.
+        if (body%constraint%rigid%is_set .or. .not. matches(given%surface, place)) cycle
+        if (.not. allocated(new%weight)) &
+          allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        new%weight = new%weight + body%directions%weights(s, given%axis, body%mesh%n_nodes())
+      end associate
+    end do
+    new%name = kind//given%surface//axis
+    if (allocated(new%weight)) call add(given, new, quantity)
+
+  contains
+
+    !> Weights of the mean displacement of the face.
+    subroutine weigh_face()
+      type(load_t) :: load
+      load%kind = load_traction
+      load%value(given%axis) = 1
+      call add_surface_load(body%mesh, body%analysis, surfaces%surface(s), load, new%weight, error)
+      if (.not. allocated(error)) new%weight = new%weight/sum(new%weight)
+    end subroutine weigh_face
+  end subroutine take_places
+
+  !> Add a quantity, once.
+  subroutine add(given, new, quantity)
+    type(quantity_input_t), intent(in) :: given  !! What the input has of it.
+    type(quantity_t), intent(inout) :: new  !! The quantity.
+    type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
+    type(quantity_t), allocatable :: more(:)
+    integer :: i
+    new%kind = given%kind
+    new%is_goal = given%is_goal
+    do i = 1, size(quantity)
+      if (quantity(i)%name == new%name) quantity(i)%is_goal = quantity(i)%is_goal .or. new%is_goal
+      if (quantity(i)%name == new%name) return
+    end do
+    allocate (more(size(quantity) + 1))
+    more(:size(quantity)) = quantity
+    more(size(more)) = new
+    call move_alloc(more, quantity)
+  end subroutine add
+end module dotyk_model_quantities
