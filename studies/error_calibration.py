@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 """The errors that dotyk reports over the true ones, on examples with known answers; tables in Markdown.
 
-usage: studies/error_calibration.py [mesh] [penalty] [iteration] [--dotyk FILE] [--quick]
+usage: studies/error_calibration.py [mesh] [penalty] [iteration] [quantities] [--dotyk FILE] [--quick]
 
 mesh       error_discretization over the distance to the exact stresses, in the energy norm, on finer and finer meshes of linear and
            quadratic elements (theta = 0); where only some finer mesh is known, over the distance to that
 penalty    error_penalty over the distance of the answer from that with theta = 0 on the same mesh
+quantities error of single numbers, by a much finer mesh of quadratic elements, over their error bars; and of numbers that the estimate corrects
 iteration  error_bound over the distance of an answer that was stopped early from one that was not
 """
 import argparse
@@ -28,14 +29,26 @@ FINER = {'cylinder': ((4, 2, 1), 0.5), 'punch': ((4, 2, 1), 0.5), 'groove': ((4,
          'hertz': ((4, 2), 1)}
 THETAS = {'wavy': (1, 1e-1, 1e-2, 1e-3, 1e-4), 'column': (1, 1e-1, 1e-2), 'press_fit': (1, 1e-1, 1e-2), 'hertz': (1e-1, 1e-2),
           'receding': (1e-1, 1e-2), 'free_stack': (1e-1, 1e-2)}
+# quantities of examples, factors on h of the meshes, and that of the finer mesh
+QUANTITIES = {
+    'wavy': (('force:wave', 'reaction:lower:bottom y', 'displacement:upper:upper face y'), (4, 2.8, 2, 1.4, 1, 0.7), 0.2),
+    'groove_row': (('force:*', 'displacement:*:* face y'), (4, 2.8, 2, 1.4, 1, 0.7), 0.2),
+    'press_fit': (('force:fit', 'reaction:inner:plane x x', 'displacement:outer:outside x', 'displacement:inner:outside y'),
+                  (4, 2.8, 2, 1.4, 1, 0.7), 0.2),
+    'cylinder': (('displacement:cylinder:cut y', 'displacement:block:up x', 'reaction:block:plane x x'), (4, 2.8, 2, 1.4, 1), 0.3),
+    'punch': (('displacement:upper:top y', 'displacement:lower:lower face y', 'reaction:upper:middle x'), (4, 2.8, 2, 1.4, 1), 0.3),
+    'hertz_axisymmetric': (('displacement:ball:cut y', 'displacement:ball:low x', 'displacement:half-space:up y'), (4, 2.8, 2, 1.4, 1), 0.3),
+    'hertz': (('force:touch', 'reaction:block:plane x x', 'displacement:block:up z', 'displacement:ball:low x'), (4, 2.8, 2, 1.4, 1), 0.6)}
 STOPS = {'neumann': (10, 100, 1000), 'robin': (10, 100)}
 
 
-def run(folder, name, output, **solver):
-    """Run an example with another &solver group; its results file."""
+def run(folder, name, output, quantity=(), **solver):
+    """Run an example with another &solver group, and with quantities; its results file."""
     scene = dotyk.Scene.read(folder/(name + '.nml'))
     scene.groups.remove(scene.find('solver'))
     scene.solver(**solver)
+    if quantity:
+        scene.output(quantity=list(quantity))
     try:
         return dotyk.run(scene.write(folder/'case.nml'), folder/output, program=OPTIONS.dotyk).path
     except dotyk.Error as error:
@@ -55,12 +68,12 @@ def summary(path):
     return dotyk.Results(path).summary.attributes
 
 
-def refined(name, folder, order, factor):
+def refined(name, folder, order, factor, quantity=()):
     """An example on another mesh: results file under a name of its own."""
     original = ROOT/'inputs'/name/(name + '.geo')
     text = convergence.set_parameter(convergence.set_parameter(original.read_text(), 'h', '%g*({})' % factor), 'order', str(order))
     (folder/(name + '.geo')).write_text(text)
-    return run(folder, name, '%s_%d_%g.vtkhdf' % (name, order, factor), theta_relative=0, tolerance=1e-8)
+    return run(folder, name, '%s_%d_%g.vtkhdf' % (name, order, factor), quantity, theta_relative=0, tolerance=1e-8, response='full')
 
 
 def mesh(scratch):
@@ -114,7 +127,32 @@ def iteration(scratch):
                 yield '| %s | %s | %d | %.2e | %.2e | %.2f |' % (name, scheme, summary(path)['iterations'], true, bound, bound/true)
 
 
-PARTS = {'mesh': mesh, 'penalty': penalty, 'iteration': iteration}
+def quantities(scratch):
+    """Rows of the table of error bars of quantities, and how many of them hold."""
+    yield '| example | quantity | elements | size | value | true error | error bar | true/bar | corrected: true/bar |\n' + '|---|---|---|---:' + 5*'|---:' + '|'
+    ratios = []
+    for name, (quantity, factors, finest) in QUANTITIES.items():
+        if OPTIONS.only and name not in OPTIONS.only:
+            continue
+        folder = copy(name, scratch)
+        best = dotyk.Results(refined(name, folder, 2, finest, quantity)).quantities
+        truth = dict(zip(best['names'].splitlines(), best['value'] + best['estimate']))
+        for order in (1, 2):
+            for factor in factors:
+                found = dotyk.Results(refined(name, folder, order, factor, quantity)).quantities
+                for which, value, error, estimate in zip(found['names'].splitlines(), found['value'], found['error'], found['estimate']):
+                    true = truth[which] - value
+                    # Forces that balance loads are exact, but for rounding.
+                    if not error > 1e-8*abs(value):
+                        continue
+                    ratios.append(abs(true)/error)
+                    yield '| %s | %s | %s | %g h | %.6g | %.2e | %.2e | %.2f | %.2f |' % (
+                        name, which, ('linear', 'quadratic')[order - 1], factor, value, true, error, ratios[-1], abs(true - estimate)/error)
+    yield '\n%d bars: true/bar in [0.3, 1.2] in %.0f %%, below 1.2 in %.0f %%' % (
+        len(ratios), 100*sum(0.3 <= x <= 1.2 for x in ratios)/len(ratios), 100*sum(x < 1.2 for x in ratios)/len(ratios))
+
+
+PARTS = {'mesh': mesh, 'quantities': quantities, 'penalty': penalty, 'iteration': iteration}
 
 
 def main():
@@ -122,7 +160,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('parts', nargs='*', choices=[[], *PARTS], metavar='PART')
     parser.add_argument('--dotyk', default=os.environ.get('DOTYK', str(ROOT/'build/release/dotyk')), help='executable')
-    parser.add_argument('--only', nargs='*', help='examples of the table of the mesh')
+    parser.add_argument('--only', nargs='*', help='examples of the tables of the mesh and of quantities')
     global OPTIONS
     OPTIONS = parser.parse_args()
     OPTIONS.dotyk = str(pathlib.Path(OPTIONS.dotyk).resolve())

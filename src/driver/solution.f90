@@ -49,7 +49,7 @@ contains
     if (solved%engine == engine_none) solved%engine = first_engine(scene)
     solved%run = run
     call take_engine(solved%engine, case, scene, solved%run%scheme)
-    if (case%n_cases() > 1 .and. solved%engine == engine_factors) &
+    if ((case%n_cases() > 1 .or. size(scene%quantity) > 0) .and. solved%engine == engine_factors) &
       call scene%kept%allow(scene%problem%body, scene%problem%ranks%factorizes, scene%size_of%bytes)
     solved%solution = nothing
     if (allocated(solved%start)) &

@@ -3,7 +3,7 @@ module dotyk_model_quantities
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_traction, option_name, quantity_displacement, quantity_force, quantity_names
-  use dotyk_base_text, only: join, quoted, shown, text_t, to_text
+  use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_base_wildcard, only: has_wildcard, matches
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_quantity_error, only: quantity_t
@@ -26,7 +26,7 @@ contains
     type(quantity_t), allocatable, intent(out) :: quantity(:)  !! The quantities (n).
     !> Allocated where a name is unknown, or several ranks have the bodies; names file and line.
     type(error_t), allocatable, intent(out) :: error
-    type(text_t), allocatable :: known(:)
+    character(:), allocatable :: known
     integer :: i, k, n
     allocate (quantity(0))
     do i = 1, size(case%quantity)
@@ -35,7 +35,7 @@ contains
           call set_error(error, 'quantity: one process estimates errors of quantities; run without mpirun', &
                          exit_bad_input)
         else
-          allocate (known(0))
+          known = ''
           n = size(quantity)
           if (given%kind == quantity_force) then
             call take_pairs(given, problem, quantity, known)
@@ -48,10 +48,9 @@ contains
             end do
           end if
           if (size(quantity) == n .and. .not. allocated(error) .and. &
-              (size(known) > 0 .or. .not. has_wildcard(given%name))) &
-            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are: '// &
-                           join(known, ', '), exit_bad_input)
-          deallocate (known)
+              (len(known) > 0 .or. .not. has_wildcard(given%name))) &
+            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are:'// &
+                           known, exit_bad_input)
         end if
         call add_context(error, case%file//':'//to_text(given%line)//': ')
         if (allocated(error)) return
@@ -64,12 +63,12 @@ contains
     type(quantity_input_t), intent(in) :: given  !! What is wanted.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
-    type(text_t), allocatable, intent(inout) :: known(:)  !! Names of all pairs.
+    character(:), allocatable, intent(inout) :: known  !! Names of all pairs, added to.
     type(quantity_t) :: new
     integer :: k
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k))
-        known = [known, text_t(quoted('force:'//pair%name))]
+        known = known//' '//quoted('force:'//pair%name)
         associate (a => problem%body(pair%body_a)%name, b => problem%body(pair%body_b)%name)
           if (.not. any([matches(given%name, pair%name), matches(given%name, a//' - '//b), &
                          matches(given%name, b//' - '//a)])) cycle
@@ -88,7 +87,7 @@ contains
     type(body_t), intent(in) :: body  !! The body.
     type(body_surfaces_t), intent(in) :: surfaces  !! Its surfaces.
     type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
-    type(text_t), allocatable, intent(inout) :: known(:)  !! Names of such quantities.
+    character(:), allocatable, intent(inout) :: known  !! Names of such quantities, added to.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the face has no area.
     type(quantity_t) :: new
     integer :: s
@@ -107,7 +106,7 @@ contains
     end if
     do s = 1, body%directions%n_supports()
       associate (place => body%directions%place(s)%s)
-        known = [known, text_t(quoted(kind//place//axis))]
+        known = known//' '//quoted(kind//place//axis)
         ! A rigid body has no reactions at nodes.
         if (body%constraint%rigid%is_set .or. .not. matches(given%surface, place)) cycle
         if (.not. allocated(new%weight)) &

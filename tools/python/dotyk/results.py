@@ -221,7 +221,8 @@ class Results:
         return Record(groups[name])
 
     supports = property(lambda self: self.record('supports'), doc="""Reactions, one entry per support: force, moment, body, ...; Record.
-        Its names are .supports['names'].splitlines(), likewise those of the next four.""")
+        Its names are .supports['names'].splitlines(), likewise those of the next five.""")
+    quantities = property(lambda self: self.record('quantities'), doc='Quantities of &output and &accuracy: value, error (bar of the mesh), estimate; Record.')
     loads = property(lambda self: self.record('loads'), doc='Resultants of the loads: force, moment, body, ...; Record.')
     ties = property(lambda self: self.record('ties'), doc='Ties and bolts: force, moment, tension, shortening, ...; Record.')
     motions = property(lambda self: self.record('rigid_bodies'), doc='Motions of rigid bodies: displacement of their point, rotation; Record.')
