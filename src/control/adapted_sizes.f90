@@ -9,6 +9,7 @@ module dotyk_control_adapted_sizes
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t
   use dotyk_contact_broad_phase, only: overlapping_boxes
+  use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_linalg_dense, only: symmetric_eigen
@@ -39,7 +40,11 @@ module dotyk_control_adapted_sizes
 
   type, public :: adapted_sizes_t  !! What is known of a scene on its last mesh, and the sizes of the next one.
     type(size_view_t), allocatable :: view(:)  !! One for each volume (n_views).
-    real(dp) :: error = 0  !! Error of the mesh of the worst load case, relative in the energy norm [].
+    !> Error of the mesh of the worst load case, relative in the energy norm; or the root of the greatest relative error
+    !> bar of the quantities that meshes are made for, which is of the same order in the size of the elements [].
+    real(dp) :: error = 0
+    logical :: is_known = .true.  !! Whether it is known in all load cases.
+    logical :: has_goal = .false.  !! Whether quantities that meshes are made for have a value.
     real(dp) :: contact = 0  !! Greatest error of the contact conditions of all load cases [].
     integer :: n_elements = 0  !! Elements of the scene.
     real(dp) :: expected = 0  !! Expected number of elements of the next mesh in the scene [].
@@ -76,26 +81,29 @@ contains
     type(contact_solution_t), intent(in) :: solution  !! With its errors.
     !> Allocated where a body has other elements than triangles or tetrahedra.
     type(error_t), allocatable, intent(out) :: error
+    type(element_field_t), allocatable :: square(:)
+    real(dp) :: reached
     integer :: b, e, k, v
     if (.not. allocated(self%view)) call find_views(self, file, placement, problem, error)
     if (allocated(error)) return
     do v = 1, size(self%view)
       self%errors(v)%now = 0*self%errors(v)%square
     end do
-    if (allocated(solution%budget%of_element)) then
-      do b = 1, size(problem%body)
-        if (.not. allocated(solution%budget%of_element(b)%value)) cycle
-        do e = 1, size(self%of_body(b)%view)
-          associate (now => self%errors(self%of_body(b)%view(e))%now, place => self%of_body(b)%place(e))
-            now(place) = now(place) + solution%budget%of_element(b)%value(e)**2
-          end associate
-        end do
+    call find_errors(solution, reached, square)
+    do b = 1, size(problem%body)
+      if (.not. allocated(square(b)%value)) cycle
+      do e = 1, size(self%of_body(b)%view)
+        associate (now => self%errors(self%of_body(b)%view(e))%now, place => self%of_body(b)%place(e))
+          now(place) = now(place) + square(b)%value(e)
+        end associate
       end do
-    end if
+    end do
     do v = 1, size(self%view)
       self%errors(v)%square = max(self%errors(v)%square, self%errors(v)%now)
     end do
-    self%error = max(self%error, solution%budget%discretization)
+    if (.not. reached >= 0) self%is_known = .false.
+    self%error = max(self%error, reached)
+    self%has_goal = self%has_goal .or. solution%quantities%has_goal
     self%contact = max(self%contact, solution%budget%contact)
     do k = 1, size(problem%pair)
       associate (first => solution%qp%pair_first_row(k), last => solution%qp%pair_first_row(k + 1) - 1)
@@ -103,6 +111,32 @@ contains
       end associate
     end do
   end subroutine sizes_observe
+
+  !> Errors of a load case: those of the quantities that meshes are made for, and those in the energy norm where there
+  !> are none, or where contact that the mesh does not have yet gives them no value.
+  subroutine find_errors(solution, reached, square)
+    type(contact_solution_t), intent(in) :: solution  !! With its errors.
+    real(dp), intent(out) :: reached  !! As `error` of `adapted_sizes_t`; NaN where it is not known [].
+    !> Squares of what elements contribute; not allocated where they are not known (n_bodies) [].
+    type(element_field_t), allocatable, intent(out) :: square(:)
+    real(dp) :: total
+    integer :: b
+    allocate (square(size(solution%displacements%body)))
+    associate (goal => solution%quantities, budget => solution%budget)
+      reached = budget%discretization
+      if (goal%has_goal) reached = sqrt(goal%greatest())
+      if (goal%has_goal .and. allocated(goal%of_element)) then
+        total = sum([(sum(goal%of_element(b)%value), b=1, size(square))])
+        do b = 1, size(square)
+          square(b)%value = reached**2/max(tiny(total), total)*goal%of_element(b)%value
+        end do
+      else if (.not. goal%has_goal .and. allocated(budget%of_element)) then
+        do b = 1, size(square)
+          if (allocated(budget%of_element(b)%value)) square(b)%value = budget%of_element(b)%value**2
+        end do
+      end if
+    end associate
+  end subroutine find_errors
 
   !> The elements of the bodies by volumes of their geometries.
   subroutine find_views(self, file, placement, problem, error)

@@ -11,6 +11,7 @@ module dotyk_control_quantity_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, quantity_displacement, quantity_force, quantity_reaction
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: pair_force
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, element_field_t
   use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
@@ -43,11 +44,12 @@ module dotyk_control_quantity_error
   !> Why the error of a quantity is not known.
   integer, parameter, public :: bar_is_known = 0     !< it is known
   integer, parameter, public :: bar_no_contact = 1   !< the pair has no active row: it has no force
-  integer, parameter, public :: bar_no_estimate = 2  !< the error of the mesh is not known either
-  integer, parameter, public :: bar_no_factors = 3   !< bodies are solved by p-multigrid
-  integer, parameter, public :: bar_seams = 4        !< rows share their pressures across ties
-  integer, parameter, public :: bar_soft = 5         !< supports hardly resist motions of bodies
-  integer, parameter, public :: bar_singular = 6     !< the linearized contact does not determine its forces
+  integer, parameter, public :: bar_zero = 2         !< it is zero, but for rounding
+  integer, parameter, public :: bar_no_estimate = 3  !< the error of the mesh is not known either
+  integer, parameter, public :: bar_no_factors = 4   !< bodies are solved by p-multigrid
+  integer, parameter, public :: bar_seams = 5        !< rows share their pressures across ties
+  integer, parameter, public :: bar_soft = 6         !< supports hardly resist motions of bodies
+  integer, parameter, public :: bar_singular = 7     !< the linearized contact does not determine its forces
 
   type, public :: quantity_value_t  !! A quantity in a load case.
     character(:), allocatable :: name  !! Its name.
@@ -64,6 +66,7 @@ module dotyk_control_quantity_error
     !> What elements contribute at most to the relative errors of the quantities that meshes are made for, together; not
     !> allocated where no error is known (n_bodies) [].
     type(element_field_t), allocatable :: of_element(:)
+    logical :: has_goal = .false.  !! Whether meshes are made for one of them that has a value.
   contains
     procedure :: greatest => errors_greatest
   end type quantity_errors_t
@@ -77,7 +80,7 @@ module dotyk_control_quantity_error
   public :: find_quantity_errors
 
   !> Error bars over estimated errors []. Where contributions of elements cancel, bars are the sum of their sizes: true
-  !> errors are 0.3 to 1.2 bars in 75 % of the meshes of seven examples, and less in all others but 5 %
+  !> errors are 0.3 to 1.2 bars in 73 % of the meshes of seven examples, and less in all others but 5 %
   !> (`studies/error_calibration.py quantities`).
   real(dp), parameter :: safety = 2
   integer, parameter :: most_together = 10  !! Dual solutions that are computed together.
@@ -85,17 +88,17 @@ module dotyk_control_quantity_error
 contains
 
   !> Greatest error bar of the quantities that meshes are made for, relative to their values; NaN where one of them is
-  !> not known [].
+  !> not known, but for those that are zero [].
   pure real(dp) function errors_greatest(self) result(greatest)
     class(quantity_errors_t), intent(in) :: self
     integer :: i
     greatest = 0
     do i = 1, size(self%of)
       associate (of => self%of(i))
-        if (.not. of%is_goal .or. of%error <= 0) cycle
-        if (ieee_is_nan(of%error)) greatest = of%error
+        if (.not. of%is_goal .or. any(of%why_unknown == [bar_no_contact, bar_zero])) cycle
+        if (of%why_unknown /= bar_is_known) greatest = of%error
         if (ieee_is_nan(greatest)) return
-        greatest = max(greatest, of%error/max(tiny(greatest), abs(of%value)))
+        greatest = max(greatest, of%error/abs(of%value))
       end associate
     end do
   end function errors_greatest
@@ -123,6 +126,7 @@ contains
       call find_value(problem, qp, quantity(i), state, displacements%body, errors%of(i), error)
       if (allocated(error)) return
     end do
+    errors%has_goal = any(errors%of%is_goal .and. errors%of%why_unknown == bar_is_known)
     why = why_unknown(qp, compliance, budget)
     if (why /= bar_is_known) then
       do i = 1, size(quantity)
@@ -180,24 +184,30 @@ contains
     type(quantity_value_t), intent(inout) :: of  !! Gets name and value.
     type(error_t), allocatable, intent(out) :: error  !! As in `find_reactions`.
     real(dp), allocatable :: contact(:, :), reaction(:, :)
+    real(dp) :: terms
     of%name = quantity%name
     of%is_goal = quantity%is_goal
     select case (quantity%kind)
     case (quantity_force)
       associate (first => qp%pair_first_row(quantity%pair), last => qp%pair_first_row(quantity%pair + 1) - 1)
         of%value = norm2(resultant_of(problem, quantity%pair, state%pressure(first:last)))
+        terms = sum(qp%weight(first:last)*abs(state%pressure(first:last)))
         if (.not. any(state%pressure(first:last) > 0)) call forget(bar_no_contact, of)
       end associate
     case (quantity_displacement)
       of%value = sum(quantity%weight*solution(quantity%body)%displacement)
+      terms = sum(abs(quantity%weight*solution(quantity%body)%displacement))
     case (quantity_reaction)
       associate (b => quantity%body)
         call qp%body_force(b, state%pressure, contact)
         call find_reactions(problem%body(b), solution(b)%displacement, qp%block(b)%contact_node, contact, reaction, &
                             error)
-        if (.not. allocated(error)) of%value = sum(quantity%weight*reaction)
+        if (allocated(error)) return
+        of%value = sum(quantity%weight*reaction)
+        terms = sum(abs(reaction))
       end associate
     end select
+    if (of%why_unknown == bar_is_known .and. .not. abs(of%value) > rounding*terms) call forget(bar_zero, of)
   end subroutine find_value
 
   !> Contact force on the slave body; along the axis in axisymmetric analyses (3) [force].
@@ -450,7 +460,7 @@ contains
               product(row, :) = product(row, :)*min(1.0_dp, eta**2/max(tiny(eta), square(i, :)))
               estimate(j) = estimate(j) + sum(product(row, :))
               size_of(j) = size_of(j) + sum(abs(product(row, :)))
-              if (of(j)%is_goal .and. of(j)%why_unknown == bar_is_known .and. abs(of(j)%value) > 0) &
+              if (of(j)%is_goal .and. of(j)%why_unknown == bar_is_known) &
                 of_element(b)%value = of_element(b)%value + eta*sqrt(square(row, :))/abs(of(j)%value)
             end associate
           end do

@@ -89,11 +89,16 @@ contains
     logical, intent(out) :: done  !! Whether the mesh is the last one.
     !> Allocated where the sizes cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: why, verdict
-    real(dp) :: aim, miss, most, seconds
+    character(:), allocatable :: why, verdict, told
+    real(dp) :: aim, miss, most, seconds, limit
+    logical :: by_quantity
+    by_quantity = any(case%quantity%is_goal)
     associate (sizes => self%sizes, asked => case%accuracy, now => real(self%sizes%n_elements, dp))
       seconds = wall_time() - self%began
-      reached = sizes%error <= asked%error .and. sizes%contact < resolved .and. code == exit_converged
+      limit = merge(sqrt(asked%error), asked%error, by_quantity)
+      told = percent(merge(sizes%error**2, sizes%error, sizes%has_goal))
+      reached = sizes%error <= limit .and. (sizes%has_goal .eqv. by_quantity) .and. sizes%is_known .and. &
+        sizes%contact < resolved .and. code == exit_converged
       why = ''
       if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
       if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
@@ -101,18 +106,19 @@ contains
       if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
         why = 'the geometry, which fixes its mesh (Transfinite, Layers)'
-      if (.not. sizes%error > 0 .and. .not. reached) why = 'the lack of an error estimate'
+      if (.not. (sizes%error > 0 .and. sizes%is_known) .and. .not. reached) why = 'the lack of an error estimate'
       verdict = ''
       if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'
       if (.not. reached .and. len(why) > 0) &
         verdict = '; not reached: '//percent(asked%error)//' were asked for; stopped by '//why
       call log%line('  accuracy         mesh '//to_text(self%n_meshes)//': '// &
-                    counted(self%n_unknowns, 'unknown')//', error ~ '//percent(sizes%error)//', contact '// &
+                    counted(self%n_unknowns, 'unknown')//', error ~ '//told// &
+                    trim(merge(' of a quantity', '              ', sizes%has_goal))//', contact '// &
                     percent(sizes%contact)//', after '//to_text(seconds, 3)//' s'//verdict)
       done = reached .or. len(why) > 0
       if (done) return
       ! Contact that the mesh does not resolve is no reason to coarsen what is good enough.
-      aim = min(asked%error, sizes%error)
+      aim = min(limit, sizes%error)
       if (self%n_meshes > 1) then
         self%factor = now/self%expected*self%factor
         miss = self%predicted/sizes%error

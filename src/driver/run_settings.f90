@@ -32,6 +32,8 @@ contains
   pure logical function may_use_multigrid(case)
     type(case_t), intent(in) :: case  !! The case, its automatic choice of the scheme replaced.
     may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
+    ! Their error bars take factors.
+    if (may_use_multigrid) may_use_multigrid = .not. any(case%quantity%is_goal)
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.

@@ -4,7 +4,7 @@ module dotyk_log_quantity_table
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, bar_seams, &
-    bar_singular, bar_soft, quantity_errors_t, quantity_value_t
+    bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   implicit none
   private
   public :: quantity_text, show_quantities
@@ -48,6 +48,8 @@ contains
     select case (why)
     case (bar_no_contact)
       text = 'no constraint is active'
+    case (bar_zero)
+      text = 'zero, but for rounding'
     case (bar_no_estimate)
       text = 'the discretization error is not known'
     case (bar_no_factors)
