@@ -2,7 +2,7 @@
 """Prints what a results file says of the run: how it was made, how it converged, the contacts, the time.
 
 usage: tools/summary.py FILE.vtkhdf ...      --input: the input text too
-       tools/summary.py --csv contacts|supports|loads|ties|bodies|rigid_bodies FILE.vtkhdf ...      one table, comma-separated
+       tools/summary.py --csv contacts|quantities|supports|loads|ties|bodies|rigid_bodies FILE.vtkhdf ...      one table, comma-separated
 """
 import argparse
 import csv
@@ -86,7 +86,7 @@ def csv_rows(path, table, with_cases):
                 try:
                     record = results.record(table)
                 except KeyError:
-                    if table not in ("ties", "rigid_bodies"):  # A scene without any has no such group.
+                    if table not in ("quantities", "ties", "rigid_bodies"):  # A scene without any has no such group.
                         raise
                     continue
                 names = record.attributes.get("names", "").splitlines()
@@ -126,7 +126,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--input", action="store_true", help="print the input text too")
-    parser.add_argument("--csv", choices=("contacts", "supports", "loads", "ties", "bodies", "rigid_bodies"),
+    parser.add_argument("--csv", choices=("contacts", "quantities", "supports", "loads", "ties", "bodies", "rigid_bodies"),
                         help="print one table, comma-separated: forces, moments, areas, extremes, motions")
     options = parser.parse_args()
     if options.csv:

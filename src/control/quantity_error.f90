@@ -59,6 +59,7 @@ module dotyk_control_quantity_error
     !> [force or length].
     real(dp) :: error = 0, estimate = 0
     integer :: why_unknown = bar_is_known  !! One of `bar_*`.
+    real(dp), private :: rounding = 0  !! What rounding leaves of the value [force or length].
   end type quantity_value_t
 
   type, public :: quantity_errors_t  !! The quantities of a load case.
@@ -207,7 +208,8 @@ contains
         terms = sum(abs(reaction))
       end associate
     end select
-    if (of%why_unknown == bar_is_known .and. .not. abs(of%value) > rounding*terms) call forget(bar_zero, of)
+    of%rounding = rounding*terms
+    if (of%why_unknown == bar_is_known .and. .not. abs(of%value) > of%rounding) call forget(bar_zero, of)
   end subroutine find_value
 
   !> Contact force on the slave body; along the axis in axisymmetric analyses (3) [force].
@@ -406,7 +408,7 @@ contains
     do i = 1, size(of)
       if (of(i)%why_unknown /= bar_is_known) cycle
       of(i)%estimate = estimate(i)
-      of(i)%error = max(safety*abs(estimate(i)), size_of(i))
+      of(i)%error = max(safety*abs(estimate(i)), size_of(i), of(i)%rounding)
     end do
 
   contains

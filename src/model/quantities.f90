@@ -27,7 +27,8 @@ contains
     !> Allocated where a name is unknown, or several ranks have the bodies; names file and line.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: known
-    integer :: i, k, n
+    integer :: i, k
+    logical :: is_found
     allocate (quantity(0))
     do i = 1, size(case%quantity)
       associate (given => case%quantity(i))
@@ -36,21 +37,24 @@ contains
                          exit_bad_input)
         else
           known = ''
-          n = size(quantity)
+          is_found = .false.
           if (given%kind == quantity_force) then
-            call take_pairs(given, problem, quantity, known)
+            call take_pairs(given, problem, quantity, known, is_found)
+            ! Scenes without contact have none of all forces.
+            if (has_wildcard(given%name) .and. size(problem%pair) == 0) is_found = .true.
           else
             do k = 1, size(given%body)
               associate (b => given%body(k))
-                call take_places(given, b, problem%body(b), surfaces(b), quantity, known, error)
+                call take_places(given, b, problem%body(b), surfaces(b), quantity, known, is_found, error)
               end associate
               if (allocated(error)) exit
             end do
           end if
-          if (size(quantity) == n .and. .not. allocated(error) .and. &
-              (len(known) > 0 .or. .not. has_wildcard(given%name))) &
-            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are:'// &
-                           known, exit_bad_input)
+          if (.not. (is_found .or. allocated(error))) then
+            if (len(known) == 0) known = ' none'
+            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are:'//known, &
+                           exit_bad_input)
+          end if
         end if
         call add_context(error, case%file//':'//to_text(given%line)//': ')
         if (allocated(error)) return
@@ -59,11 +63,12 @@ contains
   end subroutine find_quantities
 
   !> Take contact pairs, by their names or those of their bodies, in any order.
-  subroutine take_pairs(given, problem, quantity, known)
+  subroutine take_pairs(given, problem, quantity, known, is_found)
     type(quantity_input_t), intent(in) :: given  !! What is wanted.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
     character(:), allocatable, intent(inout) :: known  !! Names of all pairs, added to.
+    logical, intent(inout) :: is_found  !! Set where there is one.
     type(quantity_t) :: new
     integer :: k
     do k = 1, size(problem%pair)
@@ -75,19 +80,20 @@ contains
         end associate
         new%name = 'force:'//pair%name
         new%pair = k
-        call add(given, new, quantity)
+        call add(given, new, quantity, is_found)
       end associate
     end do
   end subroutine take_pairs
 
   !> Take a face or the supports of a body.
-  subroutine take_places(given, b, body, surfaces, quantity, known, error)
+  subroutine take_places(given, b, body, surfaces, quantity, known, is_found, error)
     type(quantity_input_t), intent(in) :: given  !! What is wanted.
     integer, intent(in) :: b  !! Index of the body.
     type(body_t), intent(in) :: body  !! The body.
     type(body_surfaces_t), intent(in) :: surfaces  !! Its surfaces.
     type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
     character(:), allocatable, intent(inout) :: known  !! Names of such quantities, added to.
+    logical, intent(inout) :: is_found  !! Set where the body has one.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the face has no area.
     type(quantity_t) :: new
     integer :: s
@@ -96,12 +102,15 @@ contains
     axis = ' '//given%text(len_trim(given%text):len_trim(given%text))
     new%body = b
     if (given%kind == quantity_displacement) then
+      do s = 1, surfaces%n
+        known = known//' '//quoted(kind//surfaces%name(s)%s//axis)
+      end do
       s = surfaces%find(given%surface)
       if (s == 0) return
       new%name = kind//given%surface//axis
       allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
       call weigh_face()
-      if (.not. allocated(error)) call add(given, new, quantity)
+      if (.not. allocated(error)) call add(given, new, quantity, is_found)
       return
     end if
     do s = 1, body%directions%n_supports()
@@ -115,7 +124,7 @@ contains
       end associate
     end do
     new%name = kind//given%surface//axis
-    if (allocated(new%weight)) call add(given, new, quantity)
+    if (allocated(new%weight)) call add(given, new, quantity, is_found)
 
   contains
 
@@ -130,12 +139,14 @@ contains
   end subroutine take_places
 
   !> Add a quantity, once.
-  subroutine add(given, new, quantity)
+  subroutine add(given, new, quantity, is_found)
     type(quantity_input_t), intent(in) :: given  !! What the input has of it.
     type(quantity_t), intent(inout) :: new  !! The quantity.
     type(quantity_t), allocatable, intent(inout) :: quantity(:)  !! The quantities; grows (n).
+    logical, intent(inout) :: is_found  !! Set.
     type(quantity_t), allocatable :: more(:)
     integer :: i
+    is_found = .true.
     new%kind = given%kind
     new%is_goal = given%is_goal
     do i = 1, size(quantity)

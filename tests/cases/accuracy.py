@@ -92,6 +92,25 @@ class Accuracy(dotyk_case.Case):
         self.assertEqual(log.count("factorization"), 1, log)
         self.assertEqual(list(self.folder.glob(".dotyk/*.pos")), [])
 
+    def test_sphere_reaches_the_error_bar_of_its_force(self):
+        log, _ = self.run_scene(SPHERE + "&accuracy error=0.01, quantity='force:block - ball' /", HERTZ)
+        unknowns, errors = self.meshes(log)
+        self.assertIn("reached: 1 % were asked for", log)
+        self.assertLessEqual(errors[-1], 0.01)
+        # The energy norm asks for more elements.
+        self.assertLess(unknowns[-1], 45000, log)
+        group = self.results("case.vtkhdf")["dotyk/quantities"]
+        value, bar = group["value"][0], group["error"][0]
+        self.assertLessEqual(bar, 0.01 * value)
+        # 147,000 unknowns of error=0.0006 say 655.72 +- 0.21, the graded mesh of inputs/hertz at 0.6 h 655.7.
+        self.assertLess(abs(value - 655.7), 1.2 * bar, log)
+
+    def test_quantities_without_contact_are_never_called_reached(self):
+        log, _ = self.run_scene(SPHERE.replace("-3e-5", "1e-4") + "&accuracy error=0.01, quantity='force:touch', max_meshes=2 /",
+                                HERTZ, code=1)
+        self.assertIn("no constraint is active", log)
+        self.assertIn("not reached", log)
+
     def test_copies_share_a_mesh_and_its_errors_concentrate_at_the_corner(self):
         log, summary = self.run_scene(STEPS + "&accuracy error=0.01 /", STEP)
         self.assertLessEqual(summary["error_discretization"], 0.01)

@@ -234,6 +234,10 @@ class Results(dotyk_case.Case):
         self.dotyk("rigid.nml")
         rigid = self.results("rigid.vtkhdf")["dotyk/rigid_bodies"]
         found["/dotyk/rigid_bodies"] = {*rigid, *rigid.attrs}
+        self.write("bars.nml", re.sub(r"&output", "&output quantity='force:*', ", (self.folder / "column.nml").read_text()))
+        self.dotyk("bars.nml")
+        bars = self.results("bars.vtkhdf")["dotyk/quantities"]
+        found["/dotyk/quantities"] = {*bars, *bars.attrs}
         self.maxDiff = None
         self.assertEqual(described, found)
 
