@@ -47,9 +47,8 @@ module dotyk_control_quantity_error
   integer, parameter, public :: bar_zero = 2         !< it is zero, but for rounding
   integer, parameter, public :: bar_no_estimate = 3  !< the error of the mesh is not known either
   integer, parameter, public :: bar_no_factors = 4   !< bodies are solved by p-multigrid
-  integer, parameter, public :: bar_seams = 5        !< rows share their pressures across ties
-  integer, parameter, public :: bar_soft = 6         !< supports hardly resist motions of bodies
-  integer, parameter, public :: bar_singular = 7     !< the linearized contact does not determine its forces
+  integer, parameter, public :: bar_soft = 5         !< supports hardly resist motions of bodies
+  integer, parameter, public :: bar_singular = 6     !< the linearized contact does not determine its forces
 
   type, public :: quantity_value_t  !! A quantity in a load case.
     character(:), allocatable :: name  !! Its name.
@@ -160,7 +159,6 @@ contains
     type(body_compliance_t), intent(in) :: compliance  !! As in `find_quantity_errors`.
     type(error_budget_t), intent(in) :: budget  !! As in `find_quantity_errors`.
     why = bar_is_known
-    if (allocated(qp%seam)) why = bar_seams
     if (allocated(qp%coarse%lift)) why = bar_soft
     if (compliance%solve_error() > 0 .or. compliance%solves_together()) why = bar_no_factors
     if (.not. allocated(budget%of_element) .or. ieee_is_nan(budget%discretization)) why = bar_no_estimate

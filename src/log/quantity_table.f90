@@ -2,14 +2,15 @@
 module dotyk_log_quantity_table
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
-  use dotyk_base_text, only: to_text
-  use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, bar_seams, &
+  use dotyk_base_text, only: counted, to_text
+  use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, &
     bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   implicit none
   private
-  public :: quantity_text, show_quantities
+  public :: show_quantities
 
   integer, parameter :: most_digits = 10, digits_of_error = 2  !! Digits of a value at most, and of its error bar.
+  integer, parameter :: most_shown = 20  !! Greatest number of quantities with a line each; more are counted.
 
 contains
 
@@ -18,13 +19,16 @@ contains
     type(log_t), intent(inout) :: log  !! The log.
     type(quantity_errors_t), intent(in) :: quantities  !! The quantities; nothing is shown where there are none.
     character(:), allocatable :: name
-    integer :: i
+    integer :: i, n
     if (.not. allocated(quantities%of)) return
-    if (size(quantities%of) > 0) call log%line('  quantity             value, error bar of the mesh')
-    do i = 1, size(quantities%of)
+    n = size(quantities%of)
+    if (n > 0) call log%line('  quantity             value, error bar of the mesh')
+    do i = 1, min(n, most_shown)
       name = quantities%of(i)%name
       call log%line('  '//name//repeat(' ', max(1, 21 - len(name)))//quantity_text(quantities%of(i)))
     end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more quantity', 'more quantities')// &
+                                      ' in the results file')
   end subroutine show_quantities
 
   !> Value and error bar, or why there is none.
@@ -54,8 +58,6 @@ contains
       text = 'the discretization error is not known'
     case (bar_no_factors)
       text = "bodies have no factors; response='full' has them"
-    case (bar_seams)
-      text = 'contact goes on across a tie'
     case (bar_soft)
       text = 'supports hardly resist motions of bodies'
     case (bar_singular)

@@ -9,9 +9,10 @@ module dotyk_scheme_linearized_contact
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_restriction, only: form_aggregate, restrict_qp, transformed_qp_t
   use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   implicit none
   private
@@ -21,8 +22,8 @@ contains
 
   !> Solve for several right-hand sides: `y = theta m` at the active rows, and equilibrium along the rigid body modes.
   !> Motions that the active rows do not resist have the springs of the dual scheme.
-  subroutine solve_linearized(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, error)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme, without seams.
+  recursive subroutine solve_linearized(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, error)
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator; entries that are formed stay there.
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options.
     logical, intent(in) :: active(:)  !! Active rows, those of ties included (n_rows).
@@ -41,6 +42,10 @@ contains
     integer :: i, j
     force = 0
     alpha = 0
+    if (allocated(qp%seam)) then
+      call solve_joined(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, error)
+      return
+    end if
     call restrict_qp(qp, active, part)
     allocate (kept(part%n_rows), source=.true.)
     allocate (is_rigid(part%n_rows), source=.false.)
@@ -62,4 +67,29 @@ contains
     end if
     call system%destroy()
   end subroutine solve_linearized
+
+  !> Solve for the pressures that are left at seams.
+  recursive subroutine solve_joined(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, error)
+    type(contact_qp_t), intent(in) :: qp  !! With seams.
+    class(compliance_t), intent(inout) :: compliance  !! As in `solve_linearized`.
+    integer, intent(in) :: linear_solver  !! As in `solve_linearized`.
+    logical, intent(in) :: active(:)  !! As in `solve_linearized`.
+    real(dp), intent(in) :: penetration(:, :), resultant(:, :)  !! As in `solve_linearized`.
+    real(dp), intent(out) :: force(:, :), alpha(:, :)  !! As in `solve_linearized`.
+    type(error_t), allocatable, intent(out) :: error  !! As in `solve_linearized`.
+    type(transformed_qp_t) :: joined
+    type(dense_compliance_t) :: of_joined
+    real(dp), allocatable :: y(:, :), of_rows(:, :)
+    integer :: j
+    call joined%join(qp)
+    call form_aggregate(joined%qp, compliance, of_joined)
+    allocate (y(joined%qp%n_rows, size(force, 2)), of_rows(joined%qp%n_rows, size(force, 2)))
+    do j = 1, size(force, 2)
+      y(:, j) = joined%means(penetration(:, j))
+    end do
+    call solve_linearized(joined%qp, of_joined, linear_solver, joined%active(active), y, resultant, of_rows, alpha, error)
+    do j = 1, size(force, 2)
+      force(:, j) = qp%weight*joined%pressures(of_rows(:, j)/joined%qp%weight)
+    end do
+  end subroutine solve_joined
 end module dotyk_scheme_linearized_contact

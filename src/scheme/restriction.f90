@@ -33,6 +33,8 @@ module dotyk_scheme_restriction
     procedure :: compliance_of_groups => transformed_compliance_of_groups
     procedure :: take => transformed_take
     procedure :: pressures => transformed_pressures
+    procedure :: means => transformed_means
+    procedure :: active => transformed_active
     procedure :: give_back => transformed_give_back
   end type transformed_qp_t
 
@@ -89,15 +91,8 @@ contains
   subroutine transformed_take(self, state)
     class(transformed_qp_t), intent(in) :: self
     type(solver_state_t), intent(inout) :: state  !! The state.
-    real(dp) :: mean(self%qp%n_rows)
-    if (allocated(state%pressure)) then
-      call self%fraction%multiply_transposed(state%pressure, mean)
-      state%pressure = mean
-    end if
-    if (allocated(state%penetration)) then
-      call self%fraction%multiply_transposed(state%penetration, mean)
-      state%penetration = mean
-    end if
+    if (allocated(state%pressure)) state%pressure = self%means(state%pressure)
+    if (allocated(state%penetration)) state%penetration = self%means(state%penetration)
   end subroutine transformed_take
 
   !> The pressures of the original rows.
@@ -107,6 +102,28 @@ contains
     real(dp) :: of_rows(self%share%n_rows)  !! [pressure]
     call self%share%multiply(pressure, of_rows)
   end function transformed_pressures
+
+  !> Means of numbers of the original rows.
+  function transformed_means(self, value) result(mean)
+    class(transformed_qp_t), intent(in) :: self
+    real(dp), intent(in) :: value(:)  !! (n_rows of the original QP) [any].
+    real(dp) :: mean(self%qp%n_rows)  !! Those of the transformed QP.
+    call self%fraction%multiply_transposed(value, mean)
+  end function transformed_means
+
+  !> Active rows of the transformed QP: all original rows that have their pressure alone are active.
+  pure function transformed_active(self, active) result(of_joined)
+    class(transformed_qp_t), intent(in) :: self
+    logical, intent(in) :: active(:)  !! Of the original rows (n_rows of the original QP).
+    logical :: of_joined(self%qp%n_rows)
+    integer :: i, k
+    of_joined = .true.
+    do i = 1, self%share%n_rows
+      do k = self%share%row_start(i), self%share%row_start(i + 1) - 1
+        if (.not. (self%share%value(k) < 1 .or. active(i))) of_joined(self%share%column(k)) = .false.
+      end do
+    end do
+  end function transformed_active
 
   !> The state of the original QP from one of the transformed QP.
   subroutine transformed_give_back(self, qp, compliance, state)
@@ -248,7 +265,7 @@ contains
       part%dimension = qp%dimension
       part%level = qp%level + 1
       part%parent_row = [(i, i=1, n)]
-      part%weight = means(qp%weight)
+      part%weight = joined%means(qp%weight)
       part%is_tied = [(.false., i=1, n)]
       home = share%n_rows
       do i = share%n_rows, 1, -1
@@ -261,11 +278,11 @@ contains
           end associate
         end do
       end do
-      part%gap = means(qp%gap)
-      part%theta = means(qp%theta)
-      part%initial_penetration = means(qp%initial_penetration)
-      part%load_displacement = means(qp%load_displacement)
-      part%foundation = means(qp%foundation)
+      part%gap = joined%means(qp%gap)
+      part%theta = joined%means(qp%theta)
+      part%initial_penetration = joined%means(qp%initial_penetration)
+      part%load_displacement = joined%means(qp%load_displacement)
+      part%foundation = joined%means(qp%foundation)
       part%pair_first_row = [(1 + count(home < qp%pair_first_row(k)), k=1, size(qp%pair_first_row))]
       part%energy_0 = qp%energy_0
       part%norm_square_0 = qp%norm_square_0
@@ -275,13 +292,6 @@ contains
       end do
       call join_modes(qp, fraction, part%block, part%coarse)
     end associate
-  contains
-    !> Sums of values of the rows by fractions.
-    function means(value) result(mean)
-      real(dp), intent(in) :: value(:)  !! (n_rows) [any].
-      real(dp) :: mean(share%n_columns)  !! Of the joined rows.
-      call joined%fraction%multiply_transposed(value, mean)
-    end function means
   end subroutine join_rows
 
   !> One body's rows of B, joined.

@@ -127,6 +127,26 @@ class Quantities(dotyk_case.Case):
         self.assertIn("force:apart          0, no error bar: no constraint is active", log)
         self.assertIn("no error bar: zero, but for rounding", log)
 
+    def test_contact_that_goes_on_across_a_tie_has_the_bar_of_one_body(self):
+        bars = []
+        for cut in (False, True):
+            base = "Rectangle(1) = {0, 0, 0, 1.5, 1}; Rectangle(4) = {1.5, 0, 0, 2.5, 1};" if cut else "Rectangle(1) = {0, 0, 0, 4, 1};"
+            names = 'Physical Surface("far") = {4}; Physical Curve("cut") = {Curve In BoundingBox{1.5 - e, -e, -e, 1.5 + e, 1 + e, e}};'
+            self.write("blocks.geo", BLOCKS.replace("Rectangle(1) = {0, 0, 0, 4, 1};", base).replace("Mesh.MeshSizeMax", names * cut + "\nMesh.MeshSizeMax"))
+            nml = PRESSED
+            if cut:
+                nml += """&body name='far', volume='far', material='m' /
+&support body='far', surface='bottom', fix='xy' /
+&tie name='weld', surface_a='far:cut', surface_b='base:cut' /
+&contact name='on', surface_a='left:up', surface_b='far:up', gap=0 /
+"""
+                nml = nml.replace("surface_a='right:low', surface_b='base:up'", "surface_a='right:low', surface_b='far:up'")
+            self.run_scene(nml, "'displacement:left:up y', 'reaction:left:top y'")
+            bars.append(self.quantities("/cases/down"))
+        for name in bars[0]:
+            self.assertAlmostEqual(bars[0][name][0], bars[1][name][0], delta=0.5 * bars[0][name][1], msg=name)
+            self.assertBetween(0.5 * bars[0][name][1], bars[1][name][1], 2 * bars[0][name][1], name)
+
     def test_unknown_names_are_refused_with_what_there_is(self):
         for quantity, text in (("'force:fitt'", "there are: 'force:fit'"),
                                ("'reaction:inner:outside x'", "there are: 'reaction:inner:plane x x'"),
