@@ -127,6 +127,10 @@ module dotyk_base_options
   integer, parameter, public :: error_part_penalty = 1         !< distance to the solution with theta = 0
   integer, parameter, public :: error_part_discretization = 2  !< discretization error
 
+  character(*), parameter, public :: aim_names = 'energy contact'  !! `&accuracy aim`.
+  integer, parameter, public :: aim_energy = 1   !< the error in the energy norm
+  integer, parameter, public :: aim_contact = 2  !< the same, errors far from the contact count less
+
   character(*), parameter, public :: quantity_names = 'force displacement reaction'  !! Kinds of `quantity`.
   integer, parameter, public :: quantity_force = 1         !< contact force of a pair
   integer, parameter, public :: quantity_displacement = 2  !< mean displacement of a face along an axis

@@ -73,23 +73,31 @@ module dotyk_control_adapted_sizes
 contains
 
   !> Take the errors and the contact of a load case; the first one brings the meshes.
-  subroutine sizes_observe(self, file, placement, problem, solution, error)
+  subroutine sizes_observe(self, file, placement, problem, solution, near_contact, error)
     class(adapted_sizes_t), intent(inout) :: self
     type(text_t), intent(in) :: file(:)  !! Geometry of each body (n_bodies).
     type(placement_t), intent(in) :: placement(:)  !! Placement of each body (n_bodies).
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(contact_solution_t), intent(in) :: solution  !! With its errors.
+    logical, intent(in) :: near_contact  !! Whether errors far from the contact count less.
     !> Allocated where a body has other elements than triangles or tetrahedra.
     type(error_t), allocatable, intent(out) :: error
     type(element_field_t), allocatable :: square(:)
     real(dp) :: reached
-    integer :: b, e, k, v
+    integer :: b, e, first, k, v
     if (.not. allocated(self%view)) call find_views(self, file, placement, problem, error)
     if (allocated(error)) return
     do v = 1, size(self%view)
       self%errors(v)%now = 0*self%errors(v)%square
     end do
+    first = size(self%patch) + 1
+    do k = 1, size(problem%pair)
+      associate (first_row => solution%qp%pair_first_row(k), last_row => solution%qp%pair_first_row(k + 1) - 1)
+        call add_patches(self, problem, k, solution%state%pressure(first_row:last_row) > 0)
+      end associate
+    end do
     call find_errors(solution, reached, square)
+    if (near_contact) call weigh(problem, self%patch(first:), reached, square)
     do b = 1, size(problem%body)
       if (.not. allocated(square(b)%value)) cycle
       do e = 1, size(self%of_body(b)%view)
@@ -105,12 +113,42 @@ contains
     self%error = max(self%error, reached)
     self%has_goal = self%has_goal .or. solution%quantities%has_goal
     self%contact = max(self%contact, solution%budget%contact)
-    do k = 1, size(problem%pair)
-      associate (first => solution%qp%pair_first_row(k), last => solution%qp%pair_first_row(k + 1) - 1)
-        call add_patches(self, problem, k, solution%state%pressure(first:last) > 0)
-      end associate
-    end do
   end subroutine sizes_observe
+
+  !> Weigh errors by `1/(1 + d/a)^2`, a the radius of a contact patch, d the distance to the box around its rows.
+  subroutine weigh(problem, patch, reached, square)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies.
+    type(patch_t), intent(in) :: patch(:)  !! Patches of the load case; nothing is weighed without.
+    real(dp), intent(inout) :: reached  !! Error of the scene [].
+    type(element_field_t), intent(inout) :: square(:)  !! Squares of those of the elements (n_bodies) [].
+    real(dp) :: x(3), weight, total
+    integer :: b, e, i, k, p
+    if (size(patch) == 0 .or. .not. all([(allocated(square(b)%value), b=1, size(square))])) return
+    total = 0
+    do b = 1, size(square)
+      i = 0
+      associate (mesh => problem%body(b)%mesh)
+        do k = 1, size(mesh%block)
+          associate (node => mesh%block(k)%node(:mesh%dimension + 1, :))
+            do e = 1, size(node, 2)
+              i = i + 1
+              x = 0
+              x(:mesh%dimension) = sum(mesh%x(:, node(:, e)), 2)/size(node, 1)
+              weight = 0
+              do p = 1, size(patch)
+                associate (low => minval(patch(p)%x, 2), high => maxval(patch(p)%x, 2))
+                  weight = max(weight, (1 + norm2(max(0.0_dp, low - x, x - high))/(over_radius*patch(p)%size))**(-2))
+                end associate
+              end do
+              square(b)%value(i) = weight*square(b)%value(i)
+            end do
+          end associate
+        end do
+      end associate
+      total = total + sum(square(b)%value)
+    end do
+    reached = sqrt(total)
+  end subroutine weigh
 
   !> Errors of a load case: those of the quantities that meshes are made for, and those in the energy norm where there
   !> are none, or where contact that the mesh does not have yet gives them no value.

@@ -3,6 +3,7 @@ module dotyk_driver_accuracy
   use dotyk_base_error, only: error_t, exit_converged
   use dotyk_base_files, only: own_mark
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: aim_contact
   use dotyk_base_log, only: log_t
   use dotyk_base_operating_system, only: remove_file
   use dotyk_base_text, only: counted, text_t, to_text
@@ -73,7 +74,7 @@ contains
       file(b)%s = case%body(b)%mesh
       call placement(b)%init(case%body(b)%axis, case%body(b)%angle, case%body(b)%at)
     end do
-    call self%sizes%observe(file, placement, problem, solution, error)
+    call self%sizes%observe(file, placement, problem, solution, case%accuracy%aim == aim_contact, error)
     self%n_unknowns = sum(problem%body%n_unknowns())
   end subroutine accuracy_observe
 
@@ -113,7 +114,8 @@ contains
         verdict = '; not reached: '//percent(asked%error)//' were asked for; stopped by '//why
       call log%line('  accuracy         mesh '//to_text(self%n_meshes)//': '// &
                     counted(self%n_unknowns, 'unknown')//', error ~ '//told// &
-                    trim(merge(' of a quantity', '              ', sizes%has_goal))//', contact '// &
+                    trim(merge(' of a quantity', '              ', sizes%has_goal))// &
+                    trim(merge(' near contact', '             ', asked%aim == aim_contact))//', contact '// &
                     percent(sizes%contact)//', after '//to_text(seconds, 3)//' s'//verdict)
       done = reached .or. len(why) > 0
       if (done) return

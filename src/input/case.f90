@@ -8,7 +8,7 @@
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
+  use dotyk_base_options, only: aim_energy, default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
     default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
     default_max_unbalanced, default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, &
     default_tolerance, load_traction, material_isotropic, quantity_force
@@ -34,6 +34,7 @@ module dotyk_input_case
     integer :: line = 0  !! Line of the group.
     logical :: is_given = .false.  !! Whether the file has the group.
     real(dp) :: error = 0  !! Relative error in the energy norm that is asked for [].
+    integer :: aim = aim_energy  !! One of `aim_*`.
     integer :: max_meshes = 0  !! Meshes at most.
     integer :: max_unknowns = 0  !! Unknowns of a mesh at most.
     real(dp) :: max_seconds = 0  !! Time from which on no mesh begins; 0 where it is not given [s].

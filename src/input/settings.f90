@@ -13,7 +13,8 @@ module dotyk_input_settings
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, report, text_of
+  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, refuse, &
+    report, text_of
   implicit none
   private
   public :: read_accuracy, read_scene, read_solver, read_output, read_theta, read_mesh_path
@@ -88,6 +89,8 @@ contains
     if (is_usable(group, 'error') .and. .not. accuracy%error < 1) &
       call report(problems, group, 'error', 'error is a fraction of the energy norm below 1, 0.05 for 5 %, got '// &
                   to_text(accuracy%error))
+    accuracy%aim = integer_of(group, 'aim')
+    if (is_given(group, 'quantity')) call refuse(group, 'aim', 'quantity', problems)
     accuracy%max_meshes = integer_of(group, 'max_meshes')
     accuracy%max_unknowns = integer_of(group, 'max_unknowns')
     if (is_given(group, 'max_seconds')) accuracy%max_seconds = real_of(group, 'max_seconds')

@@ -1,8 +1,8 @@
 !> Keys of `&accuracy`, `&solver` and `&output`, for the table of all keys.
 module dotyk_input_solver_keywords
-  use dotyk_base_options, only: default_budget_fraction, default_gamma_rule, default_linear_solver, default_locking, &
-    default_max_iterations, default_max_unbalanced, default_response, default_scheme, default_tolerance, &
-    error_part_names, field_names, gamma_rule_names, linear_solver_names, locking_names, &
+  use dotyk_base_options, only: aim_energy, aim_names, default_budget_fraction, default_gamma_rule, &
+    default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, default_response, &
+    default_scheme, default_tolerance, error_part_names, field_names, gamma_rule_names, linear_solver_names, locking_names, &
     option_name, response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: keyword_list_t, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
@@ -25,6 +25,9 @@ contains
                   '''force:PAIR'' or ''force:BODY - BODY'', the contact force of a pair; ''displacement:BODY:SURFACE x'', '// &
                   'the mean displacement of a face along an axis; ''reaction:BODY:SURFACE x'', that of a support; names '// &
                   'with wildcards')
+    call list%add('aim', kind_name, names=aim_names, default=option_name(aim_names, aim_energy), &
+                  meaning='energy: all errors count alike; contact: errors at a distance d from a contact patch of the '// &
+                  'radius a count by 1/(1 + d/a)^2, for pressures, peaks and areas; not with quantity')
     call list%add('max_meshes', kind_integer, default='8', positive=.true., &
                   meaning='largest number of meshes, the first one included')
     call list%add('max_unknowns', kind_integer, default='1000000', positive=.true., &

@@ -105,6 +105,22 @@ class Accuracy(dotyk_case.Case):
         # 147,000 unknowns of error=0.0006 say 655.72 +- 0.21, the graded mesh of inputs/hertz at 0.6 h 655.7.
         self.assertLess(abs(value - 655.7), 1.2 * bar, log)
 
+    def test_pressures_near_contact_take_fewer_elements(self):
+        log, _ = self.run_scene(SPHERE + "&accuracy error=0.02, aim='contact' /", HERTZ)
+        unknowns, _ = self.meshes(log)
+        self.assertIn("% near contact", log)
+        # The energy norm takes 80,000 for the same error of the pressure.
+        self.assertLess(unknowns[-1], 30000, log)
+        touch = self.results("case.vtkhdf")["dotyk/contact/touch"]
+        modulus, radius, force = 210e9 / (2 * 0.91), 0.01, 4 * touch.attrs["force"][2]
+        a = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+        r = np.hypot(*touch["position"][:, :2].T)
+        exact = 3 * force / (2 * np.pi * a**2) * np.sqrt(np.maximum(0, 1 - (r / a) ** 2))
+        w, p = touch["weight"][:], touch["pressure_projected"][:]
+        self.assertLess(np.sqrt(np.sum(w * (p - exact) ** 2) / np.sum(w * exact**2)), 0.025, log)
+        self.write("both.nml", SPHERE + "&accuracy error=0.02, aim='contact', quantity='force:*' /\n")
+        self.assertIn("aim does not go together with quantity", self.dotyk("both.nml", code=2))
+
     def test_quantities_without_contact_are_never_called_reached(self):
         log, _ = self.run_scene(SPHERE.replace("-3e-5", "1e-4") + "&accuracy error=0.01, quantity='force:touch', max_meshes=2 /",
                                 HERTZ, code=1)
