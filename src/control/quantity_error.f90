@@ -104,8 +104,8 @@ contains
   end function errors_greatest
 
   !> Values and errors of quantities. The load case acts on the bodies.
-  subroutine find_quantity_errors(problem, qp, compliance, linear_solver, quantity, state, budget, kept, displacements, &
-                                  errors, error)
+  subroutine find_quantity_errors(problem, qp, compliance, linear_solver, quantity, state, budget, kept, &
+                                  displacements, errors, error)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, pairs and ties.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(body_compliance_t), intent(inout) :: compliance  !! Its compliance; entries that are formed stay there.

@@ -62,8 +62,8 @@ contains
 
   !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
   !> own elements where the rank holds a part of the body.
-  subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, thermal, &
-                                            partner, product)
+  subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, &
+                                            thermal, partner, product)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).

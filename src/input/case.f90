@@ -8,10 +8,10 @@
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: aim_energy, default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
-    default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
-    default_max_unbalanced, default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, &
-    default_tolerance, load_traction, material_isotropic, quantity_force
+  use dotyk_base_options, only: aim_energy, default_analysis, default_budget_fraction, default_discretization, &
+    default_gamma_rule, default_gap, default_geometry, default_linear_solver, default_locking, &
+    default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
+    default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, quantity_force
   use dotyk_base_text, only: quoted, text_t
   use dotyk_input_body, only: body_input_t
   use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t

@@ -2,8 +2,8 @@
 module dotyk_input_solver_keywords
   use dotyk_base_options, only: aim_energy, aim_names, default_budget_fraction, default_gamma_rule, &
     default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, default_response, &
-    default_scheme, default_tolerance, error_part_names, field_names, gamma_rule_names, linear_solver_names, locking_names, &
-    option_name, response_names, scheme_names, stop_rule_names
+    default_scheme, default_tolerance, error_part_names, field_names, gamma_rule_names, linear_solver_names, &
+    locking_names, option_name, response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: keyword_list_t, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text
@@ -18,16 +18,16 @@ contains
     type(keyword_list_t), intent(inout) :: list  !! The table so far.
     call list%begin_group('accuracy')
     call list%add('error', kind_real, required=.true., positive=.true., &
-                  meaning='largest discretization error, relative, in the energy norm or of each quantity: meshes are '// &
-                  'made until the estimate is below it and the contact is resolved; else the exit code is 1')
+                  meaning='largest discretization error, relative, in the energy norm or of each quantity: meshes '// &
+                  'are made until the estimate is below it and the contact is resolved; else the exit code is 1')
     call list%add('quantity', kind_text, most=20, &
-                  meaning='quantities whose relative error is to be below error, in place of that of the energy norm: '// &
-                  '''force:PAIR'' or ''force:BODY - BODY'', the contact force of a pair; ''displacement:BODY:SURFACE x'', '// &
-                  'the mean displacement of a face along an axis; ''reaction:BODY:SURFACE x'', that of a support; names '// &
-                  'with wildcards')
+                  meaning='quantities whose relative error is to be below error, in place of that of the energy '// &
+                  'norm: ''force:PAIR'' or ''force:BODY - BODY'', the contact force of a pair; '// &
+                  '''displacement:BODY:SURFACE x'', the mean displacement of a face along an axis; '// &
+                  '''reaction:BODY:SURFACE x'', that of a support; names with wildcards')
     call list%add('aim', kind_name, names=aim_names, default=option_name(aim_names, aim_energy), &
-                  meaning='energy: all errors count alike; contact: errors at a distance d from a contact patch of the '// &
-                  'radius a count by 1/(1 + d/a)^2, for pressures, peaks and areas; not with quantity')
+                  meaning='energy: all errors count alike; contact: errors at a distance d from a contact patch of '// &
+                  'the radius a count by 1/(1 + d/a)^2, for pressures, peaks and areas; not with quantity')
     call list%add('max_meshes', kind_integer, default='8', positive=.true., &
                   meaning='largest number of meshes, the first one included')
     call list%add('max_unknowns', kind_integer, default='1000000', positive=.true., &
@@ -114,8 +114,8 @@ contains
                   meaning='errors to compute besides the iteration error: penalty, the distance to the solution '// &
                   'with theta = 0; discretization, the estimated error of the mesh')
     call list%add('quantity', kind_text, most=20, &
-                  meaning='quantities that the log and the results file have with error bars of the mesh, as those of '// &
-                  '&accuracy')
+                  meaning='quantities that the log and the results file have with error bars of the mesh, as '// &
+                  'those of &accuracy')
     call list%add('interval', kind_real, default='0', unit='seconds', not_negative=.true., &
                   meaning='time between intermediate results of an iterative scheme, written with status '// &
                   '''running''; the iterates stay the same; scheme ''dual'' writes between the solutions for the '// &

@@ -22,7 +22,8 @@ contains
 
   !> Solve for several right-hand sides: `y = theta m` at the active rows, and equilibrium along the rigid body modes.
   !> Motions that the active rows do not resist have the springs of the dual scheme.
-  recursive subroutine solve_linearized(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, error)
+  recursive subroutine solve_linearized(qp, compliance, linear_solver, active, penetration, resultant, force, alpha, &
+                                        error)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     class(compliance_t), intent(inout) :: compliance  !! Its compliance operator; entries that are formed stay there.
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options.
@@ -87,7 +88,8 @@ contains
     do j = 1, size(force, 2)
       y(:, j) = joined%means(penetration(:, j))
     end do
-    call solve_linearized(joined%qp, of_joined, linear_solver, joined%active(active), y, resultant, of_rows, alpha, error)
+    call solve_linearized(joined%qp, of_joined, linear_solver, joined%active(active), y, resultant, of_rows, alpha, &
+                          error)
     do j = 1, size(force, 2)
       force(:, j) = qp%weight*joined%pressures(of_rows(:, j)/joined%qp%weight)
     end do
