@@ -62,7 +62,6 @@ module dotyk_control_adapted_sizes
   real(dp), parameter :: order = 2, singular_order = 0.5_dp, singular = 0.01_dp
   !> Sizes change by these factors in a round at most; those of singular elements become smaller by up to the last [].
   real(dp), parameter :: least_ratio = 0.15_dp, greatest_ratio = 4, singular_ratio = 0.01_dp
-  real(dp), parameter :: gradient = 0.4_dp  !! Growth of the sizes over the distance [].
   real(dp), parameter :: over_radius = 4  !! Elements over the radius of a contact patch.
   !> Rows are one patch where they are nearer to each other than so many of their widths; nodes are at a row likewise.
   real(dp), parameter :: connected = 2.5_dp, near = 1.5_dp
@@ -359,7 +358,7 @@ contains
           call view%spread_to_nodes(max(floor_of_size*extent, r(v)%value*size_of_measure(view%measures(), d)))
         end associate
         call refine_patches(self, v)
-        call view%limit_gradient(gradient)
+        call view%limit_gradient()
         ! Copies that differ in number, as the halves of a cut body, are of several views.
         self%expected = self%expected + view%expected_elements()*maxval(self%errors(v)%copies)
       end associate

@@ -1,20 +1,17 @@
 !> Meshes until the error is as small as asked for: each is solved, its errors give the sizes of the next one.
 module dotyk_driver_accuracy
   use dotyk_base_error, only: error_t, exit_converged
-  use dotyk_base_files, only: own_mark
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: aim_contact
   use dotyk_base_log, only: log_t
-  use dotyk_base_operating_system, only: remove_file
   use dotyk_base_text, only: counted, text_t, to_text
   use dotyk_base_timer, only: wall_time
   use dotyk_control_adapted_sizes, only: adapted_sizes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_driver_mesh_sizes, only: remove_views, write_views
   use dotyk_input_case, only: case_t
-  use dotyk_mesh_mesh_cache, only: find_cache
   use dotyk_mesh_placement, only: placement_t
-  use dotyk_mesh_size_view, only: size_view_t
   implicit none
   private
 
@@ -41,9 +38,6 @@ module dotyk_driver_accuracy
   !> believed to have missed by, where the number of elements has changed by a factor in the range [].
   real(dp), parameter :: safety = 0.9_dp, greatest_miss = 0.6_dp, steady(2) = [0.6_dp, 8.0_dp]
   real(dp), parameter :: growth(2:3) = [6.0_dp, 8.0_dp]  !! Elements of a mesh over those of the last one at most [].
-  !> From this number of elements on gmsh's parallel algorithm is the faster one.
-  real(dp), parameter :: many = 7.0e4_dp
-  integer, parameter :: first_field = 9000  !! Fields of gmsh from this number on: geometries may have their own.
 
 contains
 
@@ -134,69 +128,13 @@ contains
       self%expected = sizes%expected
       self%predicted = sizes%predicted
     end associate
-    call write_views(self, case, error)
+    call write_views(self%sizes%view, self%sizes%expected, case, self%view_file, error)
   end subroutine accuracy_conclude
-
-  !> What gmsh reads for the next mesh.
-  subroutine write_views(self, case, error)
-    type(accuracy_t), intent(inout) :: self  !! Gets the names of the files.
-    type(case_t), intent(inout) :: case  !! Its sizes are set.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where a file cannot be written.
-    character(:), allocatable :: folder, path, name, script, list
-    character, parameter :: lf = new_line('a')
-    real(dp) :: extent
-    type(text_t), allocatable :: files(:), scripts(:)
-    integer :: v, f, field
-    allocate (self%view_file(0))
-    allocate (files(0), scripts(0))
-    associate (view => self%sizes%view)
-      do v = 1, size(view)
-        if (any([(files(f)%s == view(v)%file, f=1, size(files))])) cycle
-        call find_cache(view(v)%file, folder, error)
-        if (allocated(error)) return
-        script = ''
-        list = ''
-        extent = 0
-        do f = v, size(view)
-          if (view(f)%file /= view(v)%file) cycle
-          name = 'sizes'//own_mark()//'.'//to_text(f)//'.pos'
-          path = folder//name
-          call view(f)%write(path, error)
-          if (allocated(error)) return
-          self%view_file = [self%view_file, text_t(path)]
-          field = first_field + 2*f
-          script = script//view(f)%script(name, field)
-          if (len(list) > 0) list = list//', '
-          list = list//to_text(field + 1)
-          extent = max(extent, maxval(maxval(view(f)%mesh%x, 2) - minval(view(f)%mesh%x, 2)))
-        end do
-        ! What the geometry says of sizes does not count beside these.
-        script = 'Mesh.MeshSizeExtendFromBoundary = 0;'//lf//'Mesh.MeshSizeFromPoints = 0;'//lf// &
-          'Mesh.MeshSizeFromCurvature = 8;'//lf//'Mesh.MeshSizeMin = 0;'//lf// &
-          'Mesh.MeshSizeMax = '//to_text(2*extent, 17)//';'//lf//'Mesh.MeshSizeFactor = 1;'//lf// &
-          'Mesh.HighOrderOptimize = 1;'//lf//script
-        if (self%sizes%expected > many) script = script//'Mesh.Algorithm3D = 10;'//lf
-        script = script//'Field['//to_text(first_field)//'] = Min;'//lf// &
-          'Field['//to_text(first_field)//'].FieldsList = {'//list//'};'//lf// &
-          'Background Field = '//to_text(first_field)//';'//lf
-        name = view(v)%file
-        files = [files, text_t(name)]
-        scripts = [scripts, text_t(script)]
-      end do
-    end associate
-    call move_alloc(files, case%sized_file)
-    call move_alloc(scripts, case%size_script)
-  end subroutine write_views
 
   !> Remove what gmsh has read for the mesh.
   subroutine accuracy_remove_views(self)
     class(accuracy_t), intent(inout) :: self
-    integer :: f
-    if (.not. allocated(self%view_file)) return
-    do f = 1, size(self%view_file)
-      call remove_file(self%view_file(f)%s)
-    end do
-    deallocate (self%view_file)
+    if (allocated(self%view_file)) call remove_views(self%view_file)
   end subroutine accuracy_remove_views
 
   !> A fraction in percent.

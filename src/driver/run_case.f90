@@ -14,6 +14,7 @@ module dotyk_driver_run_case
   use dotyk_driver_case_check, only: check_cases
   use dotyk_driver_load_cases, only: solve_cases
   use dotyk_driver_prediction, only: predict_run
+  use dotyk_driver_mesh_sizes, only: choose_sizes
   use dotyk_driver_output_path, only: prepare_output
   use dotyk_driver_penetration, only: check_placement
   use dotyk_driver_run_settings, only: choose_scheme, set_pair_conditions
@@ -58,6 +59,8 @@ contains
     call choose_scheme(case, run)
     call show_title(monitor%log, case, threads)
     if (arguments%remesh) call forget_meshes(case)
+    call choose_sizes(case, arguments%remesh, error)
+    if (allocated(error)) return
     if (arguments%parts > 0) then
       call write_parts(case, arguments%parts, monitor, error)
       return

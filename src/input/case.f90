@@ -30,6 +30,17 @@ module dotyk_input_case
     integer :: dimension = 3  !! Dimension of space, 2 or 3; 0 where the analysis has a mistake.
   end type scene_input_t
 
+  type, public :: mesh_size_input_t  !! `&mesh_size` of one body.
+    integer :: line = 0  !! Line of the group.
+    integer :: body = 0  !! Index of the body.
+    !> Whether wildcards name the body: of these bodies, those without the surface have no such size.
+    logical :: any_body = .false.
+    !> Physical group of the face that has the size, maybe with wildcards; empty for the whole body.
+    character(:), allocatable :: surface
+    !> Size of the elements of the body or face, and of those at its contact pairs; 0 where it is not given [length].
+    real(dp) :: size = 0, contact = 0
+  end type mesh_size_input_t
+
   type, public :: accuracy_input_t  !! `&accuracy`.
     integer :: line = 0  !! Line of the group.
     logical :: is_given = .false.  !! Whether the file has the group.
@@ -247,11 +258,14 @@ module dotyk_input_case
     type(load_case_input_t), allocatable :: load_case(:)
     !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
     type(contact_case_input_t), allocatable :: contact_case(:)
+    !> Sizes of elements in the order of the file, one for each body that a group names (n_mesh_sizes).
+    type(mesh_size_input_t), allocatable :: mesh_size(:)
     type(accuracy_input_t) :: accuracy  !! `&accuracy`.
     type(quantity_input_t), allocatable :: quantity(:)  !! Quantities with error bars (n_quantities).
     integer :: mesh_number = 0  !! Number of the mesh where one follows the other; 0 where there is one.
     !> Geometries whose elements get sizes of the program, and what gmsh reads after each; not allocated without (n).
     type(text_t), allocatable :: sized_file(:), size_script(:)
+    character(:), allocatable :: size_mark  !! What names of meshes with sizes by `&mesh_size` end with; or not allocated.
     type(solver_input_t) :: solver  !! `&solver`; defaults where the file has none.
     type(output_input_t) :: output  !! `&output`; defaults where the file has none.
   contains

@@ -8,7 +8,7 @@ module dotyk_input_keyword_table
   use dotyk_input_contact_keywords, only: add_bolt, add_contact, add_tie
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_real, kind_text
-  use dotyk_input_solver_keywords, only: add_accuracy, add_output, add_solver
+  use dotyk_input_solver_keywords, only: add_accuracy, add_mesh_size, add_output, add_solver
   implicit none
   private
   public :: list_groups, list_keywords
@@ -21,7 +21,7 @@ contains
   pure subroutine list_groups(groups)
     type(group_keyword_t), allocatable, intent(out) :: groups(:)  !! The groups (n_groups).
     character, parameter :: lf = new_line('a')
-    allocate (groups(18))
+    allocate (groups(19))
     groups(1) = group('scene', exactly_one, 'the scene as a whole', &
                       "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
     groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
@@ -88,10 +88,15 @@ contains
                       'of .geo and CAD files with triangles and tetrahedra', &
                       '&accuracy error=0.05 /'//lf// &
                       "&accuracy error=0.01, quantity='force:ball - block', 'displacement:block:up z' /")
-    groups(17) = group('solver', at_most_one, 'how the contact problem is solved', &
+    groups(17) = group('mesh_size', any_number, 'size of the elements of a body, of its faces, or at its contact '// &
+                       'pairs, in .geo and CAD files with triangles and tetrahedra', &
+                       "&mesh_size body='ball', contact=0.05 /"//lf// &
+                       "&mesh_size body='flange *', size=4 /"//lf// &
+                       "&mesh_size body='rod', surface='fillet *', size=0.5 /")
+    groups(18) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
-    groups(18) = group('output', at_most_one, 'contents of the results file', &
+    groups(19) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")
   end subroutine list_groups
 
@@ -130,6 +135,7 @@ contains
     call add_case(list)
     call add_contact_case(list)
     call add_accuracy(list)
+    call add_mesh_size(list)
     call add_solver(list)
     call add_output(list)
     call move_alloc(list%row, table)

@@ -17,7 +17,7 @@ module dotyk_input_parse
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_remarks, only: add_remarks
   use dotyk_input_quantities, only: read_quantities
-  use dotyk_input_settings, only: read_accuracy, read_output, read_scene, read_solver
+  use dotyk_input_settings, only: read_accuracy, read_mesh_sizes, read_output, read_scene, read_solver
   use dotyk_input_ties, only: read_ties
   use dotyk_input_solver_checks, only: check_solver_keys
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
@@ -111,6 +111,7 @@ contains
 
     call read_bodies(groups, materials, mesh_expected, problems, bodies, case)
     allocate (case%quantity(0))
+    call read_mesh_sizes(groups, case%body, bodies, problems, case%mesh_size)
     call pick_groups(groups, 'accuracy', picked)
     if (size(picked) > 0) then
       call read_accuracy(groups(picked(1)), case%body, problems, case%accuracy)

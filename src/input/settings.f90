@@ -1,4 +1,4 @@
-!> Reads `&scene`, `&accuracy`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
+!> Reads `&scene`, `&accuracy`, `&mesh_size`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
 module dotyk_input_settings
   use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_geo_file, is_msh_file
   use dotyk_base_kinds, only: dp
@@ -9,15 +9,16 @@ module dotyk_input_settings
     theta_names
   use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_input_body, only: body_input_t
-  use dotyk_input_case, only: accuracy_input_t, output_input_t, scene_input_t, solver_input_t
+  use dotyk_input_case, only: accuracy_input_t, mesh_size_input_t, output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, refuse, &
-    report, text_of
+  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, names_t, pick_groups, &
+    real_of, refuse, report, text_of
+  use dotyk_input_wildcards, only: names_several, refer_to_bodies
   implicit none
   private
-  public :: read_accuracy, read_scene, read_solver, read_output, read_theta, read_mesh_path
+  public :: read_accuracy, read_mesh_sizes, read_scene, read_solver, read_output, read_theta, read_mesh_path
 
   !> theta_mesh where no theta is given: for the dual scheme, which is insensitive to theta, and for the others, whose
   !> number of iterations grows like 1/theta [].
@@ -95,12 +96,59 @@ contains
     accuracy%max_unknowns = integer_of(group, 'max_unknowns')
     if (is_given(group, 'max_seconds')) accuracy%max_seconds = real_of(group, 'max_seconds')
     do b = 1, size(body)
-      if (len(body(b)%mesh) == 0 .or. is_cad_file(body(b)%mesh) .or. is_geo_file(body(b)%mesh)) cycle
-      call problems%add(group%line, '&accuracy: the mesh of body '//quoted(body(b)%name)//' is no geometry: '// &
-                        shown(body(b)%mesh)//'; gmsh makes new meshes of .geo and CAD files')
+      if (is_meshed(group, body(b), problems)) cycle
       return
     end do
   end subroutine read_accuracy
+
+  !> Read all `&mesh_size`.
+  subroutine read_mesh_sizes(groups, body, bodies, problems, mesh_size)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(names_t), intent(in) :: bodies  !! Their names.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(mesh_size_input_t), allocatable, intent(out) :: mesh_size(:)  !! The sizes (n_mesh_sizes).
+    type(mesh_size_input_t) :: new
+    integer, allocatable :: picked(:), matched(:)
+    integer :: i, k
+    allocate (mesh_size(0))
+    call pick_groups(groups, 'mesh_size', picked)
+    do i = 1, size(picked)
+      associate (group => groups(picked(i)))
+        call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
+        new%line = group%line
+        new%any_body = names_several(text_of(group, 'body'), bodies)
+        new%surface = text_of(group, 'surface')
+        new%size = 0
+        if (is_usable(group, 'size')) new%size = real_of(group, 'size')
+        new%contact = 0
+        if (is_usable(group, 'contact')) new%contact = real_of(group, 'contact')
+        if (.not. (is_given(group, 'size') .or. is_given(group, 'contact'))) &
+          call problems%add(group%line, '&mesh_size: one of size (of the body, or of its surface) and contact (at '// &
+                            'its contact pairs) is needed')
+        if (is_given(group, 'surface') .and. .not. is_given(group, 'size') .and. is_given(group, 'contact')) &
+          call report(problems, group, 'surface', 'surface has no size: give size, or remove surface')
+        do k = 1, size(matched)
+          new%body = matched(k)
+          if (matched(k) <= size(body)) then
+            if (.not. is_meshed(group, body(matched(k)), problems)) exit
+          end if
+          mesh_size = [mesh_size, new]
+        end do
+      end associate
+    end do
+  end subroutine read_mesh_sizes
+
+  !> Whether gmsh makes the mesh of a body; reported if not.
+  logical function is_meshed(group, body, problems)
+    type(group_t), intent(in) :: group  !! Group that needs it.
+    type(body_input_t), intent(in) :: body  !! The body.
+    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    is_meshed = len(body%mesh) == 0 .or. is_cad_file(body%mesh) .or. is_geo_file(body%mesh)
+    if (.not. is_meshed) &
+      call problems%add(group%line, '&'//group%name//': the mesh of body '//quoted(body%name)//' is no geometry: '// &
+                        shown(body%mesh)//'; gmsh makes new meshes of .geo and CAD files')
+  end function is_meshed
 
   !> Read `&solver`.
   subroutine read_solver(group, problems, solver)

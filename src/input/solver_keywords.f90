@@ -1,4 +1,4 @@
-!> Keys of `&accuracy`, `&solver` and `&output`, for the table of all keys.
+!> Keys of `&accuracy`, `&mesh_size`, `&solver` and `&output`, for the table of all keys.
 module dotyk_input_solver_keywords
   use dotyk_base_options, only: aim_energy, aim_names, default_budget_fraction, default_gamma_rule, &
     default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, default_response, &
@@ -9,7 +9,7 @@ module dotyk_input_solver_keywords
     kind_text
   implicit none
   private
-  public :: add_accuracy, add_output, add_solver
+  public :: add_accuracy, add_mesh_size, add_output, add_solver
 
 contains
 
@@ -35,6 +35,22 @@ contains
     call list%add('max_seconds', kind_real, unit='seconds', positive=.true., &
                   meaning='time after which no further mesh is begun; if absent, no limit')
   end subroutine add_accuracy
+
+  !> Keys of `&mesh_size`.
+  pure subroutine add_mesh_size(list)
+    type(keyword_list_t), intent(inout) :: list  !! The table so far.
+    call list%begin_group('mesh_size')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body, with wildcards as in &support')
+    call list%add('surface', kind_text, &
+                  meaning='physical group of the face that has the size, with wildcards as in &support; the whole '// &
+                  'body if absent')
+    call list%add('size', kind_real, unit='length', positive=.true., &
+                  meaning='size of the elements; of several sizes of a face the least holds. Away from faces with '// &
+                  'smaller ones sizes grow by 0.4 of the distance')
+    call list%add('contact', kind_real, unit='length', positive=.true., &
+                  meaning='size of the elements at the surfaces of the contact pairs of the body')
+  end subroutine add_mesh_size
 
   !> Keys of `&solver`.
   pure subroutine add_solver(list)

@@ -21,7 +21,7 @@ module dotyk_mesh_conversion
   use dotyk_mesh_mesh_cache, only: find_cache
   implicit none
   private
-  public :: forget_mesh, make_mesh, needs_conversion
+  public :: forget_mesh, is_kept, make_mesh, needs_conversion
 
   type, public :: meshing_t  !! How meshes are made, and what is to be said about one.
     logical :: no_shell = .false.  !! Whether geometries may start no program and write no file but the mesh.
@@ -31,6 +31,8 @@ module dotyk_mesh_conversion
     integer :: number = 0  !! Number of the mesh where one follows the other by its errors; 0 where there is one.
     !> Geometries whose elements get sizes, and what gmsh reads after each; not allocated without (n).
     type(text_t), allocatable :: sized_file(:), size_script(:)
+    !> What the names of their meshes end with where the user gives the sizes; not allocated without.
+    character(:), allocatable :: size_mark
     character(:), allocatable :: remark  !! Remark for the log; empty where there is none.
   end type meshing_t
 
@@ -97,6 +99,23 @@ contains
     if (.not. allocated(ignored)) call remove_file(base//'.msh')
   end subroutine forget_mesh
 
+  !> Whether the mesh of a file is kept, and nothing is newer.
+  logical function is_kept(path, dimension, meshing)
+    character(*), intent(in) :: path  !! Path of the file.
+    integer, intent(in) :: dimension  !! Largest dimension of the elements, 2 or 3.
+    type(meshing_t), intent(in) :: meshing  !! How it is made.
+    type(conversion_log_t) :: log
+    type(error_t), allocatable :: ignored
+    character(:), allocatable :: base
+    is_kept = .false.
+    call name_mesh(path, dimension, meshing, base, ignored)
+    if (allocated(ignored)) return
+    inquire (file=base//'.msh', exist=is_kept)
+    if (is_kept) call log%read(base//'.log', is_kept)
+    ! A mesh that programs have a part in is no mesh without them.
+    if (is_kept) is_kept = is_current(path, base, log) .and. .not. (meshing%no_shell .and. len(log%command) > 0)
+  end function is_kept
+
   !> Find the mesh, or make it.
   subroutine find_mesh(path, dimension, meshing, msh_file, error)
     character(*), intent(in) :: path  !! Path of the file.
@@ -118,12 +137,14 @@ contains
     call name_mesh(path, dimension, meshing, base, error)
     if (allocated(error)) return
     msh_file = base//'.msh'
-    inquire (file=msh_file, exist=found)
-    if (found) call log%read(base//'.log', found)
-    ! A mesh that programs have a part in is no mesh without them.
-    if (found .and. .not. meshing%is_made) found = is_current(path, base, log) .and. &
-                                                   .not. (meshing%no_shell .and. len(log%command) > 0)
-    if (.not. found) then
+    if (meshing%is_made) then
+      inquire (file=msh_file, exist=found)
+    else
+      found = is_kept(path, dimension, meshing)
+    end if
+    if (found) then
+      call log%read(base//'.log', found)
+    else
       call remove_file(msh_file)
       call convert(path, dimension, base, meshing, log, error)
     end if
@@ -145,12 +166,26 @@ contains
     call find_cache(path, directory, error)
     if (allocated(error)) return
     base = directory//path(len(directory_of(path)) + 1:)//'-'//to_text(dimension)//'d'
-    if (meshing%number > 1 .or. (meshing%number == 1 .and. is_cad_file(path))) &
+    if (allocated(meshing%size_mark) .and. is_sized(path, meshing)) then
+      base = base//'-sizes'//meshing%size_mark
+      if (meshing%number > 1) base = base//'-mesh'//to_text(meshing%number)
+    else if (meshing%number > 1 .or. (meshing%number == 1 .and. is_cad_file(path))) then
       base = base//'-mesh'//to_text(meshing%number)
+    end if
     if (.not. is_cad_file(path)) return
     base = base//'-order'//to_text(meshing%order)
     if (meshing%size > 0) base = base//'-size'//to_text(meshing%size, 17)
   end subroutine name_mesh
+
+  !> Whether the elements of a geometry get sizes.
+  pure logical function is_sized(path, meshing)
+    character(*), intent(in) :: path  !! Its path.
+    type(meshing_t), intent(in) :: meshing  !! How meshes are made.
+    integer :: f
+    is_sized = .false.
+    if (allocated(meshing%sized_file)) &
+      is_sized = any([(meshing%sized_file(f)%s == path, f=1, size(meshing%sized_file))])
+  end function is_sized
 
   !> Whether a mesh is newer than all that it depends on. Times of names and owners count with those of contents, so
   !> that a file that is moved to the place of another is noticed.

@@ -18,7 +18,8 @@ module dotyk_mesh_conversion_log
     character(:), allocatable :: counts  !! The last line that counts nodes and elements.
     character(:), allocatable :: remark  !! Remark for the user; empty where there is none.
     character(:), allocatable :: command  !! First program that a geometry started; empty where there is none.
-    integer :: n_files = 0  !! Number of files that were read.
+    !> Number of files that were read, but for the script behind a geometry and what it reads: these are temporary.
+    integer :: n_files = 0
     !> Their names: of gmsh relative to its working directory or with the directory of the geometry (room).
     type(text_t), allocatable :: file(:)
   contains
@@ -35,8 +36,11 @@ contains
     logical, intent(out) :: found  !! Whether there is one.
     type(byte_cursor_t) :: log
     type(error_t), allocatable :: not_read
-    character(:), allocatable :: line
+    character(:), allocatable :: line, base
+    logical :: is_temporary
     integer :: n
+    base = path(len(directory_of(path)) + 1:len(path) - len('.log'))
+    is_temporary = .false.
     self%errors = ''
     self%counts = ''
     self%remark = ''
@@ -50,8 +54,12 @@ contains
       call log%get_line(line)
       if (index(line, ' nodes ') > 0 .and. index(line, ' elements') > 0) self%counts = line
       if (index(line, 'Remark  : ') == 1) self%remark = line(11:)
-      if (index(line, 'Info    : Reading ''') == 1 .and. index(line, '''...') > 20) &
-        call add_file(self, line(20:index(line, '''...', back=.true.) - 1))
+      if (index(line, 'Info    : Reading ''') == 1 .and. index(line, '''...') > 20) then
+        associate (name => line(20:index(line, '''...', back=.true.) - 1))
+          is_temporary = is_temporary .or. index(name(len(directory_of(name)) + 1:), base//'.') == 1
+          if (.not. is_temporary) call add_file(self, name)
+        end associate
+      end if
       if (index(line, 'Info    : Calling ''') == 1 .and. len(self%command) == 0) self%command = line(19:)
       if (index(line, 'Error   : ') /= 1) cycle
       line = line(len('Error   : ') + 1:)
@@ -64,15 +72,12 @@ contains
     end do
   end subroutine log_read
 
-  !> Add a file that was read; not the script behind a CAD file, which is temporary.
+  !> Add a file that was read.
   subroutine add_file(log, name)
     type(conversion_log_t), intent(inout) :: log  !! The log.
     character(*), intent(in) :: name  !! Name of the file.
     type(text_t), allocatable :: larger(:)
     integer :: i
-    if (log%n_files > 0) then
-      if (is_cad_file(log%file(1)%s) .and. is_geo_file(name)) return
-    end if
     if (log%n_files == size(log%file)) then
       allocate (larger(2*log%n_files))
       do i = 1, log%n_files

@@ -32,6 +32,8 @@ module dotyk_mesh_size_view
 
   public :: size_of_measure
 
+  real(dp), parameter :: gradient = 0.4_dp  !! Growth of the sizes over the distance [].
+
   !> Measure of a regular simplex of edge 1, in the plane and in space, and what elements of gmsh have of it where this
   !> edge is asked for: measured on meshes of Delaunay and HXT, within 25 %.
   real(dp), parameter :: regular(2:3) = [sqrt(3.0_dp)/4, sqrt(2.0_dp)/12], filled(2:3) = [1/0.9_dp, 1/0.72_dp]
@@ -120,10 +122,9 @@ contains
     self%size = exp(self%size/weight)
   end subroutine view_spread_to_nodes
 
-  !> Make sizes smaller where they grow faster than by a gradient along edges.
-  subroutine view_limit_gradient(self, gradient)
+  !> Make sizes smaller where they grow too fast along edges.
+  subroutine view_limit_gradient(self)
     class(size_view_t), intent(inout) :: self
-    real(dp), intent(in) :: gradient  !! Growth of the size over the distance [].
     real(dp) :: step
     integer :: e, i, j, pass
     logical :: has_changed

@@ -28,6 +28,7 @@ contains
     meshing%number = case%mesh_number
     if (allocated(case%sized_file)) meshing%sized_file = case%sized_file
     if (allocated(case%size_script)) meshing%size_script = case%size_script
+    if (allocated(case%size_mark)) meshing%size_mark = case%size_mark
   end function meshing_of
 
   !> Give up the meshes that are kept for the files of a case, so that they are made again.
