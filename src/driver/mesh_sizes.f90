@@ -199,8 +199,8 @@ contains
       do k = 1, size(body%block)
         if (all(body%block(k)%kind /= [element_tri3, element_tri6, element_tet4, element_tet10])) then
           call set_error(error, file//': body '//quoted(case%body(b)%name)//' has other elements than triangles or '// &
-                         'tetrahedra, whose sizes &mesh_size cannot choose: remove Recombine, Layers or Transfinite '// &
-                         'from the geometry')
+                         'tetrahedra, which take no sizes of &mesh_size: remove Recombine, Layers or Transfinite from '// &
+                         'the geometry')
           return
         end if
         entity = [entity, body%block(k)%entity]

@@ -1,4 +1,5 @@
-!> Reads `&scene`, `&accuracy`, `&mesh_size`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
+!> Reads `&scene`, `&accuracy`, `&mesh_size`, `&solver`, `&output` and the penalty parameter of a group from checked
+!> groups.
 module dotyk_input_settings
   use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_geo_file, is_msh_file
   use dotyk_base_kinds, only: dp
