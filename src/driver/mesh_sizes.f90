@@ -198,9 +198,9 @@ contains
       allocate (entity(0), corner(d + 1, 0), tag(0))
       do k = 1, size(body%block)
         if (all(body%block(k)%kind /= [element_tri3, element_tri6, element_tet4, element_tet10])) then
-          call set_error(error, file//': body '//quoted(case%body(b)%name)//' has other elements than triangles or '// &
-                         'tetrahedra, which take no sizes of &mesh_size: remove Recombine, Layers or Transfinite from '// &
-                         'the geometry')
+          call set_error(error, file//': body '//quoted(case%body(b)%name)//' has other elements than triangles '// &
+                         'or tetrahedra, which take no sizes of &mesh_size: remove Recombine, Layers or '// &
+                         'Transfinite from the geometry')
           return
         end if
         entity = [entity, body%block(k)%entity]
