@@ -83,6 +83,11 @@ class Pair(Record):
     gap = _field('gap', 'Weighted gaps after deformation (n) [length]; with theta > 0 negative under pressure.')
     pressure = _field('pressure', 'Lagrange multipliers (n) [pressure], positive in compression.')
     pressure_projected = _field('pressure_projected', 'Pressures projected on the slave surface (n) [pressure]: the values to look at.')
+    patch_area = _field('patch_area', 'Areas of the connected patches of the contact (m).')
+    patch_force = _field('patch_force', 'Integrals of the pressure over them (m) [force].')
+    patch_centre = _field('patch_centre', 'Their centres of pressure (m, 3) [length].')
+    patch_half_axis_long = _field('patch_half_axis_long', 'Long half axes of their Hertzian ellipses (m) [length].')
+    patch_half_axis_short = _field('patch_half_axis_short', 'Short half axes (m) [length].')
     force = _field('force', 'Contact force on the slave body (3) [force]; on the master body it is opposite.')
 
     @property
