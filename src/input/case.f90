@@ -265,7 +265,7 @@ module dotyk_input_case
     integer :: mesh_number = 0  !! Number of the mesh where one follows the other; 0 where there is one.
     !> Geometries whose elements get sizes of the program, and what gmsh reads after each; not allocated without (n).
     type(text_t), allocatable :: sized_file(:), size_script(:)
-    character(:), allocatable :: size_mark  !! What names of meshes with sizes by `&mesh_size` end with; or not allocated.
+    character(:), allocatable :: size_mark  !! What names of meshes with sizes by `&mesh_size` end with; or absent.
     type(solver_input_t) :: solver  !! `&solver`; defaults where the file has none.
     type(output_input_t) :: output  !! `&output`; defaults where the file has none.
   contains
