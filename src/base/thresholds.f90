@@ -7,6 +7,8 @@ module dotyk_base_thresholds
   !> A number below this fraction of the largest one of its kind is what rounding leaves of zero, after solves and sums
   !> in double precision that lose up to four digits [].
   real(dp), parameter, public :: rounding = 1.0e-12_dp
+  !> An iteration near rounding goes on while what it leaves falls to this fraction in a step, or in a few [].
+  real(dp), parameter, public :: least_gain = 0.5_dp
   !> Fractions of its multiples have no order: they serve as numbers that look random and are the same in each run [].
   real(dp), parameter, public :: golden = 0.6180339887498949_dp
   !> Normals of one smooth surface differ by less than 40 degrees where nothing else is known: the cosine of that [].

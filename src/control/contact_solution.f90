@@ -223,7 +223,7 @@ contains
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, problem, run%scheme%allows_zero_theta(), monitor, solution)) exit
+      if (.not. asks_for_more(goal, problem, .not. run%scheme%is_iteration(), monitor, solution)) exit
       solution%round = solution%round + 1
       if (on_any_rank(wall_time() - solution%began >= run%settings%time_limit)) then
         solution%state%ended = ended_time

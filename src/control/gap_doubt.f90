@@ -88,7 +88,7 @@ contains
     if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
     doubt%force_change = 0
     doubt%moved_change = 0
-    if (scheme%allows_zero_theta()) then
+    if (.not. scheme%is_iteration()) then
       allocate (solver, source=scheme)
     else
       allocate (dual_t :: solver)

@@ -129,7 +129,7 @@ contains
     if (.not. any(qp%theta > reference%theta)) return
     settings%linear_solver = linear_solver
     penalized = state
-    if (scheme%allows_zero_theta()) then
+    if (.not. scheme%is_iteration()) then
       allocate (solver, source=scheme)
     else
       allocate (dual_t :: solver)

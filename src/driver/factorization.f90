@@ -102,7 +102,7 @@ contains
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')
       associate (problem => scene%problem)
-        call factorize_bodies(problem%body, problem%ranks, problem%modes, .not. scheme%needs_held_bodies(), &
+        call factorize_bodies(problem%body, problem%ranks, problem%modes, .not. scheme%is_iteration(), &
                               scene%size_of, scene%stiffness, scene%slot, problem%report, error)
         call stop_if_interrupted(error)
         if (allocated(error)) return

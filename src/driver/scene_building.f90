@@ -63,7 +63,7 @@ contains
       call monitor%watch%lap(monitor%timing%read)
       if (in_parts) call problem%classes%init(size(problem%body))
       if (.not. (in_parts .or. are_dealt)) call problem%classes%find(problem%body)
-      if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, problem%ranks, error)
+      if (scheme%is_iteration()) call check_held(case, problem%body, problem%classes, problem%ranks, error)
       if (allocated(error)) return
       call set_stage('assembling')
       call choose_solution(case, problem%body, problem%classes, in_parts, monitor, form, splits)

@@ -13,7 +13,7 @@ module dotyk_scheme_active_set
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: least_gain, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
@@ -102,9 +102,10 @@ contains
         call monitor%finish()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call find_inside(with_springs, compliance, system, is_rigid, now, active, steps, error, &
-                         starts_near=k == 1 .and. any(now%lambda > 0))
+        call interior_point_method(with_springs, compliance, system, 1/foundation_stiffness(with_springs), &
+                                   .not. is_rigid, now%lambda, now%alpha, active, steps, error)
         if (allocated(error)) return
+        call update_penetrations(with_springs, compliance, now)
         if (k > 1) then
           call monitor%note('active-set iteration cycled; interior-point method used ('//to_text(steps)//' systems)')
         else
@@ -203,9 +204,8 @@ contains
     !> The first active sets may change by any number of rows. Later the numbers halve at least, over two steps since
     !> rows can enter and leave by turns.
     integer, parameter :: first = 4, back = 2
-    real(dp), parameter :: most_left = 0.5_dp
     is_not_decreasing = .false.
-    if (size(changes) >= first) is_not_decreasing = changes(size(changes)) > most_left*changes(size(changes) - back)
+    if (size(changes) >= first) is_not_decreasing = changes(size(changes)) > least_gain*changes(size(changes) - back)
   end function is_not_decreasing
 
   !> Floating bodies at rest on a Winkler foundation that stands for all bodies, and the rows that penetrate there.
@@ -263,31 +263,6 @@ contains
     real(dp), allocatable :: stiffness(:)
     stiffness = qp%weight/(qp%foundation + qp%theta)
   end function foundation_stiffness
-
-  !> The solution of the interior-point method, close to the solution wherever that is.
-  subroutine find_inside(qp, compliance, system, is_rigid, now, active, steps, error, starts_near)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
-    type(active_system_t), intent(inout) :: system  !! Another one on return.
-    logical, intent(in) :: is_rigid(:)  !! Rows without force (n_rows).
-    type(iterate_t), intent(inout) :: now  !! The iterate.
-    logical, intent(out) :: active(:)  !! Active set (n_rows).
-    integer, intent(out) :: steps  !! Linear systems that it took.
-    type(error_t), allocatable, intent(out) :: error  !! As in `find_active_set`.
-    !> Whether the iterate on entry is next to a solution; false if absent.
-    logical, intent(in), optional :: starts_near
-    real(dp), allocatable :: start(:), motion(:)
-    ! An array that is not allocated is an absent argument.
-    if (present(starts_near)) then
-      if (starts_near) then
-        start = merge(now%lambda/foundation_stiffness(qp), min(0.0_dp, now%penetration), now%lambda > 0 .or. qp%is_tied)
-        motion = now%alpha
-      end if
-    end if
-    call interior_point_method(qp, compliance, system, 1/foundation_stiffness(qp), .not. is_rigid, now%lambda, &
-                               now%alpha, active, steps, error, penetration=start, motion=motion)
-    if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
-  end subroutine find_inside
 
   !> Solve the system of the active set for the new iterate.
   subroutine solve_active(qp, compliance, system, now)

@@ -13,6 +13,7 @@ module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: least_gain
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_constraint_preconditioner, only: constraint_preconditioner_t, coupling_all, coupling_none, &
     coupling_pairs
@@ -51,8 +52,6 @@ module dotyk_scheme_active_system
   !> Iterations of a solution with the couplings within pairs: balls in a box take 1 to 20, bodies whose contacts lie
   !> close together a hundred.
   integer, parameter :: most_of_pairs = 30
-  !> Rounds go on while a squared residual, of contact rows or of equilibrium, falls to this fraction.
-  real(dp), parameter :: worthwhile_gain = 0.5_dp
   !> Directions whose forces are out of equilibrium by this fraction are rounding errors: as many rows as modes leave no
   !> self-equilibrated forces.
   real(dp), parameter :: most_imbalance = 1.0e-5_dp
@@ -184,6 +183,7 @@ contains
     previous_imbalance = huge(previous_imbalance)
     once = max(self%step_reduction, self%reduction)
     self%n_solutions = self%n_solutions + 1
+    ! Rounds go on while a squared residual, of contact rows or of equilibrium, falls.
     do k = 1, most_rounds
       if (interrupted()) exit
       call conjugate_gradients(self, qp, compliance, merge(once, restart, once > 0), r_b, r_c, scale, x, beta)
@@ -195,12 +195,12 @@ contains
       call find_residuals(self, qp, compliance, b, c, lambda + x, alpha + beta, next_b, next_c)
       residual = sum(next_b**2/(self%preconditioner%diagonal + self%layer))
       imbalance = sum(next_c**2)
-      if (k > 1 .and. .not. (residual < previous .or. imbalance < worthwhile_gain*previous_imbalance)) exit
+      if (k > 1 .and. .not. (residual < previous .or. imbalance < least_gain*previous_imbalance)) exit
       lambda = lambda + x
       alpha = alpha + beta
       r_b = next_b
       r_c = next_c
-      if (.not. (residual < worthwhile_gain*previous .or. imbalance < worthwhile_gain*previous_imbalance)) exit
+      if (.not. (residual < least_gain*previous .or. imbalance < least_gain*previous_imbalance)) exit
       previous = residual
       previous_imbalance = imbalance
     end do

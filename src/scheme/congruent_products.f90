@@ -28,8 +28,6 @@ module dotyk_scheme_congruent_products
   integer, parameter :: most_bodies = 8  !! Bodies of a batch at most: the gain grows little beyond.
   !> Batches that a class has at least, if it has as many bodies: work for as many threads.
   integer, parameter :: least_batches = 8
-  !> Cost of a product of one body over that of a further one in a batch: dense products reuse the entries.
-  real(dp), parameter :: gain_of_blocks = 4
 
 contains
 
@@ -50,9 +48,8 @@ contains
       do first = 1, size(member), size_of_batch
         n = n + 1
         found(n)%body = member(first:min(size(member), first + size_of_batch - 1))
-        associate (cost => body(found(n)%body)%cost)
-          found(n)%cost = max(maxval(cost), sum(cost)/gain_of_blocks)
-        end associate
+        ! The entries are read once.
+        found(n)%cost = maxval(body(found(n)%body)%cost)
       end do
     end do
     allocate (order(n), batch(n))

@@ -43,47 +43,19 @@ module dotyk_scheme_dual
   type, extends(scheme_t), public :: dual_t  !! The scheme.
   contains
     procedure :: solve => dual_solve
-    procedure :: needs_held_bodies => dual_needs_held_bodies
-    procedure :: allows_zero_theta => dual_allows_zero_theta
-    procedure :: expected_products => dual_expected_products
-    procedure :: finds_displacements => dual_finds_displacements
+    procedure, nopass :: finds_displacements => dual_finds_displacements
   end type dual_t
 
   integer, parameter :: most_rounds = 4  !! How often violated rows enter the working set; then all rows do.
 
 contains
 
-  !> Floating bodies are allowed.
-  pure logical function dual_needs_held_bodies(self) result(needed)
-    class(dual_t), intent(in) :: self
-    needed = .false.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function dual_needs_held_bodies
-
-  !> Contact without penetration is allowed.
-  pure logical function dual_allows_zero_theta(self) result(allowed)
-    class(dual_t), intent(in) :: self
-    allowed = .true.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function dual_allows_zero_theta
-
-  !> It forms the entries that it needs.
-  pure integer function dual_expected_products(self) result(n)
-    class(dual_t), intent(in) :: self
-    n = 0
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function dual_expected_products
-
   !> With ties another theta is for the scheme: their forces are none of which tensile ones may be dropped.
-  logical function dual_finds_displacements(self, qp, compliance) result(finds)
-    class(dual_t), intent(in) :: self
+  logical function dual_finds_displacements(qp, compliance) result(finds)
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     class(compliance_t), intent(in) :: compliance  !! C.
     finds = any(qp%is_tied)
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance)])
+    associate (not_needed => same_type_as(compliance, compliance))
     end associate
   end function dual_finds_displacements
 
@@ -230,27 +202,6 @@ contains
     allocate (state%alpha(qp%coarse%n), source=0.0_dp)
   end subroutine complete_start
 
-  !> The solution without contact.
-  subroutine begin_without_contact(qp, now)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    type(iterate_t), intent(out) :: now  !! The iterate.
-    allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
-    now%penetration = qp%initial_penetration
-  end subroutine begin_without_contact
-
-  !> Floating bodies at rest on a Winkler foundation.
-  subroutine begin_on_foundation(qp, alpha, now)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    real(dp), intent(in) :: alpha(:)  !! Amplitudes of the modes (coarse%n) [length].
-    type(iterate_t), intent(inout) :: now  !! The iterate.
-    real(dp), allocatable :: motion(:)
-    allocate (motion(qp%n_rows))
-    call qp%mode_displacement(alpha, motion)
-    now%alpha = alpha
-    now%penetration = qp%initial_penetration + motion
-    now%lambda = qp%weight/(qp%foundation + qp%theta)*max(0.0_dp, now%penetration)
-  end subroutine begin_on_foundation
-
   !> Solve with all rows of a QP in the working set.
   subroutine solve_working_set(qp, compliance, settings, monitor, system, warm, state, error)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
@@ -265,11 +216,10 @@ contains
     type(iterate_t) :: now
     type(contact_qp_t) :: with_springs
     type(proximal_motion_t) :: motion
-    real(dp), allocatable :: guess(:), foundation(:)
+    real(dp), allocatable :: foundation(:)
     logical, allocatable :: active(:), is_held(:)
     logical :: starts_inside, done
     integer :: k
-    if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
     if (warm) then
       now%lambda = qp%weight*state%pressure
       now%penetration = state%penetration
@@ -293,8 +243,8 @@ contains
     if (.not. warm) then
       allocate (active(qp%n_rows), source=.false.)
       if (starts_inside) then
-        call begin_without_contact(qp, now)
-        if (allocated(guess)) call begin_on_foundation(qp, guess, now)
+        allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
+        now%penetration = qp%initial_penetration
       else
         call find_start(with_springs, compliance, now, active, error)
       end if

@@ -7,6 +7,7 @@
 module dotyk_scheme_gap_closing
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: least_gain
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -14,10 +15,7 @@ module dotyk_scheme_gap_closing
   private
   public :: close_gaps, factorize_rows, find_neighbours, left_open, restrict_matrix
 
-  !> Improvements at most, and the fraction of what one leaves that the next one must not exceed: rows that depend on
-  !> each other leave something for ever.
-  integer, parameter :: most_passes = 8
-  real(dp), parameter, public :: least_gain = 0.5_dp
+  integer, parameter :: most_passes = 8  !! Improvements at most: rows that depend on each other leave something for ever.
   !> Fraction of the diagonal that is added at most where rounding has made the matrix indefinite [].
   real(dp), parameter :: most_shift = 0.1_dp
   real(dp), parameter :: rounding = 1.0e-8_dp  !! Gaps below this fraction of those that are closed are rounding [].

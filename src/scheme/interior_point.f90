@@ -30,17 +30,11 @@ module dotyk_scheme_interior_point
   end type point_t
 
   integer, parameter :: most_steps = 200  !! Linear systems at most.
-  !> The method ends where the complementarity products are this fraction of the energy, unless asked otherwise, and
+  !> The method ends where the complementarity products are this fraction of the energy, and
   real(dp), parameter :: least_product = 1.0e-14_dp
   real(dp), parameter :: balanced = 1.0e-9_dp  !! the imbalance is this fraction of the loads.
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
-  !> A start from penetrations has complementarity products of this fraction of the energy: small enough to keep what
-  !> is known, large enough for rows to enter and leave.
-  real(dp), parameter :: product_of_start = 0.3_dp
-  !> Such a start is used where its forces are out of balance by this fraction of the loads at most: farther from
-  !> equilibrium it takes more steps than a start from nothing.
-  real(dp), parameter :: most_imbalance = 0.01_dp
   real(dp), parameter :: shortest_step = 1.0e-8_dp  !! A shorter step than this is stopped by rounding errors.
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
   real(dp), parameter :: step_reduction = 0.01_dp
@@ -52,8 +46,7 @@ module dotyk_scheme_interior_point
 contains
 
   !> Forces, amplitudes and active set near the solution.
-  subroutine interior_point_method(qp, compliance, system, foundation, usable, lambda, alpha, active, steps, error, &
-                                   accuracy, penetration, motion)
+  subroutine interior_point_method(qp, compliance, system, foundation, usable, lambda, alpha, active, steps, error)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
     type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
@@ -66,20 +59,10 @@ contains
     logical, intent(out) :: active(:)  !! Points whose force, on the foundation, exceeds their gap (n_rows).
     integer, intent(out) :: steps  !! Linear systems that were solved.
     type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
-    !> The method ends where the complementarity products are this fraction of the energy; rounding if absent [].
-    real(dp), intent(in), optional :: accuracy
-    !> A solution of a problem next to this one: penetrations of the foundation, negative where there is a gap (n_rows)
-    !> [length].
-    real(dp), intent(in), optional :: penetration(:)
-    real(dp), intent(in), optional :: motion(:)  !! Its amplitudes; present with `penetration` (coarse%n) [length].
     type(point_t) :: now
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: row(:)
-    real(dp) :: least
-    logical :: converged, is_done
-    integer :: i, n, more
-    least = least_product
-    if (present(accuracy)) least = accuracy
+    integer :: i, n
     row = pack([(i, i=1, size(usable))], usable)
     n = size(row)
     lambda = 0
@@ -89,24 +72,10 @@ contains
     if (n == 0) return
     ! Complementarity products are proportional to the weights.
     fraction = merge(0.0_dp, qp%weight(row), qp%is_tied(row))
-    fraction = fraction/max(tiny(least), sum(fraction))
+    fraction = fraction/max(tiny(1.0_dp), sum(fraction))
     system%step_reduction = step_reduction
-    converged = .false.
-    if (present(penetration)) then
-      if (is_near(qp, merge(merge(penetration, max(0.0_dp, penetration), qp%is_tied)/foundation, 0.0_dp, usable), &
-                  motion)) then
-        call start_near(qp, row, foundation(row), fraction, penetration(row), motion, now)
-        call follow_path(qp, compliance, system, usable, row, fraction, least, now, steps, converged, error)
-      end if
-    end if
-    is_done = converged .or. allocated(error)
-    if (.not. is_done) is_done = interrupted()
-    if (.not. is_done) then
-      call find_start(qp, compliance, system, usable, row, foundation(row), fraction, now, error)
-      if (.not. allocated(error)) &
-        call follow_path(qp, compliance, system, usable, row, fraction, least, now, more, converged, error)
-      if (.not. allocated(error)) steps = steps + more
-    end if
+    call find_start(qp, compliance, system, usable, row, foundation(row), fraction, now, error)
+    if (.not. allocated(error)) call follow_path(qp, compliance, system, usable, row, fraction, now, steps, error)
     system%step_reduction = 0
     if (.not. allocated(now%s)) return
     lambda(row) = now%lambda
@@ -115,32 +84,27 @@ contains
   end subroutine interior_point_method
 
   !> Follow the central path from an iterate.
-  subroutine follow_path(qp, compliance, system, usable, row, fraction, least, now, steps, converged, error)
+  subroutine follow_path(qp, compliance, system, usable, row, fraction, now, steps, error)
     type(contact_qp_t), intent(in) :: qp  !! The contact problem.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator, formed at all usable rows.
     type(active_system_t), intent(inout) :: system  !! Work space: the system of the last step on return.
     logical, intent(in) :: usable(:)  !! Points that may have a force (n_rows).
     integer, intent(in) :: row(:)  !! These (n).
     real(dp), intent(in) :: fraction(:)  !! Fraction of each point in the sum of the weights (n) [].
-    !> The path ends where the complementarity products are this fraction of the energy [].
-    real(dp), intent(in) :: least
     type(point_t), intent(inout) :: now  !! The iterate.
     integer, intent(out) :: steps  !! Linear systems that were solved.
-    logical, intent(out) :: converged  !! Whether the end was reached.
     type(error_t), allocatable, intent(out) :: error  !! The linear system cannot be prepared (`init` of its type).
     type(point_t) :: step
     real(dp), allocatable :: r_dual(:), r_balance(:), product(:)
     real(dp) :: mu, mu_ahead, sigma, length
     integer :: n
     n = size(row)
-    converged = .false.
     allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
     do steps = 1, most_steps
       if (interrupted()) exit
       call find_residuals(qp, compliance, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
-      converged = mu <= least*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)
-      if (converged) exit
+      if (mu <= least_product*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)) exit
       call make_system(qp, compliance, system, usable, row, now%over_force(now%s), error)
       if (allocated(error)) exit
       ! Predictor, then corrector.
@@ -168,49 +132,6 @@ contains
     type(point_t), intent(in) :: now  !! The iterate.
     energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
   end function energy_of
-
-  !> Whether forces nearly balance the loads.
-  logical function is_near(qp, lambda, alpha)
-    type(contact_qp_t), intent(in) :: qp  !! With the resultants of the loads.
-    real(dp), intent(in) :: lambda(:)  !! Contact forces (n_rows) [force].
-    real(dp), intent(in) :: alpha(:)  !! Amplitudes (coarse%n) [length].
-    real(dp), allocatable :: resultant(:)
-    allocate (resultant(qp%coarse%n))
-    call qp%mode_resultant(lambda, resultant)
-    resultant = resultant + qp%coarse%stiffness_forces(alpha) - qp%coarse%resultant
-    is_near = sum(abs(resultant)) <= most_imbalance*sum(abs(qp%coarse%resultant))
-  end function is_near
-
-  !> The first iterate from the solution of a problem next to this one: forces and gaps on the central path of the
-  !> foundation, `foundation*lambda - s = penetration`.
-  pure subroutine start_near(qp, row, foundation, fraction, penetration, motion, now)
-    type(contact_qp_t), intent(in) :: qp  !! The contact problem.
-    integer, intent(in) :: row(:)  !! Usable rows (n).
-    real(dp), intent(in) :: foundation(:)  !! Compliance of the foundation there (n) [length/force].
-    real(dp), intent(in) :: fraction(:)  !! Fraction of each point in the sum of the weights (n) [].
-    real(dp), intent(in) :: penetration(:)  !! Penetrations of that solution (n) [length].
-    real(dp), intent(in) :: motion(:)  !! Its amplitudes (coarse%n) [length].
-    type(point_t), intent(out) :: now  !! The iterate.
-    real(dp) :: product(size(row)), root(size(row))
-    now%is_tied = qp%is_tied(row)
-    now%lambda = max(0.0_dp, penetration)/foundation
-    now%s = max(0.0_dp, -penetration)
-    now%alpha = motion
-    product = max(product_of_start*energy_of(qp, row, now)*fraction, tiny(1.0_dp))
-    root = sqrt(penetration**2 + 4*foundation*product)
-    ! No difference of nearly equal numbers.
-    where (penetration > 0)
-      now%lambda = (root + penetration)/(2*foundation)
-      now%s = product/now%lambda
-    else where
-      now%s = (root - penetration)/2
-      now%lambda = product/now%s
-    end where
-    where (now%is_tied)
-      now%lambda = penetration/foundation
-      now%s = 0
-    end where
-  end subroutine start_near
 
   !> The first iterate: all contact points tied to foundations, then forces and gaps shifted to be positive.
   subroutine find_start(qp, compliance, system, usable, row, foundation, fraction, now, error)

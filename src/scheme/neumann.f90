@@ -24,11 +24,23 @@ module dotyk_scheme_neumann
   type, extends(scheme_t), public :: neumann_t  !! The scheme.
   contains
     procedure :: solve => neumann_solve
+    procedure, nopass :: is_iteration => is_general_iteration
+    procedure, nopass :: expected_products => typical_products
   end type neumann_t
 
-  public :: begin_iteration, finish_iteration
+  public :: begin_iteration, finish_iteration, is_general_iteration
 
 contains
+
+  !> It is the general iteration (32).
+  pure logical function is_general_iteration() result(is_iteration)
+    is_iteration = .true.
+  end function is_general_iteration
+
+  !> One product a step.
+  pure integer function typical_products() result(n)
+    n = 300
+  end function typical_products
 
   !> Iterate from u_0, the solution without contact, or from the state; continue a paused iteration.
   subroutine neumann_solve(self, qp, compliance, settings, monitor, state, error)

@@ -16,6 +16,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_bound, only: rank
   use dotyk_scheme_primal_solution, only: presses_rigid_rows, solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
@@ -30,11 +31,8 @@ module dotyk_scheme_primal
   type, extends(scheme_t), public :: primal_t  !! The scheme.
   contains
     procedure :: solve => primal_solve
-    procedure :: needs_held_bodies => primal_needs_held_bodies
-    procedure :: allows_zero_theta => primal_allows_zero_theta
-    procedure :: expected_products => primal_expected_products
-    procedure :: why_not => primal_why_not
-    procedure :: finds_displacements => primal_finds_displacements
+    procedure, nopass :: why_not => primal_why_not
+    procedure, nopass :: finds_displacements => primal_finds_displacements
   end type primal_t
 
   !> The dual scheme with solves by p-multigrid: for what the primal scheme does not solve, where there are no factors.
@@ -45,44 +43,15 @@ module dotyk_scheme_primal
 
   !> Errors of the dual scheme by errors of its solves: those of several solves add up [].
   real(dp), parameter :: safety = 100
-  !> Diagonal entries of a compliance below the square of this fraction of the greatest are rounding [].
-  real(dp), parameter :: rank = 1.0e-10_dp
 
 contains
 
-  !> Floating bodies are allowed.
-  pure logical function primal_needs_held_bodies(self) result(needed)
-    class(primal_t), intent(in) :: self
-    needed = .false.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_needs_held_bodies
-
-  !> Contact without penetration is allowed.
-  pure logical function primal_allows_zero_theta(self) result(allowed)
-    class(primal_t), intent(in) :: self
-    allowed = .true.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_allows_zero_theta
-
-  !> It takes no products.
-  pure integer function primal_expected_products(self) result(n)
-    class(primal_t), intent(in) :: self
-    n = 0
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_expected_products
-
   !> Modes with a stiffness, and supports that press rows together, are for the dual scheme.
-  integer function primal_why_not(self, qp, compliance) result(reason)
-    class(primal_t), intent(in) :: self
+  integer function primal_why_not(qp, compliance) result(reason)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     !> Compliance of the bodies at these rows: p-multigrids, or factors that join them.
     class(compliance_t), intent(in) :: compliance
     logical :: is_rigid(qp%n_rows)
-    associate (not_needed => same_type_as(self, self))
-    end associate
     reason = reason_no_rows
     if (qp%n_rows == 0) return
     reason = reason_near_null_modes
@@ -116,11 +85,10 @@ contains
   end function has_corner_matrices
 
   !> Unless it leaves the QP to another scheme.
-  logical function primal_finds_displacements(self, qp, compliance) result(finds)
-    class(primal_t), intent(in) :: self
+  logical function primal_finds_displacements(qp, compliance) result(finds)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    finds = self%why_not(qp, compliance) == reason_none
+    finds = primal_why_not(qp, compliance) == reason_none
   end function primal_finds_displacements
 
   !> Solve.

@@ -8,15 +8,14 @@ module dotyk_scheme_primal_bound
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_gap_closing, only: left_open
   use dotyk_scheme_proximal_system, only: proximal_system_t
+  use dotyk_scheme_working_set, only: near_violation
   implicit none
   private
   public :: balance, error_bound, slack
 
-  !> Inactive rows whose gaps are smaller than this multiple of what active rows miss are closed with them.
-  real(dp), parameter :: nearly_closed = 4
   !> Fractions of the diagonal that are added where gaps are closed [].
   real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
-  real(dp), parameter :: rank = 1.0e-10_dp  !! Eigenvalues below this fraction of the greatest are rounding [].
+  real(dp), parameter, public :: rank = 1.0e-10_dp  !! Eigenvalues below this fraction of the greatest are rounding [].
   !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
   real(dp), parameter :: small_change = 0.1_dp
 
@@ -73,7 +72,7 @@ contains
     logical, intent(in) :: is_tied(:)  !! Rows of ties (n).
     real(dp), intent(in) :: lambda(:)  !! Contact forces (n) [force].
     real(dp), intent(in) :: penetration(:)  !! Penetrations (n) [length].
-    slack = nearly_closed*maxval([0.0_dp, abs(pack(penetration - theta/weight*lambda, lambda > 0 .or. is_tied))])
+    slack = near_violation*maxval([0.0_dp, abs(pack(penetration - theta/weight*lambda, lambda > 0 .or. is_tied))])
   end function slack
 
   !> Change the pressures of active rows and ties as little as the equilibrium of the floating bodies asks for.

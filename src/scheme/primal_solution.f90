@@ -8,14 +8,13 @@
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: least_gain, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm
   use dotyk_scheme_bounds, only: largest_bound
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
-  use dotyk_scheme_gap_closing, only: least_gain
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_bound, only: balance, error_bound, slack
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal

@@ -23,6 +23,7 @@ module dotyk_scheme_proximal_active_set
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_proximal_system, only: proximal_system_t, solve_outcome_t
   use dotyk_scheme_solver_state, only: ended_converged, ended_costly, ended_diverged, ended_interrupted, ended_limit, &
@@ -248,38 +249,15 @@ contains
     real(dp), intent(in) :: along(:)  !! B e (n_rows) [length].
     !> r . e with the residual r of the linear system, which is e . (K + B^T W B) e, too [energy].
     real(dp), intent(in) :: work
-    real(dp) :: low, high, curvature, slope
-    integer :: k
+    real(dp) :: of_ties, curvature
     t = 1
     if (.not. work > 0) return
-    curvature = max(0.0_dp, work - sum(active_stiffness*along**2))
-    slope = -work - sum(active_stiffness*over*along)
-    low = 0
-    high = 1
-    do k = 1, 60
-      if (derivative(high) > 0) exit
-      low = high
-      high = 2*high
-    end do
-    do k = 1, 60
-      t = (low + high)/2
-      if (derivative(t) > 0) then
-        high = t
-      else
-        low = t
-      end if
-    end do
-
-  contains
-
-    !> Derivative of the energy.
-    pure real(dp) function derivative(step)
-      real(dp), intent(in) :: step  !! Length of the step [].
-      real(dp) :: penetration(size(over))
-      penetration = over + step*along
-      derivative = slope + step*curvature + &
-        sum(stiffness*merge(penetration, max(0.0_dp, penetration), is_tied)*along)
-    end function derivative
+    of_ties = sum(stiffness*over*along, mask=is_tied)
+    curvature = max(0.0_dp, work - sum(active_stiffness*along**2)) + sum(stiffness*along**2, mask=is_tied)
+    t = line_minimum(of_ties - work - sum(active_stiffness*over*along), curvature, &
+                     merge(0.0_dp, stiffness, is_tied), over, along)
+    ! Rounding may leave no curvature.
+    if (.not. t < huge(t)) t = 1
   end function best_step
 
   !> The residual f - K u - B^T W (B u - d + prox m_0) - R T (R^T u - alpha_k), and the norm of u.

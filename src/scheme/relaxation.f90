@@ -32,7 +32,7 @@ module dotyk_scheme_relaxation
 
   real(dp), parameter :: tolerance = 1.0e-2_dp  !! Relative residual at which the Ritz value is taken for converged.
   !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
-  real(dp), parameter :: margin = 1.02_dp
+  real(dp), parameter, public :: margin = 1.02_dp
   integer, parameter :: most_steps = 100  !! Lanczos steps at most.
 
 contains

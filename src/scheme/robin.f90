@@ -15,7 +15,7 @@ module dotyk_scheme_robin
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_neumann, only: begin_iteration, finish_iteration
+  use dotyk_scheme_neumann, only: begin_iteration, finish_iteration, is_general_iteration
   use dotyk_scheme_relaxation, only: choose_relaxation
   use dotyk_scheme_robin_form, only: find_constants, form_sides, side_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -28,7 +28,7 @@ module dotyk_scheme_robin
   type, extends(scheme_t), public :: robin_t  !! The scheme.
   contains
     procedure :: solve => robin_solve
-    procedure :: expected_products => robin_expected_products
+    procedure, nopass :: is_iteration => is_general_iteration
   end type robin_t
 
   type :: vector_t  !! A vector on the rows of a body.
@@ -45,14 +45,6 @@ module dotyk_scheme_robin
   end type two_sides_t
 
 contains
-
-  !> The scheme forms the entries of the compliance.
-  pure integer function robin_expected_products(self) result(n)
-    class(robin_t), intent(in) :: self
-    n = 0
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function robin_expected_products
 
   !> Iterate from u_0 or the state, or continue a paused iteration.
   subroutine robin_solve(self, qp, compliance, settings, monitor, state, error)

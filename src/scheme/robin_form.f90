@@ -17,7 +17,7 @@ module dotyk_scheme_robin_form
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_relaxation, only: upper_estimate
+  use dotyk_scheme_relaxation, only: margin, upper_estimate
   implicit none
   private
   public :: form_sides, find_constants
@@ -57,7 +57,6 @@ module dotyk_scheme_robin_form
     procedure :: apply => form_operator_apply
   end type form_operator_t
 
-  real(dp), parameter :: damping = 0.98_dp  !! Of the best gamma, as much as the margin of estimated eigenvalues [].
   !> Steps after which displacements are computed anew from the forces: increments keep their rounding errors.
   integer, parameter :: refresh = 64
 
@@ -146,7 +145,8 @@ contains
       end associate
     end do
     constants%coercivity = 1/(1 + largest)
-    constants%damping = damping
+    ! As far below the best gamma as estimated eigenvalues may be below the true ones.
+    constants%damping = 2 - margin
     form%qp => qp
     form%penalty = penalty
     form%spring = spring

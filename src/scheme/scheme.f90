@@ -4,7 +4,6 @@
 !> `dotyk_scheme_registry`.
 module dotyk_scheme_scheme
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
@@ -26,19 +25,18 @@ module dotyk_scheme_scheme
   type, abstract, public :: scheme_t  !! A scheme.
   contains
     procedure(solve_interface), deferred :: solve  !! Solve a QP.
-    procedure :: needs_held_bodies => scheme_needs_held_bodies  !! Whether all bodies must be held by their supports.
-    !> Whether theta = 0 is allowed: contact without penetration.
-    procedure :: allows_zero_theta => scheme_allows_zero_theta
+    !> Whether it is the general iteration (32), of held bodies with theta > 0; others take floating bodies and theta = 0.
+    procedure, nopass :: is_iteration => no_iteration
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
-    procedure :: expected_products => scheme_expected_products
-    procedure :: why_not => scheme_why_not  !! Why it leaves such a QP to another one.
-    procedure :: finds_displacements => scheme_finds_displacements  !! Whether it solves such a QP for displacements.
+    procedure, nopass :: expected_products => no_products
+    procedure, nopass :: why_not => no_reason  !! Why it leaves such a QP to another one.
+    procedure, nopass :: finds_displacements => finds_pressures  !! Whether it solves such a QP for displacements.
   end type scheme_t
 
   abstract interface
     !> Solve.
     subroutine solve_interface(self, qp, compliance, settings, monitor, state, error)
-      import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t, dp
+      import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t
       class(scheme_t), intent(in) :: self
       type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
       class(compliance_t), intent(inout) :: compliance  !! C; what entries it forms stays there.
@@ -52,54 +50,34 @@ module dotyk_scheme_scheme
     end subroutine solve_interface
   end interface
 
-  integer, parameter :: typical_products = 300  !! Steps of iterative schemes, about.
-
 contains
 
-  !> Whether all bodies must be held by their supports.
-  pure logical function scheme_needs_held_bodies(self) result(needed)
-    class(scheme_t), intent(in) :: self
-    needed = .true.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function scheme_needs_held_bodies
+  !> The scheme is no iteration (32).
+  pure logical function no_iteration() result(is_iteration)
+    is_iteration = .false.
+  end function no_iteration
 
-  !> Whether theta = 0 is allowed.
-  pure logical function scheme_allows_zero_theta(self) result(allowed)
-    class(scheme_t), intent(in) :: self
-    allowed = .false.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function scheme_allows_zero_theta
+  !> The scheme forms the entries that it needs.
+  pure integer function no_products() result(n)
+    n = 0
+  end function no_products
 
-  !> Products one by one.
-  pure integer function scheme_expected_products(self) result(n)
-    class(scheme_t), intent(in) :: self
-    n = typical_products
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function scheme_expected_products
-
-  !> Why the scheme leaves a QP to another one: one of `reason_*`.
-  integer function scheme_why_not(self, qp, compliance) result(reason)
-    class(scheme_t), intent(in) :: self
+  !> The scheme solves every QP: one of `reason_*`.
+  integer function no_reason(qp, compliance) result(reason)
     type(contact_qp_t), intent(in) :: qp  !! The rows, the initial penetration, the rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! C.
     reason = reason_none
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
-               qp%n_rows == size(qp%theta)])
+    associate (not_needed => [same_type_as(compliance, compliance), qp%n_rows == size(qp%theta)])
     end associate
-  end function scheme_why_not
+  end function no_reason
 
   !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
   !> another theta is for the scheme.
-  logical function scheme_finds_displacements(self, qp, compliance) result(finds)
-    class(scheme_t), intent(in) :: self
+  logical function finds_pressures(qp, compliance) result(finds)
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     class(compliance_t), intent(in) :: compliance  !! C.
     finds = .false.
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
-               qp%n_rows == size(qp%theta)])
+    associate (not_needed => [same_type_as(compliance, compliance), qp%n_rows == size(qp%theta)])
     end associate
-  end function scheme_finds_displacements
+  end function finds_pressures
 end module dotyk_scheme_scheme

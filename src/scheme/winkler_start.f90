@@ -2,20 +2,14 @@
 !>
 !> Both are minima over the amplitudes alpha of the rigid body modes of
 !> `mu |alpha|^2/2 + alpha.S alpha/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`,
-!> ties without the maximum; convex and piecewise quadratic: Newton's method with an exact line search; the
-!> interior-point method for the
-!> equilibrium of many bodies, where Newton's takes hundreds of steps from one set of touching rows to the next. No body
-!> is solved.
+!> ties without the maximum; convex and piecewise quadratic: Newton's method with an exact line search. No body is
+!> solved.
 module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: rounding
-  use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
-  use dotyk_scheme_constraint_preconditioner, only: coupling_none
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_dense_compliance, only: dense_compliance_t
-  use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
   use dotyk_scheme_mode_stiffness, only: mode_stiffness_t
   use dotyk_scheme_tied_groups, only: find_groups
@@ -24,15 +18,9 @@ module dotyk_scheme_winkler_start
   public :: winkler_equilibrium, find_unbounded_direction
 
   integer, parameter :: most_steps = 100  !! Newton steps at most: a start need not be exact.
-  !> Longest step: where the function is linear along a step, and a resultant of rounding errors drives it.
-  real(dp), parameter :: longest_step = 1.0e15_dp
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
   !> bounded that no contact restrains yet.
   real(dp), parameter :: weak = 1.0e-9_dp
-  !> Newton's method takes too many steps where so many modes depend on each other as in a heap of bodies.
-  integer, parameter :: many_modes = 300
-  !> Accuracy of the energy then: the foundation stands for bodies that are no foundation.
-  real(dp), parameter :: accuracy = 1.0e-8_dp
   !> Penalty of motions into contact, against 1 for the distance to the loads: far above 1/`imbalance`.
   real(dp), parameter :: stiff = 1.0e10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
@@ -48,55 +36,10 @@ contains
     real(dp), intent(in) :: stiffness(:)  !! Stiffness of the foundation at the contact points (n_rows) [force/length].
     real(dp), intent(in) :: penetration(:)  !! Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
-    logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
-    if (qp%coarse%n >= many_modes) then
-      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, penetration, alpha, found)
-      if (found) return
-      alpha = 0
-    end if
     call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, penetration, alpha, qp%coarse%stiffness)
   end subroutine winkler_equilibrium
-
-  !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
-  subroutine rest_by_interior_point(qp, resultant, mu, k, penetration, alpha, found)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
-    real(dp), intent(in) :: resultant(:)  !! See `winkler_equilibrium` (qp%coarse%n) [force].
-    real(dp), intent(in) :: mu  !! Stiffness against all modes [force/length].
-    real(dp), intent(in) :: k(:)  !! Stiffness of the foundations; those of 0 do not count (n_rows) [force/length].
-    real(dp), intent(in) :: penetration(:)  !! Penetrations at alpha = 0 (n_rows) [length].
-    real(dp), intent(out) :: alpha(:)  !! Amplitudes (qp%coarse%n) [length].
-    logical, intent(out) :: found  !! Whether it has found them.
-    type(error_t), allocatable :: error
-    type(contact_qp_t) :: rigid
-    type(dense_compliance_t) :: none
-    type(active_system_t) :: system
-    real(dp) :: lambda(qp%n_rows)
-    logical :: active(qp%n_rows)
-    integer :: b, i, steps
-    rigid%n_rows = qp%n_rows
-    rigid%pair_first_row = [1, qp%n_rows + 1]
-    rigid%parent_row = [(i, i=1, qp%n_rows)]
-    rigid%is_tied = qp%is_tied
-    rigid%weight = max(k, tiny(mu))
-    rigid%theta = [(1.0_dp, i=1, qp%n_rows)]
-    rigid%initial_penetration = penetration
-    allocate (rigid%block(size(qp%block)))
-    do b = 1, size(qp%block)
-      rigid%block(b)%row = qp%block(b)%row
-    end do
-    rigid%coarse = qp%coarse
-    rigid%coarse%resultant = resultant
-    call rigid%coarse%add_springs(mu)
-    call none%init(rigid)
-    system%preconditioner%coupling = coupling_none
-    call interior_point_method(rigid, none, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
-                               accuracy)
-    call system%destroy()
-    found = .not. allocated(error)
-    if (found) found = all(abs(alpha) <= huge(mu))
-  end subroutine rest_by_interior_point
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
   !> contact pressures balance, the projection of e on the motions with G alpha <= 0: `min |alpha - e|^2/2`, these
@@ -131,7 +74,7 @@ contains
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = is_unbounded()
-    if (.not. found .or. (qp%coarse%n < many_modes .and. .not. any(qp%is_tied))) return
+    if (.not. found) return
     ! Many bodies on each other, or tied to each other: the penalty yields to the loads of all of them. The forces that
     ! it took are given now (method of multipliers), and a motion that contact or ties stop is 0.
     call qp%mode_displacement(motion, none)
@@ -199,7 +142,8 @@ contains
       t = line_minimum(dot_product(resisted(alpha) - e, step) + sum(k*position*change, mask=qp%is_tied), &
                        dot_product(step, resisted(step)) + sum(k*change**2, mask=qp%is_tied), &
                        merge(0.0_dp, k, qp%is_tied), position, change)
-      t = min(t, longest_step)
+      ! A stiffness so small is rounding.
+      if (.not. t < huge(t)) exit
       alpha = alpha + t*step
       position = position + t*change
     end do

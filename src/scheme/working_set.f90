@@ -2,6 +2,7 @@
 !> violated.
 module dotyk_scheme_working_set
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_linear_solver_choice, only: is_heap
@@ -11,8 +12,6 @@ module dotyk_scheme_working_set
   private
   public :: add_violated, is_worth_screening, keep_what_carries, screen_rows
 
-  !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
-  real(dp), parameter :: touching = 1.0e-9_dp
   !> How often rows enter a working set that stop an otherwise unbounded direction; then all rows do.
   integer, parameter :: most_widenings = 10
   !> Rows enter it that this direction closes by more than this fraction of the most.
@@ -21,7 +20,7 @@ module dotyk_scheme_working_set
   real(dp), parameter :: not_worth_screening = 0.2_dp
   !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
   !> solution closes gaps by about as much.
-  real(dp), parameter :: near_violation = 4
+  real(dp), parameter, public :: near_violation = 4
 
 contains
 
@@ -33,9 +32,9 @@ contains
     allocate (working(qp%n_rows), source=.true.)
     if (qp%n_rows == 0 .or. is_heap(qp)) return
     call rest_on_winkler_foundation(qp, now, working)
-    ! Floating bodies sink in more than the foundation tells, or tilt.
+    ! Floating bodies sink in more than the foundation tells, or tilt. Faces that just touch are near, too.
     if (qp%coarse%n > 0) working = now%penetration > -maxval(now%penetration, mask=.not. qp%is_tied)
-    working = working .or. abs(now%penetration) < touching*maxval(abs(now%penetration)) .or. qp%is_tied
+    working = working .or. abs(now%penetration) <= rounding*maxval(abs(now%penetration)) .or. qp%is_tied
   end subroutine screen_rows
 
   !> Whether so many rows are outside of a working set that a solution without them is worth looking at these again.

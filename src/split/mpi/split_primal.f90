@@ -27,45 +27,17 @@ module dotyk_split_split_primal
     type(split_bodies_t), pointer :: bodies => null()  !! The bodies.
   contains
     procedure :: solve => primal_solve
-    procedure :: needs_held_bodies => primal_needs_held_bodies
-    procedure :: allows_zero_theta => primal_allows_zero_theta
-    procedure :: expected_products => primal_expected_products
-    procedure :: finds_displacements => primal_finds_displacements
+    procedure, nopass :: finds_displacements => primal_finds_displacements
   end type split_primal_t
 
 contains
 
-  !> Floating bodies are allowed.
-  pure logical function primal_needs_held_bodies(self) result(needed)
-    class(split_primal_t), intent(in) :: self
-    needed = .false.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_needs_held_bodies
-
-  !> Contact without penetration is allowed.
-  pure logical function primal_allows_zero_theta(self) result(allowed)
-    class(split_primal_t), intent(in) :: self
-    allowed = .true.
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_allows_zero_theta
-
-  !> It takes no products.
-  pure integer function primal_expected_products(self) result(n)
-    class(split_primal_t), intent(in) :: self
-    n = 0
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end function primal_expected_products
-
   !> Where there are rows.
-  logical function primal_finds_displacements(self, qp, compliance) result(finds)
-    class(split_primal_t), intent(in) :: self
+  logical function primal_finds_displacements(qp, compliance) result(finds)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
     finds = qp%n_rows > 0
-    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance)])
+    associate (not_needed => same_type_as(compliance, compliance))
     end associate
   end function primal_finds_displacements
 
