@@ -10,7 +10,7 @@ module dotyk_scheme_body_compliance
   use dotyk_ranks_exchange, only: is_own, share
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
-  use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_compliance, only: entries_t
   use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, share_moved, &
     solve_bodies, solve_together
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -20,10 +20,9 @@ module dotyk_scheme_body_compliance
   private
   public :: body_operator_t
 
-  type, extends(compliance_t), public :: body_compliance_t  !! The operator of all bodies.
+  type, extends(dense_compliance_t), public :: body_compliance_t  !! The operator, with entries that were formed.
     type(response_slot_t), allocatable :: response(:)  !! Operators of the representatives (n_bodies).
     type(body_operator_t), allocatable :: body(:)  !! (n_bodies).
-    type(dense_compliance_t) :: matrix  !! Entries that were formed.
     !> Whether bodies are solved side by side, or one after the other (each with all BLAS threads).
     logical :: side_by_side = .true.
     !> Bodies that may touch others, in batches of congruent ones, those with most work first.
@@ -41,13 +40,8 @@ module dotyk_scheme_body_compliance
     procedure :: form => compliance_form
     procedure :: form_bodies => compliance_form_bodies
     procedure :: form_all => compliance_form_all
-    procedure :: is_formed => compliance_is_formed
-    procedure :: has_entries => compliance_has_entries
-    procedure :: get_entries => compliance_get_entries
-    procedure :: get_diagonal => compliance_get_diagonal
     procedure :: nodal_diagonal => compliance_nodal_diagonal
     procedure :: get_costs => compliance_get_costs
-    procedure :: mark_formed => compliance_mark_formed
     procedure :: destroy => compliance_destroy
   end type body_compliance_t
 
@@ -62,10 +56,10 @@ contains
     type(body_operator_t), allocatable, intent(inout) :: body(:)  !! Not allocated on return (n_bodies).
     logical, intent(in) :: side_by_side  !! As in `body_compliance_t`.
     integer :: b
+    call self%dense_compliance_t%begin(qp)
     call move_alloc(response, self%response)
     call move_alloc(body, self%body)
     self%side_by_side = side_by_side
-    call self%matrix%init(qp)
     call make_batches(self%body, [(size(qp%block(b)%row), b=1, size(self%body))], self%batch)
   end subroutine compliance_init
 
@@ -154,8 +148,8 @@ contains
     logical :: formed(size(self%body)), together
     real(dp), allocatable :: force(:), moved_formed(:)
     integer :: i, b
-    formed = [(self%matrix%is_body_formed(qp, b), b=1, size(self%body))]
-    allocate (force(size(self%matrix%row_body, 2)), moved_formed(size(self%matrix%row_body, 2)), source=0.0_dp)
+    formed = [(self%is_body_formed(qp, b), b=1, size(self%body))]
+    allocate (force(size(self%row_body, 2)), moved_formed(size(self%row_body, 2)), source=0.0_dp)
     ! Rows of an aggregation are none of the rows that are formed.
     if (any(formed)) force(qp%parent_row) = lambda
     together = self%solves_together()
@@ -177,7 +171,7 @@ contains
     do b = 1, size(self%body)
       if (.not. allocated(moved(b)%value)) cycle
       if (formed(b)) then
-        associate (row => self%matrix%body(b)%row)
+        associate (row => self%of_body(b)%row)
           moved_formed(row) = moved_formed(row) + moved(b)%value
         end associate
       else
@@ -202,7 +196,7 @@ contains
     logical :: has_rows(size(body))
     integer :: k
     has_rows = [(size(qp%block(body(k))%row) > 0, k=1, size(body))]
-    call multiply_bodies(self%matrix, pack(body, has_rows .and. formed(body)), force, moved)
+    call multiply_bodies(self%dense_compliance_t, pack(body, has_rows .and. formed(body)), force, moved)
     call solve_bodies(self%response(self%body(body(1))%representative)%form, self%body, qp%block, &
                       pack(body, has_rows .and. .not. formed(body)), lambda, moved)
   end subroutine multiply_batch
@@ -230,15 +224,15 @@ contains
     allocate (blocks(size(self%body)))
     first_new = 0
     do b = 1, size(self%body)
-      if (.not. chosen(b) .or. self%matrix%is_body_formed(qp, b)) cycle
-      call add_rows(self%matrix, self%body, qp, b, blocks(b)%place, first_new(b))
-      if (self%matrix%body(b)%same_as > 0) first_new(b) = 0
+      if (.not. chosen(b) .or. self%is_body_formed(qp, b)) cycle
+      call add_rows(self%dense_compliance_t, self%body, qp, b, blocks(b)%place, first_new(b))
+      if (self%of_body(b)%same_as > 0) first_new(b) = 0
       if (first_new(b) == 0) cycle
-      call cut_rows(self%matrix%body(b)%n, first_new(b), blocks(b)%first)
+      call cut_rows(self%of_body(b)%n, first_new(b), blocks(b)%first)
     end do
     if (all(first_new == 0)) return
-    call form_blocks(self%response, self%body, qp%block, blocks, first_new, may_stop, self%matrix)
-    self%n_sweeps = self%n_sweeps + (maxval(self%matrix%body%n - first_new + 1, mask=first_new > 0) + 1)/2
+    call form_blocks(self%response, self%body, qp%block, blocks, first_new, may_stop, self%dense_compliance_t)
+    self%n_sweeps = self%n_sweeps + (maxval(self%of_body%n - first_new + 1, mask=first_new > 0) + 1)/2
   end subroutine compliance_form_bodies
 
   !> Entries at all rows of any QP over the same bodies; this operator keeps none of them.
@@ -253,15 +247,15 @@ contains
     allocate (entries(size(self%body)))
     if (self%is_formed(qp)) then
       do b = 1, size(self%body)
-        call self%matrix%get_entries(qp, b, qp%block(b)%row, entries(b)%value)
+        call self%get_entries(qp, b, qp%block(b)%row, entries(b)%value)
       end do
       return
     end if
-    allocate (matrix%body(size(self%body)), blocks(size(self%body)))
+    allocate (matrix%of_body(size(self%body)), blocks(size(self%body)))
     first_new = 0
     do b = 1, size(self%body)
       associate (n => size(qp%block(b)%row))
-        allocate (matrix%body(b)%value(n, n))
+        allocate (matrix%of_body(b)%value(n, n))
         if (n == 0) cycle
         first_new(b) = 1
         blocks(b)%place = [(i, i=1, n)]
@@ -270,42 +264,10 @@ contains
     end do
     call form_blocks(self%response, self%body, qp%block, blocks, first_new, .false., matrix)
     do b = 1, size(self%body)
-      call move_alloc(matrix%body(b)%value, entries(b)%value)
+      call move_alloc(matrix%of_body(b)%value, entries(b)%value)
     end do
     self%n_sweeps = self%n_sweeps + (maxval([(size(qp%block(b)%row), b=1, size(self%body))]) + 1)/2
   end subroutine compliance_form_all
-
-  !> Whether all entries at the rows of a QP are there.
-  pure logical function compliance_is_formed(self, qp) result(is_formed)
-    class(body_compliance_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! The rows.
-    is_formed = self%matrix%is_formed(qp)
-  end function compliance_is_formed
-
-  !> Whether any entries are there.
-  pure logical function compliance_has_entries(self) result(has_entries)
-    class(body_compliance_t), intent(in) :: self
-    has_entries = self%matrix%has_entries()
-  end function compliance_has_entries
-
-  !> Entries between some rows of a body.
-  subroutine compliance_get_entries(self, qp, b, row, entries)
-    class(body_compliance_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! Formed.
-    integer, intent(in) :: b  !! The body.
-    integer, intent(in) :: row(:)  !! Rows (n).
-    real(dp), allocatable, intent(out) :: entries(:, :)  !! Entries (n, n) [length/force].
-    call self%matrix%get_entries(qp, b, row, entries)
-  end subroutine compliance_get_entries
-
-  !> Diagonal entries.
-  subroutine compliance_get_diagonal(self, qp, row, diagonal)
-    class(body_compliance_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! Formed at the rows.
-    integer, intent(in) :: row(:)  !! Rows (n).
-    real(dp), intent(out) :: diagonal(:)  !! Diagonal entries (n) [length/force].
-    call self%matrix%get_diagonal(qp, row, diagonal)
-  end subroutine compliance_get_diagonal
 
   !> `B D^{-1} B^T` with the diagonals of the stiffnesses.
   subroutine compliance_nodal_diagonal(self, qp, diagonal)
@@ -342,13 +304,6 @@ contains
     path = of_owner(1)
     solve = self%body(b)%cost
   end subroutine compliance_get_costs
-
-  !> Mark rows with entries.
-  subroutine compliance_mark_formed(self, formed)
-    class(body_compliance_t), intent(in) :: self
-    logical, intent(inout) :: formed(:)  !! Set where a row has entries (all rows of the QP of `init`).
-    call self%matrix%mark_formed(formed)
-  end subroutine compliance_mark_formed
 
   !> Give back all memory.
   subroutine compliance_destroy(self)

@@ -144,7 +144,7 @@ contains
   subroutine multiply_bodies(matrix, chosen, force, moved)
     type(dense_compliance_t), intent(in) :: matrix  !! Formed at all rows with forces of the chosen bodies.
     integer, intent(in) :: chosen(:)  !! The bodies (n).
-    real(dp), intent(in) :: force(:)  !! Contact forces, at the rows of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: force(:)  !! Contact forces, at the rows of the QP of `begin` (all its rows) [force].
     !> Gets the displacements of the formed rows of the chosen bodies, in their order (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
     integer :: owner(size(chosen)), j, k

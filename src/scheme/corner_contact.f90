@@ -123,9 +123,9 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The rows, by groups.
     type(dense_compliance_t), intent(out) :: compliance  !! Gets the compliances.
     integer :: g, i
-    call compliance%init(qp)
+    call compliance%begin(qp)
     do g = 1, size(system%group)
-      associate (own => compliance%body(g), owner => system%group(g)%owner)
+      associate (own => compliance%of_body(g), owner => system%group(g)%owner)
         own%n = size(qp%block(g)%row)
         own%row = qp%block(g)%row
         own%place = [(i, i=1, own%n)]
@@ -146,7 +146,7 @@ contains
     type(dense_compliance_t), intent(inout) :: compliance  !! With the compliances; without them on return.
     integer :: g
     do g = 1, size(system%group)
-      if (system%group(g)%owner == g) call move_alloc(compliance%body(g)%value, system%group(g)%compliance)
+      if (system%group(g)%owner == g) call move_alloc(compliance%of_body(g)%value, system%group(g)%compliance)
     end do
   end subroutine take_back
 

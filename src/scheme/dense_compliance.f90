@@ -22,12 +22,12 @@ module dotyk_scheme_dense_compliance
   end type body_matrix_t
 
   type, extends(compliance_t), public :: dense_compliance_t  !! The compliances of all bodies as matrices.
-    type(body_matrix_t), allocatable :: body(:)  !! (n_bodies).
-    integer :: level = 0  !! Aggregations that the QP of `init` has gone through.
+    type(body_matrix_t), allocatable :: of_body(:)  !! (n_bodies).
+    integer :: level = 0  !! Aggregations that the QP of `begin` has gone through.
     !> Bodies that each row touches, and its place among their rows (n, n_rows).
     integer, allocatable :: row_body(:, :), row_place(:, :)
   contains
-    procedure :: init => dense_init
+    procedure :: begin => dense_begin
     procedure :: set => dense_set
     procedure :: owner => dense_owner
     procedure :: multiply_body => dense_multiply_body
@@ -49,28 +49,28 @@ module dotyk_scheme_dense_compliance
 contains
 
   !> No entries yet.
-  subroutine dense_init(self, qp)
+  subroutine dense_begin(self, qp)
     class(dense_compliance_t), intent(out) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     integer :: b
     self%level = qp%level
     self%row_body = qp%coarse%body
     self%row_place = qp%coarse%place
-    allocate (self%body(size(qp%block)))
+    allocate (self%of_body(size(qp%block)))
     do b = 1, size(qp%block)
-      allocate (self%body(b)%value(0, 0), self%body(b)%row(0), self%body(b)%place(0))
-      allocate (self%body(b)%number(size(qp%block(b)%row)), source=0)
+      allocate (self%of_body(b)%value(0, 0), self%of_body(b)%row(0), self%of_body(b)%place(0))
+      allocate (self%of_body(b)%number(size(qp%block(b)%row)), source=0)
     end do
-  end subroutine dense_init
+  end subroutine dense_begin
 
   !> Give the matrix of one body at all of its rows.
   subroutine dense_set(self, qp, b, value)
     class(dense_compliance_t), intent(inout) :: self
-    type(contact_qp_t), intent(in) :: qp  !! The rows, as in `init`.
+    type(contact_qp_t), intent(in) :: qp  !! The rows, as in `begin`.
     integer, intent(in) :: b  !! The body.
     real(dp), intent(in) :: value(:, :)  !! Entries between the rows of the body, in their order (n, n) [length/force].
     integer :: i
-    associate (own => self%body(b))
+    associate (own => self%of_body(b))
       own%n = size(value, 1)
       own%value = value
       own%row = qp%block(b)%row
@@ -83,18 +83,18 @@ contains
   pure integer function dense_owner(self, b) result(owner)
     class(dense_compliance_t), intent(in) :: self
     integer, intent(in) :: b  !! The body.
-    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+    owner = merge(self%of_body(b)%same_as, b, self%of_body(b)%same_as > 0)
   end function dense_owner
 
   !> Displacements of one body's rows by forces on them. Entries of rows that are not formed count as zero.
   pure subroutine dense_multiply_body(self, b, force, displacement)
     class(dense_compliance_t), intent(in) :: self
     integer, intent(in) :: b  !! The body.
-    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `begin` (all its rows) [force].
     !> At the formed rows of the body, in their order (n) [length].
     real(dp), allocatable, intent(out) :: displacement(:)
     integer :: j
-    associate (own => self%body(b), value => self%body(self%owner(b))%value)
+    associate (own => self%of_body(b), value => self%of_body(self%owner(b))%value)
       allocate (displacement(own%n), source=0.0_dp)
       ! Most rows of an active set have no force.
       do j = 1, own%n
@@ -107,19 +107,19 @@ contains
   subroutine dense_multiply_alike(self, alike, force, displacement)
     class(dense_compliance_t), intent(in) :: self
     integer, intent(in) :: alike(:)  !! Bodies with the same owner (k).
-    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: force(:)  !! At the rows of the QP of `begin` (all its rows) [force].
     !> At the formed rows of each body, in their order (n, k) [length].
     real(dp), allocatable, intent(out) :: displacement(:, :)
     real(dp), allocatable :: given(:, :)
     integer :: j, n, k
     k = size(alike)
-    n = self%body(alike(1))%n
+    n = self%of_body(alike(1))%n
     allocate (given(n, k), displacement(n, k))
     if (n == 0) return
     do j = 1, k
-      given(:, j) = force(self%body(alike(j))%row)
+      given(:, j) = force(self%of_body(alike(j))%row)
     end do
-    call dgemm('N', 'N', n, k, n, 1.0_dp, self%body(self%owner(alike(1)))%value, n, given, n, 0.0_dp, displacement, n)
+    call dgemm('N', 'N', n, k, n, 1.0_dp, self%of_body(self%owner(alike(1)))%value, n, given, n, 0.0_dp, displacement, n)
   end subroutine dense_multiply_alike
 
   !> z = C lambda.
@@ -132,10 +132,10 @@ contains
     integer :: b
     allocate (force(size(self%row_body, 2)), moved(size(self%row_body, 2)), source=0.0_dp)
     force(qp%parent_row) = lambda
-    do b = 1, size(self%body)
-      if (self%body(b)%n == 0) cycle
+    do b = 1, size(self%of_body)
+      if (self%of_body(b)%n == 0) cycle
       call self%multiply_body(b, force, displacement)
-      moved(self%body(b)%row) = moved(self%body(b)%row) + displacement
+      moved(self%of_body(b)%row) = moved(self%of_body(b)%row) + displacement
     end do
     z = moved(qp%parent_row)
   end subroutine dense_multiply
@@ -154,14 +154,14 @@ contains
     class(dense_compliance_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     integer :: b
-    is_formed = allocated(self%body)
-    if (is_formed) is_formed = all([(self%is_body_formed(qp, b), b=1, size(self%body))])
+    is_formed = allocated(self%of_body)
+    if (is_formed) is_formed = all([(self%is_body_formed(qp, b), b=1, size(self%of_body))])
   end function dense_is_formed
 
   !> Whether any entries are there.
   pure logical function dense_has_entries(self) result(has_entries)
     class(dense_compliance_t), intent(in) :: self
-    has_entries = any(self%body%n > 0)
+    has_entries = any(self%of_body%n > 0)
   end function dense_has_entries
 
   !> Whether the entries of one body are there.
@@ -171,7 +171,7 @@ contains
     integer, intent(in) :: b  !! The body.
     is_formed = qp%level == self%level
     ! Asked in every product: bodies with all entries need no look at their rows.
-    if (is_formed .and. self%body(b)%n < size(self%body(b)%number)) &
+    if (is_formed .and. self%of_body(b)%n < size(self%of_body(b)%number)) &
       is_formed = all(self%numbers(b, qp%parent_row(qp%block(b)%row)) > 0)
   end function dense_is_body_formed
 
@@ -179,11 +179,11 @@ contains
   pure function dense_numbers(self, b, row) result(number)
     class(dense_compliance_t), intent(in) :: self
     integer, intent(in) :: b  !! The body.
-    integer, intent(in) :: row(:)  !! Rows of the QP of `init` that touch it (n).
+    integer, intent(in) :: row(:)  !! Rows of the QP of `begin` that touch it (n).
     integer :: number(size(row))  !! (n)
     integer :: i
     do i = 1, size(row)
-      number(i) = self%body(b)%number(self%row_place(findloc(self%row_body(:, row(i)), b, 1), row(i)))
+      number(i) = self%of_body(b)%number(self%row_place(findloc(self%row_body(:, row(i)), b, 1), row(i)))
     end do
   end function dense_numbers
 
@@ -197,8 +197,8 @@ contains
     integer, allocatable :: number(:)
     allocate (number(size(row)))
     number = self%numbers(b, qp%parent_row(row))
-    if (self%body(b)%n > 0) then
-      entries = self%body(self%owner(b))%value(number, number)
+    if (self%of_body(b)%n > 0) then
+      entries = self%of_body(self%owner(b))%value(number, number)
     else
       allocate (entries(size(row), size(row)), source=0.0_dp)
     end if
@@ -217,8 +217,8 @@ contains
         do k = 1, size(self%row_body, 1)
           b = self%row_body(k, parent)
           if (b == 0) cycle
-          n = self%body(b)%number(self%row_place(k, parent))
-          if (n > 0) diagonal(i) = diagonal(i) + self%body(self%owner(b))%value(n, n)
+          n = self%of_body(b)%number(self%row_place(k, parent))
+          if (n > 0) diagonal(i) = diagonal(i) + self%of_body(self%owner(b))%value(n, n)
         end do
       end associate
     end do
@@ -240,16 +240,16 @@ contains
     real(dp), intent(out) :: path  !! 0: nothing is left to be formed [].
     real(dp), intent(out) :: solve  !! Half the entries of the matrix: a product goes through each once [].
     path = 0
-    solve = real(self%body(b)%n, dp)**2/2
+    solve = real(self%of_body(b)%n, dp)**2/2
   end subroutine dense_get_costs
 
   !> Mark rows with entries.
   subroutine dense_mark_formed(self, formed)
     class(dense_compliance_t), intent(in) :: self
-    logical, intent(inout) :: formed(:)  !! Set where a row has entries (all rows of the QP of `init`).
+    logical, intent(inout) :: formed(:)  !! Set where a row has entries (all rows of the QP of `begin`).
     integer :: b
-    do b = 1, size(self%body)
-      formed(self%body(b)%row) = .true.
+    do b = 1, size(self%of_body)
+      formed(self%of_body(b)%row) = .true.
     end do
   end subroutine dense_mark_formed
 

@@ -63,7 +63,7 @@ contains
     integer, allocatable :: row(:), new_place(:), place_of(:)
     real(dp), allocatable :: value(:, :)
     integer :: i, n_old, c
-    associate (own => matrix%body(b), parent => qp%parent_row(qp%block(b)%row))
+    associate (own => matrix%of_body(b), parent => qp%parent_row(qp%block(b)%row))
       allocate (new_place(size(parent)))
       do i = 1, size(parent)
         new_place(i) = matrix%row_place(findloc(matrix%row_body(:, parent(i)), b, 1), parent(i))
@@ -84,9 +84,9 @@ contains
       first_new = n_old + 1
       if (n_old == 0) then
         do c = 1, b - 1
-          if (matrix%body(c)%same_as > 0 .or. matrix%body(c)%n /= own%n) cycle
+          if (matrix%of_body(c)%same_as > 0 .or. matrix%of_body(c)%n /= own%n) cycle
           if (body(c)%representative /= body(b)%representative) cycle
-          if (any(matrix%body(c)%place /= own%place)) cycle
+          if (any(matrix%of_body(c)%place /= own%place)) cycle
           if (.not. have_same_rows(qp%block(b), body(b)%rotation, place, qp%block(c), body(c)%rotation, place)) cycle
           own%same_as = c
           if (allocated(own%value)) deallocate (own%value)
@@ -160,7 +160,7 @@ contains
       if (has_to_stop(may_stop)) cycle
       b = product(i)%body
       call multiply_blocks(response(body(b)%representative)%form, blocks(b), product(i)%block, product(i)%other, &
-                           matrix%body(b)%value)
+                           matrix%of_body(b)%value)
       call add_progress(1.0_dp)
     end do
     !$omp end do
@@ -181,14 +181,14 @@ contains
     if (n_ranks() == 1) return
     do b = 1, size(body)
       if (first_new(b) == 0 .or. .not. is_own(body(b)%owner)) cycle
-      associate (new => matrix%body(b)%value(:, first_new(b):))
+      associate (new => matrix%of_body(b)%value(:, first_new(b):))
         columns(b)%value = reshape(new, [size(new)])
       end associate
     end do
     call share(body%owner, columns)
     do b = 1, size(body)
       if (first_new(b) == 0 .or. is_own(body(b)%owner)) cycle
-      associate (value => matrix%body(b)%value)
+      associate (value => matrix%of_body(b)%value)
         n = size(value, 1)
         value(:, first_new(b):) = reshape(columns(b)%value, [n, n - first_new(b) + 1])
         value(first_new(b):, :first_new(b) - 1) = transpose(value(:first_new(b) - 1, first_new(b):))

@@ -156,7 +156,7 @@ contains
     integer, allocatable :: place_of(:)
     real(dp), allocatable :: entries(:, :), value(:, :)
     integer :: b, i, j, n
-    call of_groups%init(self%qp)
+    call of_groups%begin(self%qp)
     allocate (place_of(self%qp%n_rows))
     do b = 1, size(qp%block)
       ! Each row is in one group.
@@ -187,7 +187,7 @@ contains
     type(entries_t), allocatable :: entries(:)
     integer :: b
     call compliance%form_all(aggregated, entries)
-    call of_groups%init(aggregated)
+    call of_groups%begin(aggregated)
     do b = 1, size(entries)
       call of_groups%set(aggregated, b, entries(b)%value)
     end do
