@@ -1,6 +1,6 @@
-!> Largest eigenvalue of a symmetric positive semidefinite operator by the Lanczos method (Y. Saad, Numerical Methods for
-!> Large Eigenvalue Problems, chapter 6), without reorthogonalization: what is lost of orthogonality are components along
-!> Ritz vectors that have converged (C. C. Paige, J. Inst. Maths Applics 18, 1976), and the iteration ends with the first.
+!> Largest eigenvalue of a symmetric positive semidefinite operator by the Lanczos method (Y. Saad, Numerical Methods
+!> for Large Eigenvalue Problems, chapter 6), without reorthogonalization: orthogonality is lost to Ritz vectors that have
+!> converged (C. C. Paige, J. Inst. Maths Applics 18, 1976), and the iteration ends with the first one.
 module dotyk_linalg_spectrum
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64

@@ -190,7 +190,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The rows.
     integer, intent(in) :: body(:)  !! The congruent bodies (n).
     logical, intent(in) :: formed(:)  !! Bodies whose entries at the rows are there (n_bodies).
-    !> Contact forces, at the rows of the QP (n_rows), and at those of the QP of `init` (all its rows) [force].
+    !> Contact forces, at the rows of the QP (n_rows), and at those of the QP of `begin` (all its rows) [force].
     real(dp), intent(in) :: lambda(:), force(:)
     type(row_displacement_t), intent(inout) :: moved(:)  !! Gets displacements of the bodies in the batch (n_bodies).
     logical :: has_rows(size(body))
@@ -204,7 +204,7 @@ contains
   !> Form the entries at all rows of a QP.
   subroutine compliance_form(self, qp, may_stop)
     class(body_compliance_t), intent(inout) :: self
-    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `init`, in which all formed rows are.
+    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `begin`, in which all formed rows are.
     logical, intent(in), optional :: may_stop  !! As in `compliance_t`.
     integer :: b
     logical :: stops
@@ -238,7 +238,7 @@ contains
   !> Entries at all rows of any QP over the same bodies; this operator keeps none of them.
   subroutine compliance_form_all(self, qp, entries)
     class(body_compliance_t), intent(inout) :: self
-    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `init`, an aggregation, or that one.
+    type(contact_qp_t), intent(in) :: qp  !! A restriction of that of `begin`, an aggregation, or that one.
     !> Entries of each body at its rows, in their order (n_bodies).
     type(entries_t), allocatable, intent(out) :: entries(:)
     type(dense_compliance_t) :: matrix

@@ -119,7 +119,9 @@ contains
     do j = 1, k
       given(:, j) = force(self%of_body(alike(j))%row)
     end do
-    call dgemm('N', 'N', n, k, n, 1.0_dp, self%of_body(self%owner(alike(1)))%value, n, given, n, 0.0_dp, displacement, n)
+    associate (value => self%of_body(self%owner(alike(1)))%value)
+      call dgemm('N', 'N', n, k, n, 1.0_dp, value, n, given, n, 0.0_dp, displacement, n)
+    end associate
   end subroutine dense_multiply_alike
 
   !> z = C lambda.

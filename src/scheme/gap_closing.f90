@@ -15,7 +15,7 @@ module dotyk_scheme_gap_closing
   private
   public :: close_gaps, factorize_rows, find_neighbours, left_open, restrict_matrix
 
-  integer, parameter :: most_passes = 8  !! Improvements at most: rows that depend on each other leave something for ever.
+  integer, parameter :: most_passes = 8  !! Improvements at most: rows that depend on each other leave something.
   !> Fraction of the diagonal that is added at most where rounding has made the matrix indefinite [].
   real(dp), parameter :: most_shift = 0.1_dp
   real(dp), parameter :: rounding = 1.0e-8_dp  !! Gaps below this fraction of those that are closed are rounding [].

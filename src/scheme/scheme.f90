@@ -25,7 +25,7 @@ module dotyk_scheme_scheme
   type, abstract, public :: scheme_t  !! A scheme.
   contains
     procedure(solve_interface), deferred :: solve  !! Solve a QP.
-    !> Whether it is the general iteration (32), of held bodies with theta > 0; others take floating bodies and theta = 0.
+    !> Whether it is the general iteration (32), of held bodies with theta > 0; others take any.
     procedure, nopass :: is_iteration => no_iteration
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
     procedure, nopass :: expected_products => no_products
