@@ -8,7 +8,7 @@ module dotyk_control_displacements
   use dotyk_control_correction, only: correct_contact
   use dotyk_control_refinement, only: energy_of, refine_bodies, refuse_lost_pressures
   use dotyk_control_rounding, only: expect_rounding, flag_rounded, gap_rounding, measure_rounding, relative_rounding, &
-    storage_rounding, worth_measuring
+    storage_rounding, worth_measuring, worth_refining
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -23,9 +23,6 @@ module dotyk_control_displacements
   !> Rounding of the entries of block rows, 2^-50, as a fraction of the expected error of a displacement, which has ten
   !> units of 2^-52 [].
   real(dp), parameter :: of_block_rows = 0.4_dp
-  !> Where more than this fraction of the tolerance is expected, the rounding of displacements that a scheme found is
-  !> measured: that takes solves by p-multigrid [].
-  real(dp), parameter :: worth_measuring_found = 0.1_dp
 
 contains
 
@@ -109,8 +106,9 @@ contains
       call expect_rounding(problem, displacements%body, norm, distance)
       is_found = [(allocated(compliance%body(b)%found), b=1, size(distance))]
       gaps = 0
+      ! To measure the rounding of displacements that a scheme found takes solves by p-multigrid.
       if (refined .or. norm2(merge(of_block_rows, 1.0_dp, is_found)*distance) > &
-          merge(worth_measuring_found, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
+          merge(worth_refining, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
         call measure_rounding(problem, qp, compliance, state%pressure, displacements%body, distance, error)
         ! The bound of a scheme that finds displacements has what they leave of the gaps.
         if (.not. any(is_found)) gaps = &

@@ -24,7 +24,7 @@ module dotyk_control_rounding
     is_negative
 
   !> Bodies with more rounding than this fraction of the tolerance are refined.
-  real(dp), parameter :: worth_refining = 0.2_dp
+  real(dp), parameter, public :: worth_refining = 0.2_dp
   !> Where more than this fraction of it is expected, rounding is measured.
   real(dp), parameter, public :: worth_measuring = 1.0e-3_dp
   !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the

@@ -19,7 +19,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_interior_point, only: interior_point_method
+  use dotyk_scheme_interior_point, only: balanced, interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
@@ -42,9 +42,6 @@ module dotyk_scheme_active_set
   integer, parameter :: most_last_steps = 16  !! Active sets after that at most.
   !> Active sets at most that rows without force, added to a solution, take until it is one again.
   integer, parameter :: most_join_steps = 4
-  !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
-  !> linear systems, far below what matters for a bound.
-  real(dp), parameter :: balanced = 1.0e-8_dp
   !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler
   !> foundation.
   real(dp), parameter :: scale_of_unloaded = 1.0e-2_dp

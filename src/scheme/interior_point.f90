@@ -32,7 +32,9 @@ module dotyk_scheme_interior_point
   integer, parameter :: most_steps = 200  !! Linear systems at most.
   !> The method ends where the complementarity products are this fraction of the energy, and
   real(dp), parameter :: least_product = 1.0e-14_dp
-  real(dp), parameter :: balanced = 1.0e-9_dp  !! the imbalance is this fraction of the loads.
+  !> resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
+  !> linear systems, far below what matters for a bound.
+  real(dp), parameter, public :: balanced = 1.0e-8_dp
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
   real(dp), parameter :: shortest_step = 1.0e-8_dp  !! A shorter step than this is stopped by rounding errors.
