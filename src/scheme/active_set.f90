@@ -2,8 +2,8 @@
 !>
 !> A solution fulfils the KKT conditions, equations (6), (8), (9): forces lambda >= 0, gaps >= 0 (of the surfaces with
 !> their penalty), no force where there is a gap. The active rows give a linear system for their forces and the rigid
-!> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the
-!> active rows cannot carry a floating body, the rows on which it comes to rest on a Winkler foundation are added.
+!> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Springs
+!> (`dotyk_scheme_proximal_motion`) carry a floating body that the active rows cannot carry.
 !> Should active sets cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution.
 !> Rows of ties are always active.
 !> Should they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its
@@ -151,8 +151,6 @@ contains
       largest_gap = max(maxval(abs(now%penetration)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%penetration > rounding*largest_gap, active)
       next = (next .or. qp%is_tied) .and. .not. is_rigid
-      call add_support(with_springs, now, next)
-      if (present(is_held)) next = next .and. .not. is_held
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         state%ended = ended_converged
@@ -218,22 +216,6 @@ contains
     now%penetration = qp%initial_penetration + motion
     active = now%penetration > 0 .or. qp%is_tied
   end subroutine rest_on_winkler_foundation
-
-  !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
-  subroutine add_support(qp, now, active)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    type(iterate_t), intent(in) :: now  !! The iterate.
-    logical, intent(inout) :: active(:)  !! Active set (n_rows).
-    real(dp), allocatable :: missing(:), alpha(:), motion(:)
-    if (is_balanced(qp, now%lambda, now%alpha)) return
-    allocate (missing(qp%coarse%n))
-    call qp%mode_resultant(now%lambda, missing)
-    missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(now%alpha)
-    allocate (alpha(qp%coarse%n), motion(size(active)))
-    call winkler_equilibrium(qp, missing, foundation_stiffness(qp), now%penetration, alpha)
-    call qp%mode_displacement(alpha, motion)
-    active = active .or. now%penetration + motion > 0
-  end subroutine add_support
 
   !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
   !> otherwise.

@@ -2,7 +2,7 @@
 !>
 !> It minimises `lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0` over `lambda >= 0` with `G^T lambda = e`, the
 !> equilibrium of the floating bodies, by a primal-dual active set iteration (`dotyk_scheme_active_set`) that begins
-!> with the solution on groups of rows (`dotyk_scheme_multilevel_start`). With theta = 0 the solution is that of the
+!> with rigid bodies at rest on a Winkler foundation (`dotyk_scheme_winkler_start`). With theta = 0 the solution is that of the
 !> variational inequality, equations (17), (24).
 !>
 !> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the
@@ -16,7 +16,7 @@ module dotyk_scheme_dual
   use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: rounding
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
-    update_penetrations
+    rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap, largest_bound
@@ -28,9 +28,8 @@ module dotyk_scheme_dual
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear, explain_failure
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: form_aggregate, transformed_qp_t
+  use dotyk_scheme_restriction, only: form_entries, transformed_qp_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, ended_stalled, ended_unbalanced
@@ -108,8 +107,8 @@ contains
         exit
       end if
       if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
-      if (.not. system%needs_entries() .or. round == most_rounds .or. qp%n_rows < few_rows .or. &
-          .not. is_worth_screening(working)) working = .true.
+      if (.not. system%needs_entries() .or. round == most_rounds .or. .not. is_worth_screening(working)) &
+        working = .true.
       call compliance%mark_formed(working)
       if (all(working)) then
         call solve_working_set(qp, compliance, left, monitor, system, warm, state, error)
@@ -143,8 +142,7 @@ contains
       end if
       call add_violated(state%penetration, violated, working)
       earlier = state%history
-      ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to
-      ! find.
+      ! A start from a near state is kept; one from rigid bodies is made anew, unless active sets are hard to find.
       warm = warm .or. qp%coarse%n > 0 .and. state%ended == ended_converged
     end do
     call system%destroy()
@@ -181,7 +179,7 @@ contains
     type(transformed_qp_t) :: joined
     type(dense_compliance_t) :: of_joined
     call joined%join(qp)
-    call form_aggregate(joined%qp, compliance, of_joined)
+    call form_entries(joined%qp, compliance, of_joined)
     call joined%take(state)
     call self%solve(joined%qp, of_joined, settings, monitor, state, error)
     if (allocated(error)) return
@@ -246,9 +244,8 @@ contains
         allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
         now%penetration = qp%initial_penetration
       else
-        call find_start(with_springs, compliance, now, active, error)
+        call rest_on_winkler_foundation(with_springs, now, active)
       end if
-      if (allocated(error)) return
     end if
     call motion%init(qp, foundation, active, 0*now%alpha)
     do

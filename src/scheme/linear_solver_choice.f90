@@ -52,7 +52,7 @@ contains
     if (matrix_free .and. .not. allocated(qp%coarse%lift)) system%preconditioner%coupling = coupling_none
   end subroutine choose_coupling
 
-  !> Whether bodies are many with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell,
+  !> Whether bodies are many with few rows each: they roll and tilt farther than rigid bodies tell,
   !> active sets cycle, and all rows cost little. Ties couple their components, and bodies with each other.
   logical function is_heap(qp)
     type(contact_qp_t), intent(in) :: qp  !! The rows.

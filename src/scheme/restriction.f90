@@ -1,5 +1,5 @@
-!> Transformations of a contact QP, and their ways back: restricted to some of its rows, with rows aggregated to groups,
-!> or with the pressures that are left at seams.
+!> Transformations of a contact QP, and their ways back: restricted to some of its rows, or with the pressures that are
+!> left at seams.
 !>
 !> All are one: pressures of the original rows are sums of those of the transformed QP, whose gaps and displacements are
 !> weighted means of the original ones. A restriction screens inactive rows; it has the same compliance operator.
@@ -15,7 +15,7 @@ module dotyk_scheme_restriction
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: form_aggregate, merge_bodies, restrict_qp
+  public :: form_entries, merge_bodies, restrict_qp
 
   type, public :: index_list_t  !! Some rows.
     integer, allocatable :: value(:)  !! Their numbers.
@@ -28,9 +28,7 @@ module dotyk_scheme_restriction
     type(sparse_rows_t), private :: share, fraction
   contains
     procedure :: restrict => transformed_restrict
-    procedure :: aggregate => transformed_aggregate
     procedure :: join => transformed_join
-    procedure :: compliance_of_groups => transformed_compliance_of_groups
     procedure :: take => transformed_take
     procedure :: pressures => transformed_pressures
     procedure :: means => transformed_means
@@ -60,15 +58,6 @@ contains
     self%qp%level = qp%level
     self%qp%parent_row = pack(qp%parent_row, keep)
   end subroutine transformed_restrict
-
-  !> A QP on groups of its rows.
-  subroutine transformed_aggregate(self, qp, group, n_groups)
-    class(transformed_qp_t), intent(out) :: self
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    integer, intent(in) :: group(:)  !! Group of each row; groups are numbered pair by pair (n_rows).
-    integer, intent(in) :: n_groups  !! Number of groups.
-    call join_rows(qp, selection(group, n_groups), self)
-  end subroutine transformed_aggregate
 
   !> The QP of the pressures that are left at seams (`seam`).
   subroutine transformed_join(self, qp)
@@ -147,51 +136,19 @@ contains
     state%penetration = y
   end subroutine transformed_give_back
 
-  !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
-  subroutine transformed_compliance_of_groups(self, qp, compliance, of_groups)
-    class(transformed_qp_t), intent(in) :: self
-    type(contact_qp_t), intent(in) :: qp  !! The QP of the rows.
-    class(compliance_t), intent(in) :: compliance  !! Formed at the rows of `qp`.
-    type(dense_compliance_t), intent(out) :: of_groups  !! Compliance of the groups.
-    integer, allocatable :: place_of(:)
-    real(dp), allocatable :: entries(:, :), value(:, :)
-    integer :: b, i, j, n
-    call of_groups%begin(self%qp)
-    allocate (place_of(self%qp%n_rows))
-    do b = 1, size(qp%block)
-      ! Each row is in one group.
-      associate (row => qp%block(b)%row, group_row => self%qp%block(b)%row, fraction => self%fraction%value, &
-                 group => self%fraction%column)
-        n = size(group_row)
-        place_of(group_row) = [(i, i=1, n)]
-        call compliance%get_entries(qp, b, row, entries)
-        allocate (value(n, n), source=0.0_dp)
-        do j = 1, size(row)
-          do i = 1, size(row)
-            associate (of_both => value(place_of(group(row(i))), place_of(group(row(j)))))
-              of_both = of_both + fraction(row(i))*fraction(row(j))*entries(i, j)
-            end associate
-          end do
-        end do
-        call of_groups%set(self%qp, b, value)
-        deallocate (value)
-      end associate
-    end do
-  end subroutine transformed_compliance_of_groups
-
-  !> The entries of groups whose rows have none.
-  subroutine form_aggregate(aggregated, compliance, of_groups)
-    type(contact_qp_t), intent(in) :: aggregated  !! The QP of the groups.
+  !> The entries of a transformed QP whose rows are none of those that have some.
+  subroutine form_entries(transformed, compliance, of_rows)
+    type(contact_qp_t), intent(in) :: transformed  !! The QP.
     class(compliance_t), intent(inout) :: compliance  !! Compliance operator of the bodies.
-    type(dense_compliance_t), intent(out) :: of_groups  !! That of the groups.
+    type(dense_compliance_t), intent(out) :: of_rows  !! Compliance of its rows.
     type(entries_t), allocatable :: entries(:)
     integer :: b
-    call compliance%form_all(aggregated, entries)
-    call of_groups%begin(aggregated)
+    call compliance%form_all(transformed, entries)
+    call of_rows%begin(transformed)
     do b = 1, size(entries)
-      call of_groups%set(aggregated, b, entries(b)%value)
+      call of_rows%set(transformed, b, entries(b)%value)
     end do
-  end subroutine form_aggregate
+  end subroutine form_entries
 
   !> The QP in which groups of bodies are one body each, with the rigid body motions of the group. Its rows of B are
   !> empty: the compliance of the groups is known otherwise.
