@@ -68,10 +68,8 @@ contains
     !> Allocated where the linear system of an active set cannot be prepared (`init` of its type): factorized, its
     !> compliance is not positive definite or METIS fails; matrix-free, the modes at the rows are not finite.
     type(error_t), allocatable, intent(out) :: error
-    !> True: the interior-point method begins, without any active set; false if absent.
-    logical, intent(in), optional :: start_inside
-    !> Contact rows that ties hold: they stay inactive; none if absent (n_rows).
-    logical, intent(in), optional :: is_held(:)
+    logical, intent(in) :: start_inside  !! Whether the interior-point method begins, without any active set.
+    logical, intent(in) :: is_held(:)  !! Contact rows that ties hold: they stay inactive (n_rows).
     logical :: next(size(active)), is_rigid(size(active)), presses(size(active))
     logical :: cycles, tried, joined, is_shared, is_new
     integer :: changes(most_first_steps + most_last_steps)
@@ -83,8 +81,7 @@ contains
 
     begin = wall_time()
     allocate (change(size(active)))
-    is_rigid = .false.
-    if (present(is_held)) is_rigid = is_held
+    is_rigid = is_held
     active = (active .or. qp%is_tied) .and. .not. is_rigid
     state%ended = ended_limit
     tried = .false.
@@ -94,7 +91,7 @@ contains
     do k = 1, max_iterations
       if (interrupted() .or. k > last_k) exit
       cycles = .not. (tried .or. joined) .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
-      if (present(start_inside) .and. k == 1) cycles = start_inside
+      if (k == 1) cycles = start_inside
       if (cycles) then
         call monitor%finish()
         tried = .true.
@@ -111,8 +108,7 @@ contains
       end if
       call drop_rigid_constraints(qp, compliance, yields, active, is_rigid)
       ! Rigid rows that have joined a solution penetrate by rounding only.
-      presses = is_rigid .and. .not. (qp%theta > 0 .or. qp%is_tied)
-      if (present(is_held)) presses = presses .and. .not. is_held
+      presses = is_rigid .and. .not. (qp%theta > 0 .or. qp%is_tied .or. is_held)
       if (.not. joined .and. any(presses .and. qp%initial_penetration > 0)) then
         state%ended = ended_rigid_constraint
         place = maxloc(qp%initial_penetration, 1, presses)

@@ -258,7 +258,7 @@ contains
         state%ended = ended_converged
       else
         call find_active_set(qp, with_springs, compliance, max(1, settings%max_iterations - state%history%n), monitor, &
-                             system, now, active, state, error, start_inside=starts_inside, is_held=is_held)
+                             system, now, active, state, error, starts_inside, is_held)
         if (allocated(error) .or. state%ended == ended_rigid_constraint) return
         if (system%needs_entries()) call check_ties(qp, compliance, now%lambda, now%alpha, now%penetration, state)
         if (state%ended == ended_open_tie) return
@@ -284,13 +284,12 @@ contains
     type(iterate_t), intent(inout) :: now  !! The iterate.
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
-    !> Contact rows that ties hold, closed but for rounding; none if absent (n_rows).
-    logical, intent(in), optional :: is_held(:)
+    logical, intent(in) :: is_held(:)  !! Contact rows that ties hold, closed but for rounding (n_rows).
     real(dp) :: norm, admissible, rounded
     logical :: has_equilibrium
     now%lambda = merge(now%lambda, max(0.0_dp, now%lambda), qp%is_tied)
     call update_penetrations(qp, compliance, now)
-    if (present(is_held)) now%penetration = merge(0.0_dp, now%penetration, is_held)
+    now%penetration = merge(0.0_dp, now%penetration, is_held)
     state%pressure = now%lambda/qp%weight
     state%penetration = now%penetration
     state%alpha = qp%coarse%scale*now%alpha
