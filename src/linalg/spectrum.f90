@@ -1,6 +1,5 @@
-!> Largest eigenvalue of a symmetric positive semidefinite operator by the Lanczos method (Y. Saad, Numerical Methods
-!> for Large Eigenvalue Problems, chapter 6), without reorthogonalization: orthogonality is lost to Ritz vectors that have
-!> converged (C. C. Paige, J. Inst. Maths Applics 18, 1976), and the iteration ends with the first one.
+!> Largest eigenvalue of a symmetric positive semidefinite operator by the Lanczos method with full reorthogonalization
+!> (Y. Saad, Numerical Methods for Large Eigenvalue Problems, chapter 6).
 module dotyk_linalg_spectrum
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
@@ -24,8 +23,15 @@ module dotyk_linalg_spectrum
     end subroutine apply_operator
   end interface
 
-  !> A remainder below this fraction of the largest image is rounding of the products.
+  integer, parameter :: group_size = 16  !! Basis vectors in an allocation: most runs need one or two groups.
+
+  !> A remainder below this fraction of the largest image is rounding: that of the products and of two
+  !> orthogonalizations.
   real(dp), parameter, public :: rounding_of_products = 16*epsilon(1.0_dp)
+
+  type :: group_t  !! A group of basis vectors.
+    real(dp), allocatable :: v(:, :)  !! The vectors as columns (n, group_size).
+  end type group_t
 
 contains
 
@@ -40,35 +46,35 @@ contains
     real(dp), intent(out) :: value  !! Largest Ritz value [of the operator].
     real(dp), intent(out) :: residual  !! Norm of its residual [of the operator].
     integer, intent(out) :: steps  !! Applications of the operator.
-    real(dp), allocatable :: alpha(:), beta(:), w(:), v(:), last(:), top(:)
+    type(group_t), allocatable :: basis(:)
+    real(dp), allocatable :: alpha(:), beta(:), w(:), v(:), top(:)
     real(dp) :: scale, length
-    integer :: most
+    integer :: most, slot
     value = 0
     residual = 0
     steps = 0
     most = min(n, most_steps)
     if (most <= 0) return
-    allocate (alpha(most), beta(most), w(n), v(n), top(most))
-    allocate (last(n), source=0.0_dp)
+    allocate (basis((most - 1)/group_size + 1), alpha(most), beta(most), w(n), v(n), top(most))
     call fixed_start(v)
     scale = 0
-    length = 0
     do while (steps < most)
+      slot = modulo(steps, group_size) + 1
       steps = steps + 1
+      if (slot == 1) allocate (basis((steps - 1)/group_size + 1)%v(n, group_size))
+      basis((steps - 1)/group_size + 1)%v(:, slot) = v
       call operator%apply(v, w)
-      scale = max(scale, norm(w))
-      w = w - length*last
       alpha(steps) = dot(v, w)
-      w = w - alpha(steps)*v
+      scale = max(scale, norm(w))
+      call orthogonalize(basis, steps, w)
       length = norm(w)
-      ! The vectors span an invariant subspace: the remainder is rounding.
+      ! The basis spans an invariant subspace: the remainder is rounding.
       if (length <= rounding_of_products*scale .or. steps == n) length = 0
       beta(steps) = length
       call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))
       if (residual <= tolerance*value .or. .not. length > 0) exit
       if (interrupted()) exit
-      last = v
       v = w/length
     end do
     value = max(value, 0.0_dp)
@@ -91,6 +97,36 @@ contains
     end do
     v = v/norm(v)
   end subroutine fixed_start
+
+  !> Make a vector orthogonal to the basis, by Gram-Schmidt twice.
+  subroutine orthogonalize(basis, n_vectors, w)
+    type(group_t), intent(in) :: basis(:)  !! Orthonormal vectors (number of groups).
+    integer, intent(in) :: n_vectors  !! Number of vectors.
+    real(dp), intent(inout), contiguous :: w(:)  !! The vector (n) [any].
+    integer :: pass, group, n
+    do pass = 1, 2
+      do group = 1, (n_vectors - 1)/group_size + 1
+        n = min(group_size, n_vectors - (group - 1)*group_size)
+        call take_out(size(w), n, basis(group)%v, w)
+      end do
+    end do
+  end subroutine orthogonalize
+
+  !> w <- w - V V^T w, summed in one order whatever the number of threads.
+  pure subroutine take_out(n, m, v, w)
+    integer, intent(in) :: n  !! Length of the vectors.
+    integer, intent(in) :: m  !! Number of vectors.
+    real(dp), intent(in) :: v(n, m)  !! Orthonormal vectors V (n, m) [].
+    real(dp), intent(inout) :: w(n)  !! The vector (n) [any].
+    real(dp) :: c(m)
+    integer :: j
+    do j = 1, m
+      c(j) = dot(v(:, j), w)
+    end do
+    do j = 1, m
+      w = w - c(j)*v(:, j)
+    end do
+  end subroutine take_out
 
   !> Scalar product, summed in eight strands that the compiler vectorizes, always in the same order.
   pure real(dp) function dot(x, y)
