@@ -18,6 +18,7 @@ module dotyk_scheme_winkler_start
   public :: winkler_equilibrium, find_unbounded_direction
 
   integer, parameter :: most_steps = 100  !! Newton steps at most: a start need not be exact.
+  integer, parameter :: many_modes = 300  !! So many bodies on each other yield where they rest.
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
   !> bounded that no contact restrains yet.
   real(dp), parameter :: weak = 1.0e-9_dp
@@ -74,7 +75,7 @@ contains
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = is_unbounded()
-    if (.not. found) return
+    if (.not. found .or. (qp%coarse%n < many_modes .and. .not. any(qp%is_tied))) return
     ! Many bodies on each other, or tied to each other: the penalty yields to the loads of all of them. The forces that
     ! it took are given now (method of multipliers), and a motion that contact or ties stop is 0.
     call qp%mode_displacement(motion, none)
