@@ -157,8 +157,9 @@ contains
       formed = .false.
       call solve_together(self%response, self%body, qp%block, lambda, moved)
     end if
+    ! Products with entries cost less than to start the threads.
     !$omp parallel do default(none) shared(self, qp, lambda, force, formed, moved) schedule(dynamic, 1) &
-    !$omp& if (self%side_by_side)
+    !$omp& if (self%side_by_side .and. .not. all(formed))
     do i = 1, merge(0, size(self%batch), together)
       ! A batch is solved as a whole, so that its digits do not depend on the ranks of its bodies.
       if (.not. any(is_own(self%body(self%batch(i)%body)%owner))) cycle

@@ -2,8 +2,8 @@
 !>
 !> It minimises `lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0` over `lambda >= 0` with `G^T lambda = e`, the
 !> equilibrium of the floating bodies, by a primal-dual active set iteration (`dotyk_scheme_active_set`) that begins
-!> with rigid bodies at rest on a Winkler foundation (`dotyk_scheme_winkler_start`). With theta = 0 the solution is that of the
-!> variational inequality, equations (17), (24).
+!> with rigid bodies at rest on a Winkler foundation (`dotyk_scheme_winkler_start`). With theta = 0 the solution is that
+!> of the variational inequality, equations (17), (24).
 !>
 !> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the
 !> working set. At the end the displacement tells which of them are violated; these are added to the working set, and

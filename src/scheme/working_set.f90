@@ -16,8 +16,10 @@ module dotyk_scheme_working_set
   integer, parameter :: most_widenings = 10
   !> Rows enter it that this direction closes by more than this fraction of the most.
   real(dp), parameter :: closing = 1.0e-3_dp
-  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
+  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve. Few rows are not
+  !> worth it at all.
   real(dp), parameter :: not_worth_screening = 0.2_dp
+  integer, parameter :: few_rows = 60
   !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
   !> solution closes gaps by about as much.
   real(dp), parameter, public :: near_violation = 4
@@ -40,7 +42,7 @@ contains
   !> Whether so many rows are outside of a working set that a solution without them is worth looking at these again.
   pure logical function is_worth_screening(working)
     logical, intent(in) :: working(:)  !! Working set (n_rows).
-    is_worth_screening = count(.not. working) >= not_worth_screening*size(working)
+    is_worth_screening = size(working) >= few_rows .and. count(.not. working) >= not_worth_screening*size(working)
   end function is_worth_screening
 
   !> Add rows that are violated to a working set, and those that the next solution may close.
