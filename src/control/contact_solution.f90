@@ -11,6 +11,7 @@ module dotyk_control_contact_solution
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
   use dotyk_contact_facet_bending, only: bending_of_rows
   use dotyk_control_body_solution, only: displacements_t
@@ -98,7 +99,6 @@ module dotyk_control_contact_solution
   !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that
   !> are exact, a theta that follows their error would need endless steps.
   real(dp), parameter :: no_mesh_error = 1.0e-3_dp
-  real(dp), parameter :: no_error = 1.0e-8_dp  !! Errors below this count as none.
 
 contains
 
@@ -279,7 +279,7 @@ contains
       factor = 1
       ! An error that is not known changes nothing.
       if (.not. (last .or. ieee_is_nan(budget%penalty) .or. ieee_is_nan(budget%discretization))) then
-        mesh_error = max(budget%discretization, merge(no_error, no_mesh_error, is_exact))
+        mesh_error = max(budget%discretization, merge(half_digits, no_mesh_error, is_exact))
         if (budget%penalty > most_penalty*mesh_error) &
           factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
         ! Rigid motions under given forces have no energy: only the work of the penalty shows that they are too large.
@@ -319,7 +319,7 @@ contains
         end if
       end if
       if (.not. goal%by_budget) return
-      target = max(goal%budget_fraction*budget%others(), no_error)
+      target = max(goal%budget_fraction*budget%others(), half_digits)
       if (state%error_bound <= target) then
         state%ended = ended_converged
         solution%tolerance = target

@@ -3,6 +3,7 @@ module dotyk_control_correction
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: least_gain
   use dotyk_control_body_solution, only: body_solution_t, recover_bodies
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -16,8 +17,7 @@ module dotyk_control_correction
   private
   public :: correct_contact
 
-  integer, parameter :: most_corrections = 8  !! Corrections at most, and the least factor between two of them.
-  real(dp), parameter :: least_contraction = 0.3_dp
+  integer, parameter :: most_corrections = 8  !! Corrections at most.
   !> Corrections below this fraction of the tolerance end the iteration.
   real(dp), parameter :: small_correction = 0.01_dp
 
@@ -78,7 +78,7 @@ contains
       rounding = (compliance%distance(qp, state%pressure - last%pressure, state%alpha - last%alpha) + left)/ &
                  max(tiny(left), qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale))
       if (rounding <= max(least_residual, small_correction*run%settings%tolerance) .or. &
-          .not. rounding < least_contraction*before) exit
+          .not. rounding < least_gain*before) exit
       before = rounding
     end do
   end subroutine correct_contact

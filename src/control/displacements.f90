@@ -20,10 +20,6 @@ module dotyk_control_displacements
 
   real(dp), parameter :: few_units = 4  !! So many units in the last place are as good as one.
 
-  !> Rounding of the entries of block rows, 2^-50, as a fraction of the expected error of a displacement, which has ten
-  !> units of 2^-52 [].
-  real(dp), parameter :: of_block_rows = 0.4_dp
-
 contains
 
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
@@ -107,15 +103,13 @@ contains
       is_found = [(allocated(compliance%body(b)%found), b=1, size(distance))]
       gaps = 0
       ! To measure the rounding of displacements that a scheme found takes solves by p-multigrid.
-      if (refined .or. norm2(merge(of_block_rows, 1.0_dp, is_found)*distance) > &
+      if (refined .or. norm2(distance) > &
           merge(worth_refining, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
         call measure_rounding(problem, qp, compliance, state%pressure, displacements%body, distance, error)
         ! The bound of a scheme that finds displacements has what they leave of the gaps.
         if (.not. any(is_found)) gaps = &
           gap_rounding(qp, compliance, displacements%body, state%pressure, state%penetration - &
                        qp%opened_by_slides(state%alpha))
-      else
-        where (is_found) distance = of_block_rows*distance
       end if
       ! What such a scheme leaves of the forces is no reason to refine.
       found_rounding = norm2(pack(distance, is_found))

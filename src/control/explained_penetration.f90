@@ -3,6 +3,7 @@
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
+  use dotyk_base_thresholds, only: largest_square
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_penetration_tolerance, only: left_by_pairs_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -13,9 +14,6 @@ module dotyk_control_explained_penetration
   implicit none
   private
   public :: find_left
-
-  !> What explains any penetration; sums of several must not overflow [length].
-  real(dp), parameter :: any_depth = huge(1.0_dp)/16
 
 contains
 
@@ -54,7 +52,7 @@ contains
         if (pair%body_b == body) &
           call spread_points(at_points, width, problem%surface_b(k), pair%facet_b, left, is_known)
         if (.not. is_between) cycle
-        if (pair%gap_kind == gap_formula) beside = any_depth
+        if (pair%gap_kind == gap_formula) beside = largest_square
         if (pair%gap_kind == gap_constant) beside = max(beside, maxval(at_points))
       end associate
     end do

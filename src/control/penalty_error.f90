@@ -55,14 +55,7 @@ module dotyk_control_penalty_error
   public :: estimate_penalty_error
 
   !> theta of the reference where theta = 0 is over-constrained, over that of the solution, and over h/E, at most [].
-  real(dp), parameter :: reduced = 0.25_dp, most_of_mesh = 0.25_dp
-  !> Distance of two references over that of the two before, with theta `reduced` each time: of order 1 in theta, and of
-  !> order 1/2, which is guaranteed [].
-  real(dp), parameter :: least_ratio = reduced, most_ratio = sqrt(reduced)
-  !> theta_1/theta up to which d_1 is nearly all of the distance, and the order is not measured: the solution with such
-  !> a large theta takes few steps [].
-  real(dp), parameter :: negligible = 1.0_dp/16
-  real(dp), parameter :: assumed_order = 0.75_dp  !! The order that is assumed then: the mean of 1/2 and 1 [].
+  real(dp), parameter :: reduced = 0.25_dp
   real(dp), parameter :: accuracy = 1.0e-3_dp  !! Residual of the gaps of a reference over that at its start [].
   !> Bounds from which a solution is too far from its end for more accurate ones to follow it [].
   real(dp), parameter, public :: near_enough = 0.5_dp
@@ -91,7 +84,7 @@ contains
       associate (pair => problem%pair(k), first => first_row(k), last => first_row(k + 1) - 1)
         if (pair%is_layer) self%theta(first:last) = theta(first:last)
         if (pair%is_layer .or. vanishes) cycle
-        most = most_of_mesh*mesh_compliance(problem%body(pair%body_a), problem%body(pair%body_b), pair)
+        most = reduced*mesh_compliance(problem%body(pair%body_a), problem%body(pair%body_b), pair)
         self%theta(first:last) = min(reduced*theta(first:last), most)
         self%reduction = min(self%reduction, &
                              minval(self%theta(first:last)/theta(first:last), mask=theta(first:last) > 0))
@@ -175,8 +168,10 @@ contains
     if (allocated(error)) return
     rounding = max(rounding, uncertainty(qp, first))
     d_1 = distance_of(qp, compliance, penalized, first)
-    if (reference%reduction <= negligible) then
-      distance = (d_1 + rounding)/(1 - reference%reduction**assumed_order)
+    if (reference%reduction <= reduced**2) then
+      ! d_1 is nearly all of the distance: the order, between 1/2 and 1, is not measured. The solution with such a large
+      ! theta takes few steps.
+      distance = (d_1 + rounding)/(1 - sqrt(reference%reduction*sqrt(reference%reduction)))
       return
     end if
     second = first
@@ -200,12 +195,13 @@ contains
     integer, parameter :: halvings = 20  !! Halvings of the interval of ratios: to 1e-6 of it.
     real(dp) :: low, high, quarters
     integer :: k
-    ratio = most_ratio
+    ! Of order 1 in theta, and of order 1/2, which is guaranteed.
+    low = reduced
+    high = sqrt(reduced)
+    ratio = high
     if (.not. d_2 > rounding) return
     ! Steps of `reduced` from the solution to the first reference.
     quarters = log(reduction)/log(reduced)
-    low = least_ratio
-    high = most_ratio
     do k = 1, halvings
       ratio = (low + high)/2
       ! The left side is d_2 for the ratio and d_1, and increases with the ratio.
@@ -215,7 +211,7 @@ contains
         high = ratio
       end if
     end do
-    ratio = sqrt(high*least_ratio)
+    ratio = sqrt(high*reduced)
   end function ratio_of
 
   !> Distance of two states in the energy norm; NaN where one of them is no solution [sqrt(energy)].

@@ -8,6 +8,7 @@ module dotyk_control_refinement
   use dotyk_base_error, only: error_slot_t, error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_thresholds, only: one_digit
   use dotyk_control_body_solution, only: body_solution_t, share_solution
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
@@ -29,9 +30,8 @@ module dotyk_control_refinement
   integer, parameter :: most_restarts = 4, most_steps = 8  !! Restarts with a true residual, and steps between them.
   !> Residuals below this fraction of the displacement, in the energy norm, are as small as they get.
   real(dp), parameter, public :: least_residual = 1.0e-15_dp
-  !> A displacement of which more than this fraction is rounding has no significant digit.
-  real(dp), parameter :: no_digit = 0.1_dp
-  !> The same of pressures: a mean error is several times as large in single elements.
+  !> Pressures of which more than this fraction is rounding have no significant digit: a mean error is several times as
+  !> large in single elements.
   real(dp), parameter :: no_pressure = 0.03_dp
   !> Bulk over shear modulus from which on pressures may lose their significant digits.
   real(dp), parameter :: nearly_incompressible = 1.0e6_dp
@@ -68,7 +68,7 @@ contains
         end associate
         call refine(body, problem%report(representative), compliance%response(representative)%form, load, &
                     solution(b)%displacement, conditioning(b)%n_steps, of_body(b), norm, failed(b)%error)
-        if (.not. allocated(failed(b)%error) .and. of_body(b) > no_digit*norm) &
+        if (.not. allocated(failed(b)%error) .and. of_body(b) > one_digit*norm) &
           call refuse(body, conditioning(b)%condition, failed(b)%error)
         if (allocated(failed(b)%error)) exit
         do k = 1, problem%modes(b)%n

@@ -9,9 +9,6 @@ module dotyk_control_rotations
   private
   public :: find_rotations
 
-  !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
-  real(dp), parameter :: largest_rotation = 1
-
 contains
 
   !> How far bodies rotate. A solution with a rotation by more than the size of a body is none.
@@ -31,7 +28,8 @@ contains
         ratio(b) = rotation_ratio(problem%body(b), problem%modes(b), &
                                   state%alpha(first(b):first(b) + problem%modes(b)%n - 1))
     end do
-    if (state%ended == ended_converged .and. maxval(ratio) > largest_rotation) state%ended = ended_rotated
+    ! Linear kinematics describe nothing then.
+    if (state%ended == ended_converged .and. maxval(ratio) > 1) state%ended = ended_rotated
   end subroutine find_rotations
 
   !> How far nodes move against their mean, relative to the size of the body [].

@@ -30,8 +30,6 @@ module dotyk_control_rounding
   !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the
   !> square of the pivots.
   real(dp), parameter :: margin = 10
-  !> Upper limit of sqrt(u^T D u)/||u||_A; beyond it u is treated as strain-free.
-  real(dp), parameter :: most_stretched = 1.0e30_dp
   !> A stiffness whose condition was not worth a measurement does not let more than this fraction of a solution be
   !> rounding.
   real(dp), parameter :: all_rounding = 0.01_dp
@@ -63,7 +61,7 @@ contains
     do b = 1, size(solution)
       associate (report => problem%report(problem%classes%first(b)))
         distance(b) = margin*epsilon(norm)*size_of_u(b)* &
-          max(report%condition_left, size_of_u(b)/max(tiny(norm), norm, size_of_u(b)/most_stretched))
+          max(report%condition_left, size_of_u(b)/max(tiny(norm), norm, epsilon(norm)**2*size_of_u(b)))
       end associate
     end do
   end subroutine expect_rounding

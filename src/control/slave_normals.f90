@@ -2,7 +2,7 @@
 !> how the rows of rigid body modes change where they are taken.
 module dotyk_control_slave_normals
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: sharp_cosine
+  use dotyk_base_thresholds, only: half_digits, sharp_cosine
   use dotyk_contact_operator, only: build_operator, contact_block_t, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -13,8 +13,6 @@ module dotyk_control_slave_normals
   implicit none
   private
   public :: find_deviations
-
-  real(dp), parameter :: flat = 1.0e-8_dp  !! Deviations of normals below this are rounding errors [].
 
 contains
 
@@ -35,7 +33,7 @@ contains
     do k = 1, size(pair)
       pair(k) = problem%pair(k)
       call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
-      differ = differ .or. any(norm2(pair(k)%normal - problem%pair(k)%normal, 1) > flat)
+      differ = differ .or. any(norm2(pair(k)%normal - problem%pair(k)%normal, 1) > half_digits)
     end do
     if (.not. differ) return
     call build_operator(size(problem%body(1)%mesh%x, 1), size(problem%body), pair, problem%surface_a, &

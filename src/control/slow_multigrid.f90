@@ -22,8 +22,6 @@ module dotyk_control_slow_multigrid
   !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four
   !> cycles, those of trial, solution without contact and active sets, of 1e4 operations each.
   real(dp), parameter :: work_of_step = 4.0e4_dp
-  !> Operations of ten factors of the active rows in the corner spaces, half of the rows, over the cube of the rows.
-  real(dp), parameter :: work_of_rows = 0.4_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
   !> the operations of theirs, a tenth of the square of the unknowns.
   real(dp), parameter :: of_aggregates = 0.1_dp
@@ -34,15 +32,13 @@ contains
   !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 1.1 to
   !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
   !> held below.
-  subroutine find_slow_ones(classes, n_rows, n_cases, slot, size_of)
+  subroutine find_slow_ones(classes, n_cases, slot, size_of)
     type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
-    integer, intent(in) :: n_rows  !! Number of contact rows.
     integer, intent(in) :: n_cases  !! Number of load cases: a factor serves all of them, p-multigrid solves each.
     type(operator_slot_t), intent(in) :: slot(:)  !! Analysed, or factorized and tried (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)  !! Analysed; says which ones are slow on return (n_bodies).
-    real(dp) :: flops, of_rows
+    real(dp) :: flops
     integer :: b
-    of_rows = n_cases*work_of_rows*real(n_rows, dp)**3
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
@@ -51,7 +47,6 @@ contains
         flops = size_of(b)%whole_flops
         if (.not. flops > 0) flops = size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2* &
           merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
-        if (flops > 0) flops = max(tiny(flops), flops - of_rows)
         size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n_cases, n*count(classes%first == b), flops)
       end associate
     end do

@@ -3,6 +3,7 @@ module dotyk_control_tie_forces
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_scheme_solver_state, only: solver_state_t
@@ -16,9 +17,6 @@ module dotyk_control_tie_forces
   end type tie_force_t
 
   public :: find_tie_forces, keep_shortenings
-
-  !> Shares of shortenings in motions that nothing determines are rounding below this [].
-  real(dp), parameter :: rounding = 1.0e-6_dp
 
 contains
 
@@ -72,7 +70,7 @@ contains
         tie%shortening = state%alpha(i)
         do j = 1, state%indeterminate%n
           call state%indeterminate%get(j, motion)
-          if (abs(motion(i)) > rounding*maxval(abs(motion))) tie%is_free = .true.
+          if (abs(motion(i)) > half_digits*maxval(abs(motion))) tie%is_free = .true.
         end do
       end associate
     end do

@@ -143,7 +143,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `factorize_scene`.
     has_returned = .false.
     if (.not. may_return_to_factors(case, scene)) return
-    call find_slow_ones(scene%problem%classes, scene%operator%n_rows, case%n_cases(), scene%slot, scene%size_of)
+    call find_slow_ones(scene%problem%classes, case%n_cases(), scene%slot, scene%size_of)
     if (.not. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)) return
     call return_to_factors(case, scheme, scene, monitor, has_returned, error)
   end subroutine use_factors

@@ -81,8 +81,7 @@ contains
         scene%size_of%whole_flops = size_of%flops
         ! Not yet solved, the factors are for their cost, which is known now.
         if (any([(allocated(scene%slot(b)%multigrid), b=1, size(slot))])) then
-          call find_slow_ones(problem%classes, scene%operator%n_rows, case%n_cases(), scene%slot, &
-                              scene%size_of)
+          call find_slow_ones(problem%classes, case%n_cases(), scene%slot, scene%size_of)
           fits = fits .and. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)
         end if
       end if

@@ -6,13 +6,10 @@
 !> name coarse unknowns that do not exist.
 module dotyk_linalg_aggregate_basis
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: half_digits
   implicit none
   private
   public :: make_bases, list_members, carry_to_coarse
-
-  !> A column whose remainder is below this fraction of it depends on the others. Rotations about a distant center have
-  !> remainders of the aggregate's size over the distance.
-  real(dp), parameter :: dependent = 1.0e-7_dp
 
 contains
 
@@ -93,8 +90,8 @@ contains
         end do
       end do
       left = norm2(q(:, k))
-      ! True for NaN, too.
-      missing(k) = .not. left > dependent*whole
+      ! Rotations about a distant center leave the aggregate's size over the distance. True for NaN, too.
+      missing(k) = .not. left > half_digits*whole
       if (missing(k)) then
         q(:, k) = 0
       else

@@ -3,8 +3,8 @@ module dotyk_linalg_dense
   use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_linalg_blas, only: dtrsm
-  use dotyk_linalg_dense_cholesky, only: most_shift
   use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
@@ -57,7 +57,7 @@ contains
     largest = maxval([(a(i, i), i=1, n)])
     shift = n*epsilon(shift)
     failed = 1
-    do while (shift < most_shift .and. failed /= 0)
+    do while (shift < half_digits .and. failed /= 0)
       factor = a
       do i = 1, n
         factor(i, i) = factor(i, i) + shift*largest

@@ -21,9 +21,6 @@ module dotyk_linalg_dense_cholesky
     procedure :: solve_lower => dense_solve_lower
   end type dense_cholesky_t
 
-  !> Shifts of the diagonal, relative, where rounding has made a matrix indefinite: the first one, then tenfold, to the
-  !> greatest [].
-  real(dp), parameter, public :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
   integer, parameter :: worth_threads = 400  !! Order from which on threads share a factorization.
   integer, parameter :: panel = 256  !! Columns of a panel, and rows and columns of a task.
 

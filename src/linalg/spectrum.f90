@@ -3,6 +3,7 @@
 module dotyk_linalg_spectrum
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: sum_rounding
   use dotyk_linalg_dense, only: largest_tridiagonal_eigenpair
   implicit none
   private
@@ -24,10 +25,6 @@ module dotyk_linalg_spectrum
   end interface
 
   integer, parameter :: group_size = 16  !! Basis vectors in an allocation: most runs need one or two groups.
-
-  !> A remainder below this fraction of the largest image is rounding: that of the products and of two
-  !> orthogonalizations.
-  real(dp), parameter, public :: rounding_of_products = 16*epsilon(1.0_dp)
 
   type :: group_t  !! A group of basis vectors.
     real(dp), allocatable :: v(:, :)  !! The vectors as columns (n, group_size).
@@ -69,7 +66,7 @@ contains
       call orthogonalize(basis, steps, w)
       length = norm(w)
       ! The basis spans an invariant subspace: the remainder is rounding.
-      if (length <= rounding_of_products*scale .or. steps == n) length = 0
+      if (length <= sum_rounding*scale .or. steps == n) length = 0
       beta(steps) = length
       call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))

@@ -5,13 +5,11 @@
 !> in FETI: Farhat, Roux 1991).
 module dotyk_linalg_springs
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
   public :: choose_fixing_equations, add_springs
-
-  !> A pivot must be larger than the best one so far by this factor, so that the choice does not depend on round-off.
-  real(dp), parameter :: pivot_margin = 1.001_dp
 
 contains
 
@@ -29,7 +27,8 @@ contains
       fixed(k) = 1
       do i = 1, size(remainder, 2)
         now = sum(remainder(:, i)**2)
-        if (now <= best*pivot_margin) cycle
+        ! The choice does not depend on round-off.
+        if (now <= best*(1 + half_digits)) cycle
         best = now
         fixed(k) = i
       end do

@@ -13,6 +13,7 @@
 module dotyk_response_multigrid
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64, sp
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_corner_space, only: corner_space_t
@@ -66,10 +67,8 @@ module dotyk_response_multigrid
     procedure :: destroy => multigrid_destroy
   end type multigrid_t
 
-  !> Modes at the corners that depend on each other but for rounding [].
-  real(dp), parameter :: rounding_of_modes = 1.0e-8_dp
   !> Entries of a factor that threads share in a solve: some ms; CHOLMOD solves with smaller ones.
-  integer(int64), parameter :: least_shared = 1000000
+  integer(int64), parameter, public :: least_shared = 1000000
 
 contains
 
@@ -169,7 +168,7 @@ contains
           end do
         end associate
       end do
-      call orthonormal_range(at_corners, rounding_of_modes, basis, modes%n)
+      call orthonormal_range(at_corners, half_digits, basis, modes%n)
       modes%shape = reshape(basis(:, :modes%n), [dim, space%n, modes%n])
     end associate
   end subroutine restrict_modes

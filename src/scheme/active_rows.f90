@@ -4,8 +4,9 @@
 module dotyk_scheme_active_rows
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: half_digits, sum_rounding
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t, first_shift, most_shift
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_scheme_body_grids, only: body_grids_t
@@ -37,7 +38,6 @@ module dotyk_scheme_active_rows
     procedure :: solve_modes => rows_solve_modes
     procedure :: destroy => rows_destroy
   end type active_rows_t
-
 
 contains
 
@@ -146,8 +146,8 @@ contains
       end do
       call self%smoother%factorize_and_discard(matrix, failed, error)
       if (failed == 0 .or. allocated(error)) return
-      shift = max(10*shift, first_shift)
-      if (shift > most_shift) exit
+      shift = max(10*shift, sum_rounding)
+      if (shift > half_digits) exit
     end do
     call set_error(error, 'the smoother is not positive definite', exit_not_solvable)
   end subroutine factorize_smoother
@@ -180,8 +180,8 @@ contains
       call add_diagonal(1/stiffness(self%contact), shift, m, self%corner%value)
       call self%corner%factorize(failed, last)
       if (failed == 0) return
-      shift = max(10*shift, first_shift)
-      if (shift > most_shift) exit
+      shift = max(10*shift, sum_rounding)
+      if (shift > half_digits) exit
     end do
     call set_error(error, 'the corner space is not positive definite', exit_not_solvable)
   end subroutine factorize_corner

@@ -13,13 +13,13 @@ module dotyk_scheme_active_set
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_base_thresholds, only: least_gain, rounding
+  use dotyk_base_thresholds, only: half_digits, least_gain, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_interior_point, only: balanced, interior_point_method
+  use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
@@ -42,12 +42,6 @@ module dotyk_scheme_active_set
   integer, parameter :: most_last_steps = 16  !! Active sets after that at most.
   !> Active sets at most that rows without force, added to a solution, take until it is one again.
   integer, parameter :: most_join_steps = 4
-  !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler
-  !> foundation.
-  real(dp), parameter :: scale_of_unloaded = 1.0e-2_dp
-  !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the
-  !> Winkler foundation, so that rounding errors of a scene at rest are not compared with each other.
-  real(dp), parameter :: least_norm = 1.0e-8_dp
 
 contains
 
@@ -225,11 +219,11 @@ contains
     ! Where nothing is loaded all forces are rounding errors of those that the initial penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
     if (size(lambda) > 0) &
-      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration), &
+      scale = max(scale, maxval(foundation_stiffness(qp)*max(0.0_dp, qp%initial_penetration), &
                                 mask=.not. qp%is_tied))
     if (qp%coarse%n > 0) scale = max(scale, maxval(abs(qp%coarse%resultant)))
     ! NaN and infinity, as of a foundation without compliance, balance nothing.
-    is_balanced = qp%coarse%n == 0 .or. (scale <= huge(scale) .and. all(abs(missing) <= balanced*scale))
+    is_balanced = qp%coarse%n == 0 .or. (scale <= huge(scale) .and. all(abs(missing) <= half_digits*scale))
   end function is_balanced
 
   !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
@@ -266,13 +260,13 @@ contains
     now%penetration = qp%initial_penetration - z + motion
   end subroutine update_penetrations
 
-  !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
-  !> [sqrt(energy)].
+  !> ||u||_A for relative errors; more than rounding of what the initial penetrations would store in the foundation, so
+  !> that rounding errors of a scene at rest are not compared with each other [sqrt(energy)].
   real(dp) function reference_norm(qp, now) result(norm)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(iterate_t), intent(in) :: now  !! The iterate.
     norm = qp%energy_norm(now%lambda/qp%weight, now%penetration, now%alpha)
-    norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp)*qp%initial_penetration**2)))
+    norm = max(norm, half_digits*sqrt(sum(foundation_stiffness(qp)*qp%initial_penetration**2)))
   end function reference_norm
 
   !> An entry of the history. There is no bound where forces are tensile.

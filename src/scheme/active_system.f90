@@ -13,7 +13,7 @@ module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: least_gain
+  use dotyk_base_thresholds, only: half_digits, least_gain, sum_rounding
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_constraint_preconditioner, only: constraint_preconditioner_t, coupling_all, coupling_none, &
     coupling_pairs
@@ -43,10 +43,6 @@ module dotyk_scheme_active_system
     procedure :: destroy => system_destroy
   end type active_system_t
 
-  !> A residual in the norm of the preconditioner is rounding at this fraction of the right-hand side.
-  real(dp), parameter :: tolerance = 1.0e-14_dp
-  !> Conjugate gradients begin anew, from the true residual, when they have reduced it to this fraction.
-  real(dp), parameter :: restart = 1.0e-8_dp
   !> Iterations from one true residual to the next at most, and true residuals.
   integer, parameter :: most_iterations = 2000, most_rounds = 40
   !> Iterations of a solution with the couplings within pairs: balls in a box take 1 to 20, bodies whose contacts lie
@@ -183,10 +179,11 @@ contains
     previous_imbalance = huge(previous_imbalance)
     once = max(self%step_reduction, self%reduction)
     self%n_solutions = self%n_solutions + 1
-    ! Rounds go on while a squared residual, of contact rows or of equilibrium, falls.
+    ! Rounds go on while a squared residual, of contact rows or of equilibrium, falls. Conjugate gradients know their
+    ! residual to half of its digits.
     do k = 1, most_rounds
       if (interrupted()) exit
-      call conjugate_gradients(self, qp, compliance, merge(once, restart, once > 0), r_b, r_c, scale, x, beta)
+      call conjugate_gradients(self, qp, compliance, merge(once, half_digits, once > 0), r_b, r_c, scale, x, beta)
       if (once > 0) then
         lambda = lambda + x
         alpha = alpha + beta
@@ -243,7 +240,7 @@ contains
       if (k == 1) then
         first = max(first, rz)
         scale = max(scale, first)
-        rz_end = max(reduction**2*first, tolerance**2*scale)
+        rz_end = max(reduction**2*first, sum_rounding**2*scale)
       end if
       if (.not. rz > rz_end) exit
       call resultants_of(self, qp, z, imbalance)

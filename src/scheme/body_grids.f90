@@ -11,6 +11,7 @@ module dotyk_scheme_body_grids
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
+  use dotyk_response_multigrid, only: least_shared
   use dotyk_scheme_body_groups, only: body_groups_t
   use dotyk_scheme_corner_group, only: corner_group_t
   use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
@@ -51,7 +52,6 @@ module dotyk_scheme_body_grids
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
 
-  real(dp), parameter :: shared_solve = 1.0e6_dp  !! Entries of a factor whose solves threads share, see `multigrid_t`.
   !> The proximal term as a fraction of the compliance of the rows in the corner space. Smaller ones converge in fewer
   !> proximal steps, and lose more digits of B u in the pressures.
   real(dp), parameter :: proximal_fraction = 1.0e-4_dp
@@ -236,7 +236,7 @@ contains
         entries(k) = self%grid(self%body(self%group(k)%body(1))%representative)%p%corner_entries()
       end if
     end do
-    call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
+    call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > least_shared))
   end subroutine share_solves
 
   !> x := K_c^+ x in the corner spaces of the bodies of a group; with its ties, where it has some.

@@ -34,9 +34,6 @@ module dotyk_scheme_bounds
 
   public :: duality_gap, neumann_constants
 
-  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow [].
-  real(dp), parameter, public :: largest_bound = 1.0e150_dp
-
 contains
 
   !> Constants of G = A in the energy norm.

@@ -2,7 +2,7 @@
 module dotyk_scheme_closed_ties
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -15,9 +15,6 @@ module dotyk_scheme_closed_ties
   !> Ties that stay open by more than this fraction of what they or their forces would open contradict each other or
   !> supports [].
   real(dp), parameter :: most_open = 1.0e-6_dp
-  !> Penetrations of rows that ties hold, below this fraction of the largest one without ties, are rounding: slender
-  !> bodies move far by the forces of ties, and back by those of others. So may entries of B be, in their row [].
-  real(dp), parameter :: rounding_of_closing = 1.0e-9_dp
 
 contains
 
@@ -86,9 +83,9 @@ contains
     if (.not. any(is_held)) return
     none = 0
     call find_gaps(qp%initial_penetration, none, y, terms)
-    ! Rounding is no overlap.
+    ! Rounding is no overlap: slender bodies move far by the forces of ties, and back by those of others.
     if (.not. any(is_held .and. y > max(rounding*terms, &
-                                        rounding_of_closing*maxval(abs(qp%initial_penetration))))) return
+                                        half_digits*maxval(abs(qp%initial_penetration))))) return
     i = maxloc(y, 1, is_held)
     state%ended = ended_rigid_constraint
     state%rigid_row = qp%parent_row(i)
@@ -136,7 +133,7 @@ contains
                        value => abs(matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1)))
               if (k == 1 .and. qp%is_tied(row(i))) has_tie(column) = .true.
               if (k == 1 .or. .not. may(row(i))) cycle
-              if (all(has_tie(column) .or. value < rounding_of_closing*maxval(value))) then
+              if (all(has_tie(column) .or. value < half_digits*maxval(value))) then
                 on_tie(row(i)) = .true.
               else
                 may(row(i)) = compliance%is_formed(qp)

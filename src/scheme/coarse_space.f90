@@ -81,10 +81,6 @@ module dotyk_scheme_coarse_space
 
   public :: multiply_blocks
 
-  !> Rounding errors of sums of forces over a body, as a fraction of the sum of their absolute values: errors have all
-  !> signs, so that many add up to no more than one.
-  real(dp), parameter :: rounding_of_sums = epsilon(1.0_dp)
-
 contains
 
   !> Make the coarse space.
@@ -250,8 +246,9 @@ contains
         n = count(.not. self%is_slide(first:last))
         if (n == 0) cycle
         if (.not. stiffness(1, 1) > 0) cycle
-        force = rounding_of_sums*(self%resultant_size(first:first + n - 1) + &
-                                  matmul(abs(lambda(block(b)%row)), abs(self%block(b)%value(:, :n))))
+        ! Errors of sums have all signs: many add up to no more than one.
+        force = epsilon(norm)*(self%resultant_size(first:first + n - 1) + &
+                              matmul(abs(lambda(block(b)%row)), abs(self%block(b)%value(:, :n))))
         allocate (inverse(n, n), source=0.0_dp)
         do i = 1, n
           inverse(i, i) = 1

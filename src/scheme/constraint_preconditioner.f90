@@ -71,8 +71,6 @@ module dotyk_scheme_constraint_preconditioner
   !> With ties, over the same without: the compliance of a facet of a slender body is as small beside that of bending.
   !> Redundant rows share their force less exactly then.
   real(dp), parameter :: with_ties = 1.0e-2_dp
-  !> Compliance of rows between prescribed displacements, which get no force, as a multiple of the largest one.
-  real(dp), parameter :: no_force = 1.0e16_dp
 
 contains
 
@@ -154,7 +152,8 @@ contains
       allocate (yields(qp%n_rows))
       call compliance%nodal_diagonal(qp, yields)
       self%diagonal = yields(row)
-      where (.not. self%diagonal + layer > 0) self%diagonal = no_force*max(tiny(1.0_dp), maxval(yields))
+      ! Rows between prescribed displacements get no force.
+      where (.not. self%diagonal + layer > 0) self%diagonal = max(tiny(1.0_dp), maxval(yields))/epsilon(1.0_dp)
     else
       self%diagonal = self%matrix%value(self%matrix%column_start(:n) + 1)
     end if

@@ -7,6 +7,7 @@
 module dotyk_scheme_corner_group
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
   use dotyk_linalg_ordering, only: nested_dissection
@@ -15,10 +16,10 @@ module dotyk_scheme_corner_group
   use dotyk_response_corner_compliance, only: form_corner_compliance
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_mode_projection, only: remove_modes
+  use dotyk_response_multigrid, only: least_shared
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_gap_closing, only: find_neighbours
   use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t
-  use dotyk_scheme_tied_groups, only: least_eigenvalue
   implicit none
   private
 
@@ -52,11 +53,6 @@ module dotyk_scheme_corner_group
     procedure :: gather_springs => group_gather_springs
     procedure :: destroy => group_destroy
   end type corner_group_t
-
-  !> Entries of a factor that threads share in a solve, as in `dotyk_response_multigrid`.
-  integer(int64), parameter :: least_shared = 1000000
-  !> Rigid body modes that are in the span of others, but for rounding [].
-  real(dp), parameter :: dependent = 1.0e-8_dp
 
 contains
 
@@ -199,7 +195,7 @@ contains
     a = a/spread(scale, 1, n)/spread(scale, 2, n)
     values = 1
     if (n > 0) call symmetric_eigen(a, values, vectors, error)
-    associate (m => count(values < least_eigenvalue))
+    associate (m => count(values < rounding))
       combination = vectors(:, :m)/spread(scale, 2, m)
     end associate
   end subroutine null_space
@@ -239,7 +235,7 @@ contains
     call null_space(moved, combination)
     left = matmul(all_modes, combination)
     allocate (mode(size(left, 1), size(left, 2)))
-    call orthonormal_range(left, dependent, mode, rank)
+    call orthonormal_range(left, half_digits, mode, rank)
     mode = mode(:, :rank)
   end subroutine find_corner_modes
 

@@ -14,12 +14,12 @@ module dotyk_scheme_dual
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: largest_square, rounding
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
     rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
-  use dotyk_scheme_bounds, only: duality_gap, largest_bound
+  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
   use dotyk_scheme_linear_solver_choice, only: choose_coupling, entries_fit, is_heap
   use dotyk_scheme_compliance, only: compliance_t
@@ -311,7 +311,7 @@ contains
       call qp%coarse%rounding(qp%block, now%lambda, rounded)
       state%error_bound = state%error_bound + rounded
       if (norm > 0) then
-        if (state%error_bound <= largest_bound*norm) then
+        if (state%error_bound <= largest_square*norm) then
           state%error_bound = state%error_bound/norm
         else
           state%error_bound = huge(norm)

@@ -7,7 +7,7 @@
 module dotyk_scheme_gap_closing
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_thresholds, only: least_gain
+  use dotyk_base_thresholds, only: half_digits, least_gain
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -18,7 +18,6 @@ module dotyk_scheme_gap_closing
   integer, parameter :: most_passes = 8  !! Improvements at most: rows that depend on each other leave something.
   !> Fraction of the diagonal that is added at most where rounding has made the matrix indefinite [].
   real(dp), parameter :: most_shift = 0.1_dp
-  real(dp), parameter :: rounding = 1.0e-8_dp  !! Gaps below this fraction of those that are closed are rounding [].
 
 contains
 
@@ -178,7 +177,7 @@ contains
     real(dp) :: rest, over, nothing, of_row
     integer :: i
     left = 0
-    nothing = rounding*maxval([0.0_dp, abs(closed)]) + epsilon(left)*maxval([0.0_dp, abs(penetration)])
+    nothing = half_digits*maxval([0.0_dp, abs(closed)]) + epsilon(left)*maxval([0.0_dp, abs(penetration)])
     do i = 1, size(penetration)
       rest = penetration(i) - closed(i)
       over = rest - theta(i)*lambda(i)/weight(i)

@@ -11,6 +11,7 @@ module dotyk_scheme_interior_point
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: half_digits, sum_rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -30,14 +31,8 @@ module dotyk_scheme_interior_point
   end type point_t
 
   integer, parameter :: most_steps = 200  !! Linear systems at most.
-  !> The method ends where the complementarity products are this fraction of the energy, and
-  real(dp), parameter :: least_product = 1.0e-14_dp
-  !> resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
-  !> linear systems, far below what matters for a bound.
-  real(dp), parameter, public :: balanced = 1.0e-8_dp
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
-  real(dp), parameter :: shortest_step = 1.0e-8_dp  !! A shorter step than this is stopped by rounding errors.
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
   real(dp), parameter :: step_reduction = 0.01_dp
   !> Fraction of the distance to the boundary that a step goes.
@@ -106,7 +101,7 @@ contains
       if (interrupted()) exit
       call find_residuals(qp, compliance, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
-      if (mu <= least_product*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)) exit
+      if (mu <= sum_rounding*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)) exit
       call make_system(qp, compliance, system, usable, row, now%over_force(now%s), error)
       if (allocated(error)) exit
       ! Predictor, then corrector.
@@ -122,7 +117,8 @@ contains
       now%lambda = now%lambda + length*step%lambda
       now%s = now%s + length*step%s
       now%alpha = now%alpha + length*step%alpha
-      if (length < shortest_step) exit
+      ! Rounding errors stop it.
+      if (length < half_digits) exit
     end do
     steps = min(steps, most_steps)
   end subroutine follow_path
@@ -208,7 +204,7 @@ contains
     real(dp), intent(in) :: r_balance(:)  !! Residual of equilibrium (coarse%n) [force].
     real(dp) :: largest
     largest = max(maxval(abs(now%lambda)), maxval([0.0_dp, abs(qp%coarse%resultant)]))
-    is_balanced = .not. any(abs(r_balance) > balanced*largest)
+    is_balanced = .not. any(abs(r_balance) > half_digits*largest)
   end function is_balanced
 
   !> Newton's step for given changes of the complementarity products.

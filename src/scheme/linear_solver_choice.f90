@@ -25,11 +25,10 @@ module dotyk_scheme_linear_solver_choice
   !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
   !> a single right-hand side; and with ties, thousands of rows at once.
   real(dp), parameter :: gain_of_blocks = 8, gain_of_ties = 25
-  !> Bytes for an entry of C in a factor: 16 in the matrix, 8 in its permuted copy, 8 in the factor.
-  real(dp), parameter :: bytes_of_entry = 32
-  !> Bytes that compliances, forward substitutions and the factor may take,
-  real(dp), parameter :: most_bytes = 8.0e9_dp
-  real(dp), parameter :: most_of_memory = 0.5_dp  !! also as a fraction of the available memory.
+  !> Numbers for an entry of C: itself, and half of them in the matrix, its permuted copy and the factor.
+  integer, parameter :: numbers_of_entry = 3
+  !> Fraction of the available memory that compliances, forward substitutions and the factor may take.
+  real(dp), parameter :: most_of_memory = 0.5_dp
   !> A heap has more rigid body modes than this, and fewer rows for each.
   integer, parameter :: many_modes = 60, rows_per_mode = 30
 
@@ -130,7 +129,7 @@ contains
     cost(1) = cost(1) + (2*path*n + sqrt(2*path)*n**2 + merge(systems_of_ties, typical_systems, has_no_contact)*n**3)/ &
                         merge(gain_of_ties, gain_of_blocks, has_ties)
     cost(2) = cost(2) + 4*solve*typical_solves
-    bytes = bytes + (8 + bytes_of_entry/2)*n**2 + 8*n*sqrt(2*path)
+    bytes = bytes + 8*numbers_of_entry*n**2 + 8*n*sqrt(2*path)
   end subroutine add_costs
 
   !> Whether products are taken: by the cost where both ways fit into the memory, else by the memory.
@@ -145,8 +144,8 @@ contains
   !> Bytes for compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)
     type(memory_t), intent(in) :: memory  !! Available memory.
-    bytes = most_bytes
-    if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)
+    bytes = huge(bytes)
+    if (memory%is_known) bytes = most_of_memory*memory%left
     ! Each rank of a node has all of them.
     bytes = bytes/n_local_ranks()
   end function room_for_matrices

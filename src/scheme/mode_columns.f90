@@ -1,7 +1,7 @@
 !> Combinations of rigid body modes as sparse columns: of thousands of bodies most combinations move one body or a few.
 module dotyk_scheme_mode_columns
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_spectrum, only: rounding_of_products
+  use dotyk_base_thresholds, only: sum_rounding
   use dotyk_scheme_coarse_space, only: mode_block_t
   implicit none
   private
@@ -22,7 +22,6 @@ module dotyk_scheme_mode_columns
     procedure :: destroy => columns_destroy
   end type mode_columns_t
 
-
 contains
 
   !> Append a column; entries that are rounding errors are left out.
@@ -38,7 +37,7 @@ contains
     if (self%n == 0) self%first(1) = 1
     if (size(self%first) < self%n + 2) self%first = [self%first, self%first]
     last = self%first(self%n + 1) - 1
-    least = rounding_of_products*maxval([0.0_dp, abs(x)])
+    least = sum_rounding*maxval([0.0_dp, abs(x)])
     do i = 1, size(x)
       if (.not. abs(x(i)) > least) cycle
       last = last + 1

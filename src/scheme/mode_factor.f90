@@ -2,7 +2,8 @@
 module dotyk_scheme_mode_factor
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t, first_shift, most_shift
+  use dotyk_base_thresholds, only: half_digits, sum_rounding
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
   use dotyk_scheme_coarse_space, only: mode_block_t
   implicit none
   private
@@ -47,8 +48,8 @@ contains
       self%factor%value(:int(n, int64)**2) = reshape(sum, [int(n, int64)**2])
       call self%factor%factorize(failed)
       if (failed == 0) return
-      shift = max(10*shift, first_shift)
-      if (shift > most_shift) exit
+      shift = max(10*shift, sum_rounding)
+      if (shift > half_digits) exit
     end do
     call set_error(error, 'the stiffness of rigid body modes is not positive definite', exit_not_solvable)
   end subroutine factor_init

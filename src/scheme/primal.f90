@@ -9,6 +9,7 @@ module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
@@ -16,7 +17,6 @@ module dotyk_scheme_primal
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_bound, only: rank
   use dotyk_scheme_primal_solution, only: presses_rigid_rows, solve_by_displacements
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
@@ -140,7 +140,7 @@ contains
     integer :: b, i
     call compliance%nodal_diagonal(qp, diagonal)
     ! Entries of B at free nodes may be rounding.
-    is_rigid = .not. diagonal > rank**2*maxval([0.0_dp, diagonal])
+    is_rigid = .not. diagonal > rounding**2*maxval([0.0_dp, diagonal])
     ! Rigid bodies move without a stiffness.
     do b = 1, size(qp%block)
       do i = 1, size(qp%block(b)%row)

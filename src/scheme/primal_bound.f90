@@ -3,8 +3,9 @@
 module dotyk_scheme_primal_bound
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: largest_square, rounding
   use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_scheme_bounds, only: duality_gap, largest_bound
+  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_gap_closing, only: left_open
   use dotyk_scheme_proximal_system, only: proximal_system_t
@@ -15,7 +16,6 @@ module dotyk_scheme_primal_bound
 
   !> Fractions of the diagonal that are added where gaps are closed [].
   real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
-  real(dp), parameter, public :: rank = 1.0e-10_dp  !! Eigenvalues below this fraction of the greatest are rounding [].
   !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
   real(dp), parameter :: small_change = 0.1_dp
 
@@ -61,7 +61,7 @@ contains
       if (allocated(error)) return
       left = left_open(weight, theta, is_tied, lambda, penetration, closed, &
                        .not. softness > system%smoother_compliance())
-      if (max(of_g, left) < largest_bound) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
+      if (max(of_g, left) < largest_square) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
     end do
   end function error_bound
 
@@ -100,7 +100,7 @@ contains
     do pass = 1, 2
       call qp%mode_resultant(qp%weight*pressure, missing)
       missing = matmul(qp%coarse%resultant - missing, vectors)
-      where (values > rank*maxval(values))
+      where (values > rounding*maxval(values))
         missing = missing/values
       else where
         missing = 0

@@ -8,10 +8,9 @@
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: least_gain, rounding
+  use dotyk_base_thresholds, only: largest_square, least_gain, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm
-  use dotyk_scheme_bounds, only: largest_bound
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
@@ -180,7 +179,7 @@ contains
         bound = hypot(system%error_of_isolated, &
                       error_bound(system, part%weight, part%theta, part%is_tied, system%load, u, &
                                   pack(now%lambda, working), pack(now%penetration, working)))
-        if (bound <= largest_bound*norm) state%error_bound = bound/norm
+        if (bound <= largest_square*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
       call system%find_terms(u, state%terms)

@@ -19,7 +19,7 @@
 module dotyk_scheme_proximal_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: golden, rounding
+  use dotyk_base_thresholds, only: golden, half_digits, least_gain, rounding
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -53,20 +53,15 @@ module dotyk_scheme_proximal_active_set
     real(dp), allocatable :: seen(:)  !! Marks of the active sets since the pressures m_0 changed.
   end type iterate_t
 
-  !> prox grows by this factor where active sets come again although steps are minima, up to the compliance of the row.
-  real(dp), parameter :: growth = 10
-  !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again.
+  !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again. prox
+  !> grows by the inverse where it does although steps are minima, up to the compliance of the row.
   real(dp), parameter :: first_aim = 0.01_dp, closer_aim = 0.1_dp
   !> Active sets without a repetition after which the linear systems are solved more accurately, too.
   integer, parameter :: many_sets = 5
   !> Residual of the next linear system as fractions of the last residual and of the last change of the pressures, where
   !> the set has stayed.
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
-  !> Errors that fall by less than this factor, with the same active set, have reached rounding.
-  real(dp), parameter :: least_gain = 0.7_dp
   integer, parameter :: least_steps = 5  !! Linear systems before which errors that do not fall are no reason to end.
-  !> Residuals that are smaller, relative to the forces that balance, are rounding.
-  real(dp), parameter :: no_residual = 1.0e-9_dp
   integer, parameter :: most_iterations = 500  !! Iterations of one linear system at most.
 
 contains
@@ -202,7 +197,7 @@ contains
     real(dp), intent(in), contiguous :: r(:)  !! Right-hand side, the residual of the iterate (n) [force].
     real(dp), intent(in), contiguous :: load(:)  !! Loads (n) [force].
     has_failed = .not. solve%residual <= huge(solve%residual)
-    if (solve%has_failed) has_failed = .not. system%product(r, r) <= no_residual**2* &
+    if (solve%has_failed) has_failed = .not. system%product(r, r) <= half_digits**2* &
       max(system%product(load, load), system%product(load - r, load - r))
   end function has_failed
 
@@ -226,7 +221,7 @@ contains
     now%aim = max(tolerance/2, closer_aim*now%aim)
     now%seen = [real(dp) ::]
     if (now%guarded) then
-      where (.not. is_tied) now%prox = max(now%prox, min(growth*now%prox, compliance))
+      where (.not. is_tied) now%prox = max(now%prox, min(now%prox/closer_aim, compliance))
       now%shifted = gap - now%prox*pressure
       new = now%y - now%shifted > 0 .or. is_tied
     end if

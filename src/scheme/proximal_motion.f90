@@ -19,6 +19,7 @@
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: half_digits, least_gain, rounding
   use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -56,24 +57,17 @@ module dotyk_scheme_proximal_motion
   end type proximal_motion_t
 
   real(dp), parameter, public :: fraction = 1.0e-6_dp  !! Stiffness of the springs as a fraction of that of the contact.
-  !> Springs are weakened by this factor along a motion that goes on, down to this fraction of their first stiffness.
-  real(dp), parameter :: weakening = 0.1_dp, weakest = 1.0e-9_dp
+  !> Springs are weakened by this factor along a motion that goes on, until they are rounding of the contact.
+  real(dp), parameter :: weakening = 0.1_dp
   !> Stiffness of the springs of a body that is brought back, as a fraction of that of the contact: what contact
   !> resists converges a hundredfold in each step.
   real(dp), parameter :: brought_back = 0.01_dp
-  !> A motion goes on if its imbalance does not fall to this fraction in a step: contact resists it by less than the
-  !> springs do.
-  real(dp), parameter :: slow = 0.5_dp
-  !> Imbalance, as a fraction of the greatest force, that is rounding; and that which is where it falls no more.
-  real(dp), parameter :: rounding = 1.0e-12_dp, largest_rounding = 1.0e-8_dp
   !> Rows resist a motion by no more than they are uncertain if the uncertainty is at least this fraction of the
   !> resistance: 1 is a spin on facets, 1.04/0.04 a motion along a race with an osculation of 52 %.
   real(dp), parameter, public :: uncertain = 0.5_dp
   !> Directions that are held from the first step on are spins: nothing but facets resists them. They are rotations by
   !> more than this fraction.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
-  !> Displacements of the rows that are rounding, as a fraction of the displacements of the body.
-  real(dp), parameter :: no_resistance = 1.0e-6_dp
   integer, parameter :: most_steps = 60  !! Steps at most.
 
 contains
@@ -257,15 +251,16 @@ contains
         if (size(springs) == 0) cycle
         force(first:last) = matmul(springs, step(first:last))
         size_now = maxval(abs(force(first:last)))
-        goes_on = self%last(b) >= 0 .and. .not. size_now < slow*self%last(b)
+        ! Contact resists the motion by less than the springs do.
+        goes_on = self%last(b) >= 0 .and. .not. size_now < least_gain*self%last(b)
         self%last(b) = size_now
         n_active = count(active(row))
-        if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= largest_rounding*greatest)) then
+        if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= half_digits*greatest)) then
           associate (g => self%group(b))
             self%rest(b) = max(self%rest(b), size_now/on_group(g))
             self%excess(b) = max(self%excess(b), size_now/on_group(g))
-            is_free = alone(g) <= no_resistance**2*weight(g)*whole(g)
-            may_rest = resisted(g) <= no_resistance**2*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resisted(g)
+            is_free = alone(g) <= rounding*weight(g)*whole(g)
+            may_rest = resisted(g) <= rounding*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resisted(g)
           end associate
           may_rest = may_rest .and. self%excess(b) <= qp%coarse%max_unbalanced
           if (.not. goes_on) then
@@ -293,7 +288,7 @@ contains
     !> The greatest force on a body of each group.
     subroutine find_forces()
       integer :: body
-      on_group = max(largest_rounding*greatest, tiny(greatest))
+      on_group = max(half_digits*greatest, tiny(greatest))
       do body = 1, size(qp%block)
         associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
                    g => self%group(body))
@@ -375,9 +370,9 @@ contains
         at_first = dot_product(step(first:last), matmul(first_springs, step(first:last)))
         if (stiffer) then
           next = brought_back*at_first/fraction
-          may = along < slow*next
+          may = along < least_gain*next
         else
-          may = along > weakest*at_first
+          may = fraction*along > epsilon(along)*at_first
           next = weakening*along
         end if
         if (.not. may) return

@@ -5,6 +5,7 @@ module dotyk_scheme_relaxation
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gamma_fixed, gamma_theory, stop_paper
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: largest_square
   use dotyk_linalg_spectrum, only: largest_eigenvalue, linear_operator_t
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -26,10 +27,6 @@ module dotyk_scheme_relaxation
 
   public :: estimate_lambda_max, upper_estimate, relaxation_parameter, choose_relaxation
 
-  !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step
-  !> is too long.
-  real(dp), parameter, public :: lambda_max_unknown = 1.0e100_dp
-
   real(dp), parameter :: tolerance = 1.0e-2_dp  !! Relative residual at which the Ritz value is taken for converged.
   !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
   real(dp), parameter, public :: margin = 1.02_dp
@@ -50,8 +47,8 @@ contains
     lambda_max = upper_estimate(operator, qp%n_rows)
   end subroutine estimate_lambda_max
 
-  !> Upper estimate of the largest eigenvalue of an operator, `1.02 (Ritz value + residual)`; after an interrupt
-  !> `lambda_max_unknown`.
+  !> Upper estimate of the largest eigenvalue of an operator, `1.02 (Ritz value + residual)`; after an interrupt one
+  !> that no L is larger than, so that all bounds made with it hold, and no step is too long.
   real(dp) function upper_estimate(operator, n) result(value)
     class(linear_operator_t), intent(inout) :: operator  !! The operator, symmetric and positive semidefinite.
     integer, intent(in) :: n  !! Order of the operator.
@@ -59,7 +56,7 @@ contains
     integer :: steps
     call largest_eigenvalue(operator, n, tolerance, most_steps, ritz, residual, steps)
     value = margin*(ritz + residual)
-    if (interrupted()) value = lambda_max_unknown
+    if (interrupted()) value = largest_square
   end function upper_estimate
 
   !> y = Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2} x.

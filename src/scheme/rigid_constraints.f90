@@ -2,16 +2,12 @@
 !> of nothing: their part of the active system is zero.
 module dotyk_scheme_rigid_constraints
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: drop_rigid_constraints
-
-  !> Rows whose diagonal entry of C is below this fraction of the largest are rigid: all their nodes are held.
-  real(dp), parameter :: rigid_row = 1.0e-13_dp
-  !> Rows that rigid body modes move by more than this are not rigid constraints: modes are scaled to 1.
-  real(dp), parameter :: moved_row = 1.0e-10_dp
 
 contains
 
@@ -40,9 +36,10 @@ contains
     end if
     largest = maxval(diagonal)
     do i = 1, size(row)
-      if (diagonal(i) > rigid_row*largest .or. qp%theta(row(i)) > 0) cycle
+      if (diagonal(i) > rounding*largest .or. qp%theta(row(i)) > 0) cycle
       call qp%coarse%rows([row(i)], g)
-      if (any(abs(g) > moved_row)) cycle
+      ! Modes are scaled to 1.
+      if (any(abs(g) > rounding)) cycle
       active(row(i)) = .false.
       is_rigid(row(i)) = .true.
     end do

@@ -5,6 +5,7 @@
 module dotyk_scheme_solver_state
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: stop_residual
+  use dotyk_base_thresholds, only: one_digit
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
@@ -30,9 +31,6 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
   integer, parameter, public :: ended_gaps = 18  !< the results hang on what is not known of the gaps
   integer, parameter, public :: ended_costly = 17  !< p-multigrid takes longer than factors: there is no solution
-
-  !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
-  real(dp), parameter :: largest_confirming_bound = 0.1_dp
 
   !> What a scheme needs beside the state to continue an iteration that the time limit stopped. Each scheme that can
   !> continue has an extension.
@@ -118,8 +116,9 @@ contains
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
     if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) &
       self%ended = merge(ended_stalled, ended_solves, self%bound_is_guaranteed)
+    ! A bound that leaves no digit confirms nothing.
     if (self%ended == ended_converged .and. self%stop_rule /= stop_residual .and. &
-        .not. self%error_bound <= largest_confirming_bound) self%ended = ended_unverified
+        .not. self%error_bound <= one_digit) self%ended = ended_unverified
     if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
   end subroutine state_add_rounding
 

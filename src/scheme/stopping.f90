@@ -5,6 +5,7 @@ module dotyk_scheme_stopping
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_gamma_rule, default_linear_solver, default_max_iterations, default_stop_rule, &
     default_tolerance, stop_increment, stop_paper
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_ranks_exchange, only: on_any_rank
@@ -39,7 +40,7 @@ module dotyk_scheme_stopping
     real(dp), private :: shortest = huge(1.0_dp)  !! Shortest step so far [sqrt(energy)].
     real(dp), private :: best = huge(1.0_dp)  !! Best measure so far [].
     integer, private :: best_step = 0  !! Step of the best measure.
-    integer, private :: patience = 200  !! Steps without any gain after which rounding is to blame.
+    integer, private :: patience = 200  !! Steps without any gain after which rounding is to blame, at least at first.
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
@@ -55,11 +56,9 @@ module dotyk_scheme_stopping
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
-  !> Steps shorter than this fraction of ||u||_A are rounding: they can vanish by chance.
-  real(dp), parameter :: shortest_step = 1.0e-10_dp
   real(dp), parameter :: least_gain = 0.99_dp  !! A measure counts as a gain below this fraction of the best one so far.
-  !> Patience in multiples of the 1/(1-q) steps that a factor e takes, and its bounds.
-  real(dp), parameter :: patience_factor = 10, least_patience = 200, most_patience = 1.0e9_dp
+  !> Patience in multiples of the 1/(1-q) steps that a factor e takes.
+  real(dp), parameter :: patience_factor = 10
 
 contains
 
@@ -71,7 +70,7 @@ contains
     self%settings = settings
     self%start = wall_time()
     self%resumed = self%start
-    if (q < 1) self%patience = int(min(most_patience, max(least_patience, patience_factor/(1 - q))))
+    if (q < 1) self%patience = max(self%patience, int(min(real(huge(0), dp), patience_factor/(1 - q))))
   end subroutine stopping_begin
 
   !> Continue a paused iteration. Seconds of the history continue with those of its last entry.
@@ -142,8 +141,9 @@ contains
       return
     end if
     self%shortest = min(self%shortest, length)
+    ! Steps can vanish by chance.
     if (.not. ieee_is_finite(length) .or. &
-        length > growth_of_divergence*max(self%shortest, shortest_step*norm)) then
+        length > growth_of_divergence*max(self%shortest, half_digits*norm)) then
       state%ended = ended_diverged
       return
     end if

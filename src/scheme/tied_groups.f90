@@ -2,17 +2,12 @@
 module dotyk_scheme_tied_groups
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: find_groups, find_held_groups
-
-  !> Eigenvalues of the stiffness of ties against the modes, each mode scaled by its own, are zero below this [].
-  real(dp), parameter, public :: least_eigenvalue = 1.0e-11_dp
-  !> Of directions that ties do not resist: stiffness of springs and supports below this fraction of the largest one is
-  !> none; and rounding of a product with it, as a fraction of its largest entry [].
-  real(dp), parameter :: least_stiffness = 1.0e-9_dp, rounding = 1.0e-13_dp
 
 contains
 
@@ -104,7 +99,8 @@ contains
     scaled = of_ties/spread(root, 2, n)/spread(root, 1, n)
     call symmetric_eigen(scaled, values, vectors, error)
     if (allocated(error)) return
-    n = count(values < least_eigenvalue)
+    ! Each mode is scaled by its own stiffness.
+    n = count(values < rounding)
     resists = n == 0
     if (resists) return
     scaled = of_springs/spread(root, 2, size(root))/spread(root, 1, size(root))
@@ -114,6 +110,6 @@ contains
     allocate (values(n), vectors(n, n))
     call symmetric_eigen((own + transpose(own))/2, values, vectors, error)
     if (.not. allocated(error)) &
-      resists = values(1) > max(least_stiffness*values(n), rounding*maxval(abs(scaled)))
+      resists = values(1) > rounding*maxval(abs(scaled))
   end function resists_all
 end module dotyk_scheme_tied_groups

@@ -20,10 +20,9 @@ module dotyk_scheme_winkler_start
   integer, parameter :: most_steps = 100  !! Newton steps at most: a start need not be exact.
   integer, parameter :: many_modes = 300  !! So many bodies on each other yield where they rest.
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
-  !> bounded that no contact restrains yet.
+  !> bounded that no contact restrains yet; and of what is 1 beside penalties of motions into contact: far below
+  !> `imbalance`.
   real(dp), parameter :: weak = 1.0e-9_dp
-  !> Penalty of motions into contact, against 1 for the distance to the loads: far above 1/`imbalance`.
-  real(dp), parameter :: stiff = 1.0e10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
   !> the mesh.
   real(dp), parameter, public :: imbalance = 1.0e-7_dp
@@ -60,7 +59,7 @@ contains
     if (.not. length > 0) return
     e = qp%coarse%resultant/length
     allocate (none(qp%n_rows), source=0.0_dp)
-    allocate (penalty(qp%n_rows), source=stiff)
+    allocate (penalty(qp%n_rows), source=1/weak)
     if (allocated(qp%coarse%stiffness)) then
       ! A stiffness resists a motion too, however small it is.
       allocate (springs(size(qp%coarse%stiffness)))
@@ -68,7 +67,7 @@ contains
         associate (value => qp%coarse%stiffness(b)%value)
           allocate (springs(b)%value(size(value, 1), size(value, 1)), source=0.0_dp)
           do i = 1, size(value, 1)
-            if (value(i, i) > 0) springs(b)%value(i, i) = stiff
+            if (value(i, i) > 0) springs(b)%value(i, i) = 1/weak
           end do
         end associate
       end do
