@@ -1,7 +1,6 @@
 !> The conditioning of the stiffness of each body, and what was done about it.
 module dotyk_control_conditioning
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: half_digits
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
@@ -22,6 +21,8 @@ module dotyk_control_conditioning
 
   public :: collect_conditioning
 
+  real(dp), parameter :: refined_condition = 1.0e7_dp  !! Conditions above this are worth iterative refinement.
+
 contains
 
   !> Decimal digits of 16 that are lost in a solve with the factor.
@@ -33,7 +34,7 @@ contains
   !> Whether the displacement is to be refined with residuals computed from the elements.
   elemental logical function conditioning_needs_refinement(self) result(needs)
     class(conditioning_t), intent(in) :: self
-    needs = self%is_rounded .or. (self%is_measured .and. self%condition_left*half_digits > 1)
+    needs = self%is_rounded .or. (self%is_measured .and. self%condition_left > refined_condition)
   end function conditioning_needs_refinement
 
   !> From the factorizations.

@@ -25,7 +25,8 @@ module dotyk_control_split_costs
   integer, parameter :: always_allowed = 300  !! Iterations that are no reason for factors.
   !> Stiffness of quadratic elements with the graph of its nodes, over the unknowns n; factor of a cube, 22 entries of 8
   !> bytes over n^(4/3) [bytes].
-  real(dp), parameter :: bytes_of_unknown = 1000, bytes_of_power = 176
+  real(dp), parameter, public :: bytes_of_unknown = 1000
+  real(dp), parameter :: bytes_of_power = 176
 
 contains
 

@@ -10,6 +10,7 @@ module dotyk_driver_return_to_factors
   use dotyk_control_factorization, only: analyze_bodies, check_memory, factor_size_t
   use dotyk_control_response_choice, only: form_direct, form_multigrid, operator_slot_t
   use dotyk_control_slow_multigrid, only: find_slow_ones
+  use dotyk_control_split_costs, only: bytes_of_unknown
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -20,9 +21,6 @@ module dotyk_driver_return_to_factors
   implicit none
   private
   public :: may_return_to_factors, return_to_factors
-
-  !> Stiffness of quadratic elements with the graph of its nodes, about [bytes/unknown]; the factor is larger.
-  real(dp), parameter :: bytes_of_stiffness = 1000
 
 contains
 
@@ -58,7 +56,8 @@ contains
     associate (problem => scene%problem)
       memory = memory_now()
       fits = .not. memory%is_known
-      if (.not. fits) fits = bytes_of_stiffness*sum(real(problem%body%constraint%n_equations, dp), &
+      ! The factor is larger than the stiffness.
+      if (.not. fits) fits = bytes_of_unknown*sum(real(problem%body%constraint%n_equations, dp), &
         mask=problem%classes%first == [(b, b=1, size(problem%body))]) < memory%left
       if (.not. fits) return
       call set_stage('assembling')
