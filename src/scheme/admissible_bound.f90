@@ -1,6 +1,7 @@
 !> An error bound of the dual scheme that stays sharp as theta goes to 0, where the duality gap does not.
 module dotyk_scheme_admissible_bound
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -20,15 +21,13 @@ contains
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Ties are equations, for which it is
   !> `(lambda - lambda_theta).r`, to first order mu.r. [sqrt(energy)]
-  real(dp) function admissible_bound(qp, with_springs, compliance, system, lambda, penetration, rounding) result(bound)
+  real(dp) function admissible_bound(qp, with_springs, compliance, system, lambda, penetration) result(bound)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: with_springs  !! The same with springs on the modes: what the system is that of.
     class(compliance_t), intent(inout) :: compliance  !! Compliance of the bodies at these rows.
     type(active_system_t), intent(in) :: system  !! Linear system of the active set that the state came from.
     real(dp), intent(in) :: lambda(:)  !! Forces of contact, not negative, and of ties (n_rows) [force].
     real(dp), intent(in) :: penetration(:)  !! Penetrations (n_rows) [length].
-    !> Penetrations below this fraction of the largest initial one are rounding errors [].
-    real(dp), intent(in) :: rounding
     real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)
     real(dp) :: remainder
     logical, allocatable :: active(:)

@@ -304,7 +304,7 @@ contains
                                                                       state%penetration))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
-        admissible = admissible_bound(qp, with_springs, compliance, system, now%lambda, now%penetration, rounding)
+        admissible = admissible_bound(qp, with_springs, compliance, system, now%lambda, now%penetration)
       ! A bound from half a solution is none.
       if (interrupted()) admissible = huge(norm)
       state%error_bound = min(state%error_bound, admissible)
