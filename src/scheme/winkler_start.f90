@@ -22,7 +22,7 @@ module dotyk_scheme_winkler_start
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
   !> bounded that no contact restrains yet; and of what is 1 beside penalties of motions into contact: far below
   !> `imbalance`.
-  real(dp), parameter :: weak = 1.0e-9_dp
+  real(dp), parameter :: weak = 1.0e-10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
   !> the mesh.
   real(dp), parameter, public :: imbalance = 1.0e-7_dp
