@@ -12,7 +12,7 @@ module dotyk_scheme_linearized_contact
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: form_aggregate, restrict_qp, transformed_qp_t
+  use dotyk_scheme_restriction, only: form_entries, restrict_qp, transformed_qp_t
   use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   implicit none
   private
@@ -83,7 +83,7 @@ contains
     real(dp), allocatable :: y(:, :), of_rows(:, :)
     integer :: j
     call joined%join(qp)
-    call form_aggregate(joined%qp, compliance, of_joined)
+    call form_entries(joined%qp, compliance, of_joined)
     allocate (y(joined%qp%n_rows, size(force, 2)), of_rows(joined%qp%n_rows, size(force, 2)))
     do j = 1, size(force, 2)
       y(:, j) = joined%means(penetration(:, j))
