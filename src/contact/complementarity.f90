@@ -65,7 +65,7 @@ contains
     real(dp) :: bend(pair%n_points), relative(size(u_a, 1)), theta
     integer :: i, n
     allocate (p(pair%n_points), gap(pair%n_points))
-    bend = bending_of_points(pair, surface_a, pressure)
+    bend = bending_of_points(pair, surface_a, pressure, 0*pair%bend)
     if (pair%n_mortar_points > 0) then
       call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points), &
                         pair%sheet_b(1:pair%n_mortar_points))

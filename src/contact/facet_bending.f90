@@ -1,5 +1,9 @@
-!> Gaps of facets that the contact bends: what gap_interpolation.f90 took off the gaps of quadratic facets, as bodies
-!> that merely touch do not bend them, goes back where the contact turns out to span them.
+!> Gaps of quadratic facets: whether they have the part r of the gap that facets resemble only where they bend
+!> (gap_interpolation.f90).
+!>
+!> Facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure at
+!> vertices none of which a bent facet has are touched between bodies that hardly bend: it has not. Facets at the rim of
+!> the contact, and those without pressure, keep what they have.
 module dotyk_contact_facet_bending
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
@@ -7,38 +11,68 @@ module dotyk_contact_facet_bending
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: bending_of_points, bending_of_rows
+  public :: bending_of_points
+
+  type, public :: bending_t  !! What the solutions of a pair have added to its gaps.
+    real(dp), allocatable, private :: at_points(:)  !! Nothing yet where not allocated (n_points) [length].
+  contains
+    procedure :: update => bending_update
+  end type bending_t
 
 contains
 
-  !> What the gaps of the rows of a pair get back: weighted means of that of their points [length].
-  function bending_of_rows(pair, surface_a, pressure) result(change)
+  !> Decide anew, from a guess of the pressure the first time.
+  subroutine bending_update(self, pair, surface_a, pressure, change)
+    class(bending_t), intent(inout) :: self
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
-    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows (n_rows) [pressure].
-    real(dp), allocatable :: change(:)  !! Changes of the gaps (n_rows) [length].
-    allocate (change(pair%n_rows), source=0.0_dp)
-    if (any(abs(pair%bend) > 0)) call pair%average%multiply(bending_of_points(pair, surface_a, pressure), change)
-  end function bending_of_rows
+    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows; only their signs count (n_rows) [pressure].
+    real(dp), intent(out) :: change(:)  !! What is added to the gaps of the rows (n_rows) [length].
+    real(dp), allocatable :: now(:), more(:)
+    now = bending_of_points(pair, surface_a, pressure, self%at_points)
+    more = now
+    if (allocated(self%at_points)) more = now - self%at_points
+    change = 0
+    if (any(abs(more) > 0)) call pair%average%multiply(more, change)
+    call move_alloc(now, self%at_points)
+  end subroutine bending_update
 
-  !> What the gaps of the points get back: on facets with pressure at all of their vertices [length].
-  function bending_of_points(pair, surface_a, pressure) result(change)
+  !> What is added to the gaps of the points of a pair [length].
+  function bending_of_points(pair, surface_a, pressure, before) result(change)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
-    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows; only their signs count (n_rows) [pressure].
+    !> What the gaps have got; absent for a guess of the pressure: it shows what is bent, and no more (n_points) [length].
+    real(dp), intent(in), optional :: before(:)
     real(dp) :: change(pair%n_points)  !! Changes of the gaps (n_points) [length].
     type(corner_interpolation_t) :: corners
-    logical, allocatable :: is_active(:)
+    logical, allocatable :: is_active(:), is_bent(:), is_beside(:)
     integer :: i
     change = 0
-    if (.not. any(abs(pair%bend) > 0)) return
+    if (present(before)) change = before
+    if (.not. any(abs(pair%bend) > 0 .or. abs(pair%curved) > 0)) return
     associate (n => pair%n_mortar_points, m => pair%n_mortar_rows)
       call corners%init(surface_a, pair%facet_a(:n), pair%xi_a(:, :n), pair%sheet_b(:n))
       ! Vertices without a row have almost no area.
       allocate (is_active(0:corners%n), source=.true.)
       is_active(pair%row_corner) = pressure(:m) > 0
+      is_bent = [(all(is_active(corners%corner(:, i))), i=1, n)]
+      allocate (is_beside(0:corners%n), source=.false.)
       do i = 1, n
-        if (all(is_active(corners%corner(:, i)))) change(i) = pair%bend(i)
+        if (is_bent(i)) is_beside(corners%corner(:, i)) = .true.
+      end do
+      is_active = .false.
+      is_active(pair%row_corner) = pressure(:m) > 0
+      is_beside(0) = .false.
+      do i = 1, n
+        associate (corner => corners%corner(:, i))
+          if (is_bent(i)) then
+            change(i) = pair%bend(i)
+          else if (present(before) .and. any(is_active(corner)) .and. .not. any(is_active(corner) .and. &
+                                                                                is_beside(corner))) then
+            change(i) = -pair%curved(i)
+          end if
+        end associate
       end do
     end associate
   end function bending_of_points

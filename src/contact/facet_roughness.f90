@@ -19,7 +19,7 @@ module dotyk_contact_facet_roughness
 contains
 
   !> Normals, roughness and curvature of all facets.
-  subroutine measure_roughness(surface, set, adjacency, x0, normal0, normal, roughness, curvature)
+  subroutine measure_roughness(surface, set, adjacency, x0, normal0, normal, roughness0, roughness, curvature)
     type(surface_t), intent(in) :: surface  !! Facets.
     type(facet_set_t), intent(in) :: set  !! Deformed facets.
     type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
@@ -27,23 +27,23 @@ contains
     !> Unit normals of the facets before deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: normal0(:, :)
     real(dp), allocatable, intent(out) :: normal(:, :)  !! The same after deformation (3, n_facets) [].
-    real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness (n_facets) [length].
+    real(dp), allocatable, intent(out) :: roughness0(:)  !! Roughness before deformation (n_facets) [length].
+    real(dp), allocatable, intent(out) :: roughness(:)  !! The same after deformation (n_facets) [length].
     real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
-    real(dp), allocatable :: own(:)
     integer :: entity(set%n), smooth(4, set%n), f, e, other, back
     logical :: in_plane(set%n)
     entity = [(facet_entity(surface, f), f=1, set%n)]
     in_plane = .false.
-    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
+    allocate (normal0(3, set%n), normal(3, set%n), roughness0(set%n), roughness(set%n), curvature(set%n))
     ! Deformation bends flat facets too.
     call before%init_polynomials(x0(1:set%dimension, :), surface)
     do f = 1, set%n
       associate (corner => surface%node(1:set%corners(f), f), is_flat => set%affine(f) .and. set%corners(f) > 2)
         normal0(:, f) = corner_normal(x0(:, corner))
         call bulge(set, f, is_flat, normal(:, f), roughness(f), bent)
-        call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
+        call bulge(before, f, is_flat, centre_normal, roughness0(f), curvature(f))
       end associate
     end do
     smooth = 0
@@ -60,16 +60,27 @@ contains
         if (.not. width > 0) cycle
         roughness([f, other]) = max(roughness([f, other]), &
                                     roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
+        roughness0([f, other]) = max(roughness0([f, other]), &
+                                     roughness_factor*width*norm2(normal0(:, f) - normal0(:, other)))
         curvature([f, other]) = max(curvature([f, other]), norm2(normal0(:, f) - normal0(:, other))/width)
       end do
     end do
-    ! Means over the facets around a vertex depend on all of them.
-    own = roughness
-    do f = 1, set%n
-      do e = 1, set%corners(f)
-        if (smooth(e, f) > 0) roughness(f) = max(roughness(f), own(smooth(e, f)))
+    call spread_to_neighbours(roughness0)
+    call spread_to_neighbours(roughness)
+
+  contains
+
+    !> Means over the facets around a vertex depend on all of them.
+    subroutine spread_to_neighbours(height)
+      real(dp), intent(inout) :: height(:)  !! Heights (n_facets) [length].
+      real(dp) :: own(set%n)
+      own = height
+      do f = 1, set%n
+        do e = 1, set%corners(f)
+          if (smooth(e, f) > 0) height(f) = max(height(f), own(smooth(e, f)))
+        end do
       end do
-    end do
+    end subroutine spread_to_neighbours
   end subroutine measure_roughness
 
   !> Normal at the centre of a facet, and its roughness and curvature by the normals at its corners.

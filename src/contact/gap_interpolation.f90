@@ -9,8 +9,8 @@
 !>
 !> Quadratic facets bend as the gap does where the contact spans them: their gaps keep r. Bodies that merely touch
 !> somewhere on a facet do not bend it: there r is taken off, wholly where the least gap of the facet is 0, and in part
-!> up to a least gap, or an overlap, as great as r; it goes back where the contact turns out to span the facet
-!> (facet_bending.f90).
+!> up to a least gap, or an overlap, as great as r. It goes back, or wholly off, where the contact turns out to span the
+!> facet, or not (facet_bending.f90).
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part
@@ -126,7 +126,7 @@ contains
     integer, intent(in) :: sheet_b(:)  !! Sheets of the master facets (n_facets).
     type(projection_t), intent(inout) :: projection(:)  !! Projections of the points (n_points).
     integer, allocatable :: list(:), rest(:)
-    real(dp), allocatable :: gap(:), bend(:)
+    real(dp), allocatable :: gap(:), bend(:), curved(:)
     real(dp) :: uncertainty
     integer :: i, n
     n = size(area)
@@ -139,11 +139,12 @@ contains
       if (.not. any(list <= n - corners)) cycle
       gap = projection(list)%distance
       call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, &
-                      bend, uncertainty)
+                      bend, curved, uncertainty)
       ! Patches of uncertain curvature have kinks: what is noise of the one is no error of the other.
       projection(list)%uncertainty = max(projection(list)%uncertainty, uncertainty)
       projection(list)%distance = gap
       projection(list)%bend = bend
+      projection(list)%curved = curved
     end do
   end subroutine straighten_projections
 
@@ -155,7 +156,7 @@ contains
     integer, intent(in) :: n_mortar_points  !! Number of points, the first ones, that rows average.
     type(contact_pair_t), intent(inout) :: pair  !! Pair with the gaps of the formula at its points.
     real(dp) :: vertex(2, max_functions), at(3)
-    real(dp), allocatable :: gap(:), bend(:)
+    real(dp), allocatable :: gap(:), bend(:), curved(:)
     integer :: first, last, i, n
     first = 1
     at = 0
@@ -174,10 +175,12 @@ contains
           call straighten(surface%kind(f), extent(x(:, surface%node(:n, f))), &
                           reshape([pair%xi_a(:, first:last), vertex(:pair%dimension - 1, :n)], &
                                   [pair%dimension - 1, size(gap)]), &
-                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend, pair%uncertainty(first))
+                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend, curved, &
+                          pair%uncertainty(first))
           pair%uncertainty(first:last) = pair%uncertainty(first)
           pair%gap(first:last) = gap(:last - first + 1)
           pair%bend(first:last) = bend(:last - first + 1)
+          pair%curved(first:last) = curved(:last - first + 1)
         end if
       end associate
       first = last + 1
@@ -191,7 +194,7 @@ contains
   end function extent
 
   !> Take r off the gaps at points of one facet.
-  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend, uncertainty)
+  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend, curved, uncertainty)
     integer, intent(in) :: kind  !! Element kind of the facet.
     real(dp), intent(in) :: length  !! Length of the facet [length].
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
@@ -200,15 +203,16 @@ contains
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
+    real(dp), allocatable, intent(out) :: curved(:)  !! What of r is left there (n_points) [length].
     !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, and rows have that of
     !> a linear function [length].
     real(dp), intent(out) :: uncertainty
     type(element_kind_t) :: properties
-    real(dp), allocatable :: linear(:, :), curved(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
+    real(dp), allocatable :: linear(:, :), bubble(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
     real(dp) :: weight(size(area)), greatest, least
     integer :: i, m, n
     m = size(area)
-    allocate (bend(m), source=0.0_dp)
+    allocate (bend(m), curved(m), source=0.0_dp)
     weight = abs(area)/max(sum(abs(area)), tiny(length))
     weight(m - n_vertices + 1:) = vertex_weight
     uncertainty = 0
@@ -216,18 +220,18 @@ contains
     if (maxval(gap) - least <= min_curvature*length) return
     properties = element_kind(kind)
     n = properties%n_corners
-    allocate (linear(n, m), curved(merge(1, n, n == 2), m))
+    allocate (linear(n, m), bubble(merge(1, n, n == 2), m))
     do i = 1, m
       call shape_functions(properties%corner_kind, xi(:, i), linear(:, i))
-      call vanishing_functions(linear(:, i), curved(:, i))
+      call vanishing_functions(linear(:, i), bubble(:, i))
     end do
     rest = gap - matmul(fitted(linear, weight, gap), linear)
-    without_linear = curved
-    do i = 1, size(curved, 1)
-      without_linear(i, :) = curved(i, :) - matmul(fitted(linear, weight, curved(i, :)), linear)
+    without_linear = bubble
+    do i = 1, size(bubble, 1)
+      without_linear(i, :) = bubble(i, :) - matmul(fitted(linear, weight, bubble(i, :)), linear)
     end do
     coefficient = fitted(without_linear, weight, rest)
-    r = matmul(coefficient, curved)
+    r = matmul(coefficient, bubble)
     greatest = maxval(abs(r))
     if (greatest <= min_curvature*length) return
     rest = rest - matmul(coefficient, without_linear)
@@ -241,7 +245,8 @@ contains
     end if
     r = r + rest
     if (properties%order > 1) then
-      r = r*max(0.0_dp, 1 - abs(least)/greatest)
+      curved = r*min(1.0_dp, abs(least)/greatest)
+      r = r - curved
       bend = r
     end if
     gap = gap - r

@@ -86,6 +86,7 @@ contains
     call pair%average%init_from_triplets(n, q, row, [(k, k=1, q)], pair%weight/pair%row_weight(row))
     pair%gap = spread(0.0_dp, 1, q)
     pair%bend = pair%gap
+    pair%curved = pair%gap
     pair%row_gap = spread(0.0_dp, 1, n)
     pair%row_theta = pair%row_gap
     allocate (tie(d))

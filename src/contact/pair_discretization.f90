@@ -179,6 +179,7 @@ contains
     pair%gap_kind = settings%gap_kind
     if (any(settings%gap_kind == [gap_constant, gap_formula])) then
       pair%bend = 0
+      pair%curved = 0
       pair%uncertainty = 0
     end if
     select case (settings%gap_kind)

@@ -39,6 +39,7 @@ contains
     pair%weight = [pair%weight(list), contact%weight]
     pair%gap = [pair%gap(list), contact%gap]
     pair%bend = [pair%bend(list), [(0.0_dp, i=1, size(contact))]]
+    pair%curved = [pair%curved(list), [(0.0_dp, i=1, size(contact))]]
     pair%uncertainty = [pair%uncertainty(list), [(0.0_dp, i=1, size(contact))]]
     pair%facet_a = [pair%facet_a(list), contact%facet_a]
     pair%facet_b = [pair%facet_b(list), contact%facet_b]

@@ -5,9 +5,10 @@
 !>
 !> - the bound of the iteration times what the two move beside their common rigid motion, and rounding (`slack`);
 !> - penalty and given gaps: the penetration of the rows around both points (`left`);
-!> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides;
-!> - mean conditions, where there are rows: over a facet of width h that turns by b against the other surface, a gap
-!>   whose mean is 0 goes from -h b/2 to h b/2;
+!> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides. Where
+!>   rows keep the gap closed in the mean, these are the arcs of the deformed facets. Over slave facets the gap is as
+!>   uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has the gap there: none of
+!>   its own facets counts;
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
@@ -20,9 +21,11 @@ module dotyk_contact_penetration_tolerance
 
   type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
     real(dp), allocatable :: depth(:)  !! Penetration by penalty and given gaps (n_nodes) [length].
-    !> Width of the slave facets over whose rows the gap is 0 in the mean; 0 without rows (n_nodes) [length].
-    real(dp), allocatable :: width(:)
+    real(dp), allocatable :: uncertainty(:)  !! That of the gaps over the slave facets around (n_nodes) [length].
+    logical, allocatable :: is_averaged(:)  !! Nodes of facets with rows at all of their vertices (n_nodes).
     real(dp) :: given = 0  !! What given gaps leave at most, which the meshes do not show [length].
+  contains
+    procedure :: at => left_at
   end type left_by_pairs_t
 
   type, public :: penetration_tolerance_t  !! What is known of two parts, a and b.
@@ -39,6 +42,13 @@ module dotyk_contact_penetration_tolerance
   real(dp), parameter :: same = 1.0e-6_dp  !! Distances that differ by less are equal [].
 
 contains
+
+  !> The same for some of the nodes, as those of a part of a body.
+  pure type(left_by_pairs_t) function left_at(self, node)
+    class(left_by_pairs_t), intent(in) :: self
+    integer, intent(in) :: node(:)  !! The nodes (n).
+    left_at = left_by_pairs_t(self%depth(node), self%uncertainty(node), self%is_averaged(node), self%given)
+  end function left_at
 
   !> The same for b and a.
   pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
@@ -109,9 +119,10 @@ contains
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
-    real(dp) :: position(3), d(3), xu(3), xv(3), slip, facing, tilt, width, turn, curvature
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty
     integer, allocatable :: around(:), shared(:)
-    integer :: i, k, vertex
+    integer :: vertex
+    logical :: is_averaged
     around = a%facets_around(nodes)
     call b%facets_at(facet, xi, shared, vertex)
     call facet_position_and_normal(b%set, facet, xi, position, d, xu, xv)
@@ -120,24 +131,16 @@ contains
     turn = maxval(norm2(a%normal(:, around) - a%normal0(:, around), 1)) + &
            maxval(norm2(b%normal(:, shared) - b%normal0(:, shared), 1))
     curvature = maxval(a%curvature(around)) + maxval(b%curvature(shared))
-    ! Facets of the two that face each other best, and how they turn against each other.
-    facing = 0
-    tilt = 0
-    do k = 1, size(shared)
-      do i = 1, size(around)
-        associate (p => around(i), q => shared(k))
-          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
-          facing = dot_product(a%normal(:, p), b%normal(:, q))
-          tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
-        end associate
-      end do
-    end do
     associate (of_b => b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))
       left = maxval(self%left_a%depth(nodes)) + maxval(self%left_b%depth(of_b))
-      width = max(maxval(self%left_a%width(nodes)), maxval(self%left_b%width(of_b)))
+      uncertainty = maxval(self%left_b%uncertainty(of_b))
+      is_averaged = all(self%left_a%is_averaged(nodes)) .or. all(self%left_b%is_averaged(of_b))
     end associate
-    allowed = self%slack + left + slip*turn + slip**2*curvature/2 + width*tilt/2 + &
-              along(a, around, a%roughness(around), d) + along(b, shared, b%roughness(shared), d)
+    allowed = self%slack + left + slip*turn + slip**2*curvature/2 + &
+              along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d) + uncertainty
+    if (size(nodes) > 1 .or. any(kind_nodes(a%surface%kind(around)) > a%set%corners(around))) &
+      allowed = allowed + maxval(self%left_a%uncertainty(nodes)) + &
+                along(a, around, merge(a%roughness(around), a%roughness0(around), is_averaged), d)
   end subroutine tolerance_find_allowed
 
   !> Largest height over some facets, measured in a direction [length].

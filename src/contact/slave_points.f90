@@ -161,7 +161,8 @@ contains
         list(13, i) = p%status
         list(14, i) = p%facet
         list(15, i) = p%bend
-        list(16, i) = p%uncertainty
+        list(16, i) = p%curved
+        list(17, i) = p%uncertainty
       end associate
     end do
     call division%append(list)
@@ -178,7 +179,8 @@ contains
       projection(i)%status = nint(list(13, i))
       projection(i)%facet = nint(list(14, i))
       projection(i)%bend = list(15, i)
-      projection(i)%uncertainty = list(16, i)
+      projection(i)%curved = list(16, i)
+      projection(i)%uncertainty = list(17, i)
     end do
   end subroutine collect_points
 
@@ -210,8 +212,8 @@ contains
     pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
     pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area + left_out
     pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
-    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%uncertainty(n), &
-              pair%facet_a(n), pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%curved(n), &
+              pair%uncertainty(n), pair%facet_a(n), pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
     k = 0
     do f = 1, size(offset) - 1
       list = pack([(i, i=offset(f) + 1, offset(f + 1))], &
@@ -227,6 +229,7 @@ contains
           pair%weight(k) = weight(i)
           pair%gap(k) = projection(i)%distance
           pair%bend(k) = projection(i)%bend
+          pair%curved(k) = projection(i)%curved
           pair%uncertainty(k) = projection(i)%uncertainty
           pair%facet_a(k) = f
           pair%xi_a(:, k) = xi(1:d - 1, i)

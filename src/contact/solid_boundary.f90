@@ -35,8 +35,9 @@ module dotyk_contact_solid_boundary
     !> Unit outward normals at the centres of the facets before deformation (3, n_facets) [].
     real(dp), allocatable :: normal0(:, :)
     real(dp), allocatable :: normal(:, :)  !! The same after deformation (3, n_facets) [].
-    !> Depth that each facet cannot resolve: twice the height of the arc over it (n_facets) [length].
-    real(dp), allocatable :: roughness(:)
+    !> Depth that each facet cannot resolve: twice the height of the arc over it, before deformation and after
+    !> (n_facets) [length].
+    real(dp), allocatable :: roughness0(:), roughness(:)
     !> Greatest curvature around each facet before deformation (n_facets) [1/length].
     real(dp), allocatable :: curvature(:)
   contains
@@ -111,7 +112,7 @@ contains
     call self%adjacency%init(self%set)
     call collect_around(self)
     call measure_roughness(self%surface, self%set, self%adjacency, self%x0, self%normal0, self%normal, &
-                           self%roughness, self%curvature)
+                           self%roughness0, self%roughness, self%curvature)
   end subroutine solid_init
 
   !> Number the nodes in the order of the tree: the facet near one node is probably near to the next one, too.

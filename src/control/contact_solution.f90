@@ -13,7 +13,7 @@ module dotyk_control_contact_solution
   use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
-  use dotyk_contact_facet_bending, only: bending_of_rows
+  use dotyk_contact_facet_bending, only: bending_t
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -67,8 +67,7 @@ module dotyk_control_contact_solution
     real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
     integer :: round = 0  !! How often the QP has been solved, the present time included.
     real(dp) :: began = 0  !! When its solution began, or continued after the time limit: wall time [s].
-    !> What the gaps of `qp` have more than the given one, on facets that the contact bends (n_rows) [length].
-    real(dp), allocatable :: bending(:)
+    type(bending_t), allocatable :: bending(:)  !! What solutions have added to the gaps of `qp` (n_pairs).
     integer :: n_bendings = 0  !! How often solutions have changed it.
     type(displacements_t) :: displacements  !! Displacements and stresses.
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
@@ -157,7 +156,7 @@ contains
     call collect_conditioning(problem%classes, problem%report, solution%conditioning)
     solution%tolerance = merge(rough, tolerance, goal%by_budget)
     solution%round = 1
-    solution%bending = 0*qp%gap
+    allocate (solution%bending(size(problem%pair)))
     ! A guess: the contact spans what it did before, or else what overlaps without contact.
     if (allocated(solution%state%pressure)) then
       is_bent = has_bent(problem, solution%state%pressure, solution)
@@ -242,20 +241,18 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     real(dp), intent(in) :: pressure(:)  !! Pressures of the rows; only their sign counts (n_rows) [any].
     type(contact_solution_t), intent(inout) :: solution  !! The solution; its QP gets the gaps.
-    real(dp) :: bending(size(solution%bending))
+    real(dp) :: change(size(solution%qp%gap))
     integer :: k
-    bending = 0
+    change = 0
     do k = 1, size(problem%pair)
       associate (first => solution%qp%pair_first_row(k), last => solution%qp%pair_first_row(k + 1) - 1)
-        bending(first:last) = bending_of_rows(problem%pair(k), problem%surface_a(k), pressure(first:last))
+        call solution%bending(k)%update(problem%pair(k), problem%surface_a(k), pressure(first:last), change(first:last))
       end associate
     end do
-    has_bent = any(abs(bending - solution%bending) > 0)
+    has_bent = any(abs(change) > 0)
     if (.not. has_bent) return
-    call solution%qp%shift_gap(bending - solution%bending)
-    if (allocated(solution%state%penetration)) solution%state%penetration = solution%state%penetration - &
-      (bending - solution%bending)
-    solution%bending = bending
+    call solution%qp%shift_gap(change)
+    if (allocated(solution%state%penetration)) solution%state%penetration = solution%state%penetration - change
   end function has_bent
 
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the

@@ -163,8 +163,8 @@ contains
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%left_a = left_by_pairs_t(left_a%depth(p%node), left_a%width(p%node), left_a%given)
-          tolerance%left_b = left_by_pairs_t(left_b%depth(q%node), left_b%width(q%node), left_b%given)
+          tolerance%left_a = left_a%at(p%node)
+          tolerance%left_b = left_b%at(q%node)
           if (.not. problem%body(b)%mesh%is_open) &
             call check_parts(division, p, q, parts_b%swept(j), tolerance, only_corners, depth(a)%value, &
                              a_in_b%worst, met)

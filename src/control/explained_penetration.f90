@@ -1,15 +1,16 @@
-!> What contact pairs leave between two bodies: penetration by penalty, where a given gap is larger than the distance of
-!> the surfaces, and where the gap is uncertain; and facets over which the gap is 0 in the mean.
+!> What contact pairs leave between two bodies: penetration by penalty, and where a given gap is larger than the distance
+!> of the surfaces.
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
   use dotyk_base_thresholds, only: largest_square
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_penetration_tolerance, only: left_by_pairs_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, max_facet_nodes, shape_functions
+  use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -26,16 +27,16 @@ contains
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
     integer, intent(in) :: body  !! The body.
     integer, intent(in) :: other  !! The other body.
-    type(left_by_pairs_t), intent(out) :: left  !! Penetration and widths at the nodes of the body.
-    real(dp), allocatable :: at_points(:), width(:)
+    type(left_by_pairs_t), intent(out) :: left  !! Penetration at the nodes of the body.
+    real(dp), allocatable :: at_points(:), uncertain(:)
     logical, allocatable :: is_known(:)
     integer, allocatable :: list(:)
     real(dp) :: beside
     logical :: is_between
     integer :: i, k
     allocate (left%depth(problem%body(body)%mesh%n_nodes()), source=0.0_dp)
-    allocate (left%width, source=left%depth)
-    allocate (is_known(size(left%depth)), source=.false.)
+    allocate (left%uncertainty, source=left%depth)
+    allocate (is_known(size(left%depth)), left%is_averaged(size(left%depth)), source=.false.)
     list = pairs%between(problem%pair, body, other)
     is_between = size(list) > 0
     if (.not. is_between) list = pairs%of(body)
@@ -44,13 +45,12 @@ contains
     do i = 1, size(list)
       k = list(i)
       associate (pair => problem%pair(k))
-        call penetration_at_points(pair, penetration(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_a), &
-                                   problem%surface_a(k), problem%body(pair%body_b), problem%surface_b(k), &
-                                   at_points, width, is_between)
-        if (pair%body_a == body) &
-          call spread_points(at_points, width, problem%surface_a(k), pair%facet_a, left, is_known)
-        if (pair%body_b == body) &
-          call spread_points(at_points, width, problem%surface_b(k), pair%facet_b, left, is_known)
+        call penetration_at_points(pair, penetration(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_b), &
+                                   problem%surface_b(k), is_between, at_points, uncertain)
+        if (pair%body_a == body) call spread_points(at_points, problem%surface_a(k), pair%facet_a, left%depth, is_known)
+        if (pair%body_b == body) call spread_points(at_points, problem%surface_b(k), pair%facet_b, left%depth, is_known)
+        if (pair%body_a == body) call spread_points(uncertain, problem%surface_a(k), pair%facet_a, left%uncertainty, is_known)
+        call mark_averaged(pair, problem%surface_a(k), problem%surface_b(k), body, left%is_averaged)
         if (.not. is_between) cycle
         if (pair%gap_kind == gap_formula) beside = largest_square
         if (pair%gap_kind == gap_constant) beside = max(beside, maxval(at_points))
@@ -60,43 +60,32 @@ contains
     left%given = beside
   end subroutine find_left
 
-  !> Penetration at the points of a pair: the largest of the rows that they belong to, the uncertainty of their gaps,
-  !> and the part of a given gap that the surfaces do not have; and the widths of the slave facets of the points.
-  subroutine penetration_at_points(pair, penetration, body_a, surface_a, body_b, surface_b, at_points, width, with_gaps)
+  !> Penetration at the points of a pair: the largest of the rows that they belong to, and the part of a given gap that
+  !> the surfaces do not have; and the uncertainty of the gaps, where it is that of rows that may be closed.
+  subroutine penetration_at_points(pair, penetration, body_b, surface_b, with_gaps, at_points, uncertain)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     real(dp), intent(in) :: penetration(:)  !! Penetration of its rows, negative where they are open (n_rows) [length].
-    type(body_t), intent(in) :: body_a  !! Body of the slave side.
-    type(surface_t), intent(in) :: surface_a  !! Slave surface.
     type(body_t), intent(in) :: body_b  !! Body of the master side.
     type(surface_t), intent(in) :: surface_b  !! Master surface.
-    real(dp), allocatable, intent(out) :: at_points(:)  !! Penetration (n_points) [length].
-    real(dp), allocatable, intent(out) :: width(:)  !! Longest edge of the slave facet (n_points) [length].
     logical, intent(in) :: with_gaps  !! Whether given gaps count.
-    real(dp) :: shape(max_facet_nodes), x_b(pair%dimension), longest
-    integer, allocatable :: corner(:)
-    type(element_kind_t) :: kind
-    integer :: f, i, k, n
-    allocate (at_points(pair%n_points), width(pair%n_points))
-    at_points = 0
-    f = 0
-    do k = 1, pair%n_points
-      if (pair%facet_a(k) /= f) then
-        f = pair%facet_a(k)
-        kind = element_kind(surface_a%kind(f))
-        corner = surface_a%node(1:kind%n_corners, f)
-        longest = maxval(norm2(body_a%mesh%x(:, cshift(corner, 1)) - body_a%mesh%x(:, corner), 1))
-      end if
-      ! Point contacts are no means.
-      width(k) = merge(longest, 0.0_dp, k <= pair%n_points - pair%n_point_contacts)
-    end do
+    real(dp), allocatable, intent(out) :: at_points(:)  !! Penetration (n_points) [length].
+    real(dp), allocatable, intent(out) :: uncertain(:)  !! By the uncertainty of the gaps (n_points) [length].
+    real(dp) :: shape(max_facet_nodes), x_b(pair%dimension)
+    real(dp), allocatable :: row(:)
+    integer :: i, k, n
+    allocate (at_points(pair%n_points), uncertain(pair%n_points), source=0.0_dp)
+    if (size(penetration) == 0 .and. allocated(pair%uncertainty)) uncertain = pair%uncertainty
+    row = pair%row_uncertainty()
     ! Before the solution there are none.
     do i = 1, size(penetration)
-      if (.not. penetration(i) > 0) cycle
+      if (.not. penetration(i) + row(i) > 0) cycle
       do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
-        at_points(pair%average%column(k)) = max(at_points(pair%average%column(k)), penetration(i))
+        associate (point => pair%average%column(k))
+          at_points(point) = max(at_points(point), penetration(i))
+          uncertain(point) = max(uncertain(point), row(i))
+        end associate
       end do
     end do
-    if (allocated(pair%uncertainty)) at_points = at_points + pair%uncertainty
     if (pair%gap_kind == gap_geometry .or. .not. with_gaps) return
     do k = 1, pair%n_points
       associate (f => pair%facet_b(k))
@@ -109,20 +98,44 @@ contains
     end do
   end subroutine penetration_at_points
 
-  !> The largest penetration at the points of the facets around each node.
-  pure subroutine spread_points(at_points, width, surface, facet, left, is_known)
-    real(dp), intent(in) :: at_points(:)  !! Penetration (n_points) [length].
-    real(dp), intent(in) :: width(:)  !! Width of the slave facet (n_points) [length].
+  !> Mark the nodes of facets over which rows keep the gap closed in the mean, and of those that they face.
+  subroutine mark_averaged(pair, surface_a, surface_b, body, is_averaged)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    integer, intent(in) :: body  !! The body.
+    logical, intent(inout) :: is_averaged(:)  !! Nodes of the body that are marked (n_nodes).
+    type(corner_interpolation_t) :: corners
+    logical, allocatable :: has_row(:)
+    integer :: i
+    associate (n => pair%n_mortar_points)
+      if (n == 0) return
+      call corners%init(surface_a, pair%facet_a(:n), pair%xi_a(:, :n), pair%sheet_b(:n))
+      allocate (has_row(0:corners%n), source=.false.)
+      has_row(0) = .true.
+      has_row(pair%row_corner) = .true.
+      do i = 1, n
+        if (.not. all(has_row(corners%corner(:, i)))) cycle
+        associate (f => pair%facet_a(i), g => pair%facet_b(i))
+          if (pair%body_a == body) is_averaged(surface_a%node(:kind_nodes(surface_a%kind(f)), f)) = .true.
+          if (pair%body_b == body) is_averaged(surface_b%node(:kind_nodes(surface_b%kind(g)), g)) = .true.
+        end associate
+      end do
+    end associate
+  end subroutine mark_averaged
+
+  !> The largest value at the points of the facets around each node.
+  pure subroutine spread_points(at_points, surface, facet, at_nodes, is_known)
+    real(dp), intent(in) :: at_points(:)  !! Values (n_points) [any].
     type(surface_t), intent(in) :: surface  !! Surface of this side.
     integer, intent(in) :: facet(:)  !! Facets of the points on this side (n_points).
-    type(left_by_pairs_t), intent(inout) :: left  !! Penetration and widths at the nodes of the body.
+    real(dp), intent(inout) :: at_nodes(:)  !! Values at the nodes of the body, where greater (n_nodes) [as there].
     logical, intent(inout) :: is_known(:)  !! Nodes of facets that carry points; they are added (n_nodes).
     integer :: k, j, node
     do k = 1, size(at_points)
       do j = 1, kind_nodes(surface%kind(facet(k)))
         node = surface%node(j, facet(k))
-        left%depth(node) = max(left%depth(node), at_points(k))
-        left%width(node) = max(left%width(node), width(k))
+        at_nodes(node) = max(at_nodes(node), at_points(k))
         is_known(node) = .true.
       end do
     end do

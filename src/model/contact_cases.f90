@@ -25,6 +25,7 @@ module dotyk_model_contact_cases
     !> Gaps of the points; not allocated where no load case changes anything (n_points) [length].
     real(dp), allocatable :: gap(:)
     real(dp), allocatable :: bend(:)  !! What was taken off them (n_points) [length].
+    real(dp), allocatable :: curved(:)  !! What of the kind they still have (n_points) [length].
     real(dp), allocatable :: uncertainty(:)  !! How uncertain they are (n_points) [length].
     real(dp), allocatable :: row_gap(:)  !! Those of the rows (n_rows) [length].
     real(dp), allocatable :: row_theta(:)  !! Penalty parameters of the rows (n_rows) [length/pressure].
@@ -99,6 +100,7 @@ contains
           base(k)%gap_kind = pair%gap_kind
           base(k)%gap = pair%gap
           base(k)%bend = pair%bend
+          base(k)%curved = pair%curved
           base(k)%uncertainty = pair%uncertainty
           base(k)%row_gap = pair%row_gap
           base(k)%row_theta = pair%row_theta
@@ -133,6 +135,7 @@ contains
         pair%gap_kind = base(k)%gap_kind
         pair%gap = base(k)%gap
         pair%bend = base(k)%bend
+        pair%curved = base(k)%curved
         pair%uncertainty = base(k)%uncertainty
         pair%row_gap = base(k)%row_gap
         pair%row_theta = base(k)%row_theta
