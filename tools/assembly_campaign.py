@@ -78,7 +78,7 @@ def judge(assembly, path, log=""):
         words = "part %d moves by more than half its size" % (k + 1)
         (held if "large motion     'part %d' moves" % (k + 1) in log else faults).append(words)
     if not far:
-        found, numbers["depth"], told = penetrations(assembly, bodies, before, stated_depths(log))
+        found, numbers["depth"], told = penetrations(assembly, bodies, before, stated_depths(assembly, log))
         faults += found
         held += told
     return "; ".join(faults) or None, numbers, "; ".join(held)
@@ -198,13 +198,16 @@ def stated_imbalance(log):
     return float(found[1]) / 100 if found else 0.0
 
 
-def stated_depths(log):
-    """Depths that warnings of the log state {(number, number): depth}."""
+def stated_depths(assembly, log):
+    """Depths that the log states {(number, number): depth}: in warnings, or by the uncertainty of gaps."""
     found = {}
     for line in log.splitlines():
         words = re.search(r"warning +'part (\d+)' is inside 'part (\d+)' by ([-\d.eE+]+)", line)
         if words:
             found[tuple(sorted((int(words[1]), int(words[2]))))] = float(words[3])
+        words = re.search(r"gaps of '(.+)' are known to .* normal displacements uncertain by ([-\d.eE+]+)", line)
+        if words:
+            found[tuple(sorted(k + 1 for k in sides_of(assembly, words[1])))] = float(words[2])
     return found
 
 

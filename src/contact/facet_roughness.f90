@@ -27,8 +27,10 @@ contains
     !> Unit normals of the facets before deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: normal0(:, :)
     real(dp), allocatable, intent(out) :: normal(:, :)  !! The same after deformation (3, n_facets) [].
-    real(dp), allocatable, intent(out) :: roughness0(:)  !! Roughness before deformation (n_facets) [length].
-    real(dp), allocatable, intent(out) :: roughness(:)  !! The same after deformation (n_facets) [length].
+    !> Roughness before deformation, where the surface is concave: there facets are outside of the body; elsewhere it is
+    !> deeper than they are (n_facets) [length].
+    real(dp), allocatable, intent(out) :: roughness0(:)
+    real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness after deformation (n_facets) [length].
     real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].
     type(facet_set_t) :: before
     real(dp) :: width, bent, centre_normal(3)
@@ -43,7 +45,8 @@ contains
       associate (corner => surface%node(1:set%corners(f), f), is_flat => set%affine(f) .and. set%corners(f) > 2)
         normal0(:, f) = corner_normal(x0(:, corner))
         call bulge(set, f, is_flat, normal(:, f), roughness(f), bent)
-        call bulge(before, f, is_flat, centre_normal, roughness0(f), curvature(f))
+        call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
+        roughness0(f) = 0
       end associate
     end do
     smooth = 0
@@ -60,8 +63,8 @@ contains
         if (.not. width > 0) cycle
         roughness([f, other]) = max(roughness([f, other]), &
                                     roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
-        roughness0([f, other]) = max(roughness0([f, other]), &
-                                     roughness_factor*width*norm2(normal0(:, f) - normal0(:, other)))
+        if (is_concave(f, other)) roughness0([f, other]) = &
+          max(roughness0([f, other]), roughness_factor*width*norm2(normal0(:, f) - normal0(:, other)))
         curvature([f, other]) = max(curvature([f, other]), norm2(normal0(:, f) - normal0(:, other))/width)
       end do
     end do
@@ -69,6 +72,15 @@ contains
     call spread_to_neighbours(roughness)
 
   contains
+
+    !> Whether the normals of two facets converge outside.
+    pure logical function is_concave(f, g)
+      integer, intent(in) :: f, g  !! The facets.
+      real(dp) :: between(3)
+      between = sum(x0(:, surface%node(:set%corners(g), g)), 2)/set%corners(g) - &
+                sum(x0(:, surface%node(:set%corners(f), f)), 2)/set%corners(f)
+      is_concave = dot_product(normal0(:, g) - normal0(:, f), between) < 0
+    end function is_concave
 
     !> Means over the facets around a vertex depend on all of them.
     subroutine spread_to_neighbours(height)
