@@ -14,7 +14,7 @@ module dotyk_contact_facet_roughness
   private
   public :: measure_roughness
 
-  real(dp), parameter :: roughness_factor = 0.25_dp  !! Roughness over width times angle: twice the height of the arc.
+  real(dp), parameter :: roughness_factor = 0.25_dp  !! Roughness over curvature times width^2: twice the height of the arc.
 
 contains
 
@@ -33,7 +33,7 @@ contains
     real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness after deformation (n_facets) [length].
     real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].
     type(facet_set_t) :: before
-    real(dp) :: width, bent, centre_normal(3)
+    real(dp) :: width(2), bent, centre_normal(3)
     integer :: entity(set%n), smooth(4, set%n), f, e, other, back
     logical :: in_plane(set%n)
     entity = [(facet_entity(surface, f), f=1, set%n)]
@@ -59,13 +59,14 @@ contains
         if (.not. is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) cycle
         smooth(e, f) = other
         smooth(back, other) = f
-        width = min(width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back))
-        if (.not. width > 0) cycle
-        roughness([f, other]) = max(roughness([f, other]), &
-                                    roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
-        if (is_concave(f, other)) roughness0([f, other]) = &
-          max(roughness0([f, other]), roughness_factor*width*norm2(normal0(:, f) - normal0(:, other)))
-        curvature([f, other]) = max(curvature([f, other]), norm2(normal0(:, f) - normal0(:, other))/width)
+        width = [width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back)]
+        if (.not. minval(width) > 0) cycle
+        associate (pair => [f, other], curved => norm2(normal(:, f) - normal(:, other))/(sum(width)/2), &
+                   curved0 => norm2(normal0(:, f) - normal0(:, other))/(sum(width)/2))
+          roughness(pair) = max(roughness(pair), roughness_factor*width**2*curved)
+          if (is_concave(f, other)) roughness0(pair) = max(roughness0(pair), roughness_factor*width**2*curved0)
+          curvature(pair) = max(curvature(pair), curved0)
+        end associate
       end do
     end do
     call spread_to_neighbours(roughness0)

@@ -6,9 +6,9 @@
 !> - the bound of the iteration times what the two move beside their common rigid motion, and rounding (`slack`);
 !> - penalty and given gaps: the penetration of the rows around both points (`left`);
 !> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides. Where
-!>   rows keep the gap closed in the mean, these are the arcs of the deformed facets. Over slave facets the gap is as
-!>   uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has the gap there: none of
-!>   its own facets counts;
+!>   rows keep the gap closed in the mean, and between nodes, these are the arcs of the deformed facets. Over slave
+!>   facets the gap is as uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has
+!>   the gap there: none of its own facets counts;
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
@@ -134,7 +134,8 @@ contains
     associate (of_b => b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))
       left = maxval(self%left_a%depth(nodes)) + maxval(self%left_b%depth(of_b))
       uncertainty = maxval(self%left_b%uncertainty(of_b))
-      is_averaged = all(self%left_a%is_averaged(nodes)) .or. all(self%left_b%is_averaged(of_b))
+      ! Rows at some points of an edge leave it bent between them.
+      is_averaged = size(nodes) > 1 .or. all(self%left_a%is_averaged(nodes)) .or. all(self%left_b%is_averaged(of_b))
     end associate
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + &
               along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d) + uncertainty
