@@ -35,11 +35,16 @@ class Campaign(dotyk_case.Case):
     def test_geometry(self):
         """One scene of each kind with forces that are known. A quarter of a shaft in two facets (seed 48) is no wrong
         number."""
-        for seeds in ("3:10", "48:49"):
+        for seeds in ("2:10", "48:49"):
             entries, _ = self.run_seeds("--geometry", seeds=seeds, name="geometry hand")
-        self.assertEqual([entry["seed"] for entry in entries], [*range(3, 10), 48])
-        self.assertEqual([entry["outcome"] for entry in entries[:-1]], ["balances"] * 7)
+        self.assertEqual([entry["seed"] for entry in entries], [*range(2, 10), 48])
+        self.assertEqual([entry["outcome"] for entry in entries[:-1]], ["balances"] * 8)
         self.assertNotEqual(entries[-1]["outcome"], "silent")
+
+    def test_strip_narrower_than_facets(self):
+        """A cylinder with a vertex inside a narrow face gets a contact row there."""
+        entries, _ = self.run_seeds(seeds="211:212")
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"])
 
     def test_depth(self):
         """Cubes in each other, beside each other, displaced into each other, and an edge that has no node inside."""
