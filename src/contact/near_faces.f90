@@ -11,7 +11,6 @@ module dotyk_contact_near_faces
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_facing_facets, only: greatest_overlap, search_distance
-  use dotyk_contact_meeting_edges, only: meet_along_edges
   use dotyk_contact_near_facets, only: find_facets, near_faces_t, share_near
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_ranks_communication, only: this_rank
@@ -21,6 +20,11 @@ module dotyk_contact_near_faces
   private
 
   public :: find_near_faces
+
+  !> Edges meet within this fraction of the diameter of the smaller body [].
+  real(dp), parameter :: edge_distance = 1.0e-3_dp
+  !> Cosine of the greatest angle between parallel edges: 5 degrees [].
+  real(dp), parameter :: parallel_cosine = 0.9962_dp
 
   !> Sample points of a facet lie at this fraction of the way from its centre to its corners [].
   real(dp), parameter :: to_corner = 0.9_dp
@@ -310,4 +314,33 @@ contains
       sight = max(sight, free)
     end do
   end function sight
+
+  !> Whether two facets in three dimensions meet along edges that are parallel, side by side at least in part.
+  pure logical function meet_along_edges(a, f, b, g) result(meet)
+    type(body_faces_t), intent(in) :: a  !! First body.
+    integer, intent(in) :: f  !! Its facet.
+    type(body_faces_t), intent(in) :: b  !! Second body.
+    integer, intent(in) :: g  !! Its facet.
+    real(dp), dimension(3) :: p, along, q, other
+    real(dp) :: first, last, length, reach
+    integer :: i, j
+    meet = .false.
+    reach = edge_distance*min(a%diameter, b%diameter)
+    if (a%n_corners(f) < 3) return
+    do i = 1, a%n_corners(f)
+      p = a%corner(:, i, f)
+      along = a%corner(:, modulo(i, a%n_corners(f)) + 1, f) - p
+      length = norm2(along)
+      do j = 1, b%n_corners(g)
+        q = b%corner(:, j, g)
+        other = b%corner(:, modulo(j, b%n_corners(g)) + 1, g) - q
+        ! False for edges of no length, those of collapsed facets, too.
+        if (.not. abs(dot_product(along, other)) > parallel_cosine*length*norm2(other)) cycle
+        first = dot_product(q - p, along)/length
+        last = dot_product(q + other - p, along)/length
+        if (norm2(q - p - first/length*along) > reach .or. norm2(q + other - p - last/length*along) > reach) cycle
+        meet = meet .or. min(max(first, last), length) - max(min(first, last), 0.0_dp) > reach
+      end do
+    end do
+  end function meet_along_edges
 end module dotyk_contact_near_faces

@@ -1,5 +1,8 @@
 !> The rows of a contact pair: dual mortar rows at the vertices of the slave surface, or integration points by
 !> themselves; and the point contacts of vertices and edges, each a row by itself.
+!>
+!> Where the master covers little of the surface around a slave vertex, its row holds it in place as if the master went
+!> on, and its pressure is the force that this takes, over a sliver: no measure of the pressure in the contact zone.
 module dotyk_contact_pair_rows
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
@@ -8,14 +11,17 @@ module dotyk_contact_pair_rows
   use dotyk_contact_local_origin, only: shift_origin
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_point_contacts, only: point_contact_t
-  use dotyk_contact_vertex_coverage, only: vertex_coverage
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_facet, only: area_vector
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: replace_points, row_gaps, set_rows
+
+  real(dp), parameter :: pi = acos(-1.0_dp)
 
 contains
 
@@ -135,4 +141,52 @@ contains
     extended%column = [matrix%column, (matrix%n_columns + i, i=1, n)]
     extended%value = [matrix%value, (1.0_dp, i=1, n)]
   end subroutine append_identity
+
+  !> Covered fraction of the area around each corner of the slave side.
+  subroutine vertex_coverage(facet, weight, axisymmetric, surface, x, side, covered)
+    integer, intent(in) :: facet(:)  !! Slave facet of each integration point (n_points).
+    real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [length^2; length in two dimensions].
+    logical, intent(in) :: axisymmetric  !! Whether they include the circumference 2 pi r.
+    type(surface_t), intent(in) :: surface  !! Slave surface.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of its body (dimension, n_nodes) [length].
+    type(corner_interpolation_t), intent(in) :: side  !! Interpolation on the slave surface.
+    real(dp), allocatable, intent(out) :: covered(:)  !! Fractions (side%n) [].
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: around(:, :)
+    real(dp) :: whole(side%n), area
+    integer, allocatable :: sheet(:, :)
+    integer :: c, f, q
+    allocate (sheet(4, surface%n_facets), source=1)
+    if (allocated(surface%sheet)) sheet = surface%sheet(:, :surface%n_facets)
+    allocate (around(maxval([1, sheet]), size(x, 2)), source=0.0_dp)
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      associate (m => kind%n_corners)
+        area = norm2(area_vector(x(:, surface%node(:m, f))))
+        do c = 1, m
+          associate (whole_area => around(sheet(c, f), surface%node(c, f)))
+            if (axisymmetric) then
+              whole_area = whole_area + area*2*pi*(x(1, surface%node(c, f)) + sum(x(1, surface%node(:m, f))))/6
+            else
+              whole_area = whole_area + area/m
+            end if
+          end associate
+        end do
+      end associate
+    end do
+    whole = 0
+    do q = 1, size(facet)
+      f = facet(q)
+      do c = 1, count(side%corner(:, q) > 0)
+        whole(side%corner(c, q)) = around(sheet(c, f), surface%node(c, f))
+      end do
+    end do
+    allocate (covered(side%n))
+    call side%moments(weight, covered)
+    where (whole > 0)
+      covered = covered/whole
+    else where
+      covered = 1
+    end where
+  end subroutine vertex_coverage
 end module dotyk_contact_pair_rows

@@ -1,18 +1,20 @@
 !> The results of a run: contact pressures by pairs, and the results file.
 module dotyk_driver_results
-  use dotyk_base_error, only: error_t
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: counted
+  use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_balance, only: balance_t, find_balance
+  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_fields, only: contact_fields_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t, recover_nodal_stresses
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
-  use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_results_fields, only: write_fields
-  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, &
-    write_quantities, write_timing
+  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_quantities, write_timing
   use dotyk_driver_results_summary, only: write_summary
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
@@ -21,10 +23,14 @@ module dotyk_driver_results
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_output_results_file, only: results_file_t
   use dotyk_ranks_communication, only: this_rank
-  use dotyk_scheme_solver_state, only: ended_time
+  use dotyk_scheme_solver_state, only: ended_time, solver_state_t
   implicit none
   private
   public :: finish_results, write_results, write_on_the_way
+
+  !> Cause and remedy.
+  character(*), parameter :: reason = &
+    ' not finite: overflow, input values of incompatible magnitude; check their units'
 
 contains
 
@@ -158,4 +164,54 @@ contains
     n = count([(.not. allocated(scene%problem%isolated(b)%displacement), b=1, size(scene%problem%isolated))])
     n = scene%n_full_solves + n*solution%displacements%n_recoveries
   end function full_solves
+
+  !> Refuse a solution whose displacements, stresses, pressures or energy overflowed.
+  subroutine refuse_overflow(case, problem, solution, pair_solution, state, error)
+    type(case_t), intent(in) :: case  !! The case.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, their ranks, contact pairs.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements and stresses of the bodies (n_bodies).
+    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
+    type(pair_solution_t), intent(in) :: pair_solution(:)
+    type(solver_state_t), intent(in) :: state  !! State of the scheme, with the energy.
+    !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: what
+    ! 1 where a number is not finite.
+    real(dp), dimension(size(solution)) :: moved, stressed
+    integer :: b, k
+    moved = 0
+    stressed = 0
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      if (allocated(solution(b)%displacement)) moved(b) = not_finite(solution(b)%displacement)
+      if (allocated(solution(b)%stress)) stressed(b) = not_finite(solution(b)%stress)
+    end do
+    call problem%ranks%share_greatest(moved)
+    call problem%ranks%share_greatest(stressed)
+    do b = 1, size(solution)
+      if (.not. (moved(b) > 0 .or. stressed(b) > 0)) cycle
+      what = 'stresses'
+      if (moved(b) > 0) what = 'displacements'
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(problem%body(b)%name)// &
+                     ': the '//what//' are'//reason, exit_not_solvable)
+      return
+    end do
+    do k = 1, size(pair_solution)
+      associate (found => pair_solution(k))
+        if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. &
+            all(ieee_is_finite(found%gap)) .and. all(ieee_is_finite(found%force))) cycle
+      end associate
+      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '// &
+                     quoted(problem%pair(k)%name)//': the pressures are'//reason, exit_not_solvable)
+      return
+    end do
+    if (.not. ieee_is_finite(state%energy)) &
+      call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
+  end subroutine refuse_overflow
+
+  !> 1 where a number is not finite, 0 where all are.
+  pure real(dp) function not_finite(value)
+    real(dp), intent(in) :: value(:, :)  !! Numbers (any, any).
+    not_finite = merge(0.0_dp, 1.0_dp, all(ieee_is_finite(value)))
+  end function not_finite
 end module dotyk_driver_results

@@ -10,10 +10,12 @@ module dotyk_log_load_tables
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
     notable_difference
   use dotyk_input_case, only: case_t
-  use dotyk_log_initial_states, only: show_initial_states
   implicit none
   private
   public :: show_loads, resultant_line, vector_text
+
+  !> Greatest number of bodies with a line each; more are summed up by the last line.
+  integer, parameter :: most_shown = 20
 
   !> Greatest number of loads with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
@@ -157,4 +159,32 @@ contains
                       to_text(100*difference, 2)//' %, and '//what//' no better')
     end subroutine warn
   end subroutine warn_of_formulas
+
+  !> One line for each body that has any.
+  subroutine show_initial_states(log, body)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    character(:), allocatable :: line
+    character(20) :: label
+    integer :: b, n
+    n = 0
+    do b = 1, size(body)
+      associate (state => body(b)%initial)
+        if (.not. state%is_set()) cycle
+        n = n + 1
+        if (n == 1) then
+          call log%line('')
+          call log%line('  body                 temperature, initial stress')
+        end if
+        if (n > most_shown) cycle
+        line = 'no temperature'
+        if (allocated(state%temperature)) line = to_text(state%range(1), 6)
+        if (state%range(2) > state%range(1)) line = line//' to '//to_text(state%range(2), 6)
+        if (allocated(state%stress)) line = line//', initial stress'
+        label = body(b)%name
+        call log%line('  '//label//' '//line)
+      end associate
+    end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more body', 'more bodies'))
+  end subroutine show_initial_states
 end module dotyk_log_load_tables

@@ -1,29 +1,34 @@
 !> The head of the log: title, tables of bodies and contact pairs, factorization and memory.
 module dotyk_log_scene_tables
+  use dotyk_base_directions, only: directions_t
   use dotyk_base_files, only: is_cad_file
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text
-  use dotyk_base_options, only: analysis_names, option_name
+  use dotyk_base_options, only: analysis_names, discretization_quadrature, option_name
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_base_version, only: version
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_response_choice, only: form_multigrid, form_split, keeps_factor
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_log_found_pairs, only: show_found
+  use dotyk_log_found_pairs, only: body_names, show_found
   use dotyk_log_incompressibility, only: show_locking
   use dotyk_log_load_tables, only: show_loads
-  use dotyk_log_pair_table, only: show_pairs
   use dotyk_log_progress, only: duration
-  use dotyk_log_spring_table, only: show_springs
-  use dotyk_ranks_communication, only: n_ranks
   use dotyk_log_tie_tables, only: show_ties
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: show_title, show_scene, show_factorization, show_memory
+
+  integer, parameter :: most_shown = 20  !! Greatest number of contact pairs with a line each; more are summed up.
+
+  integer, parameter :: most_shown = 20  !! Greatest number of springs with a line each.
 
   integer, parameter :: most_shown = 20  !! Greatest number of congruence classes with a line each; more are summed up.
   integer, parameter :: width_of_material = 14  !! Letters of the names of materials in the table of bodies.
@@ -227,4 +232,146 @@ contains
     call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
                   memory_text(real(sum(size_of%stiffness_bytes), dp))//', total about '//memory_text(memory))
   end subroutine show_memory
+
+  !> A line for each spring; nothing where no body has one.
+  subroutine show_springs(log, body)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    character(20) :: label
+    integer :: b, n, s
+    n = 0
+    do b = 1, size(body)
+      associate (springs => body(b)%constraint%foundation)
+        do s = 1, springs%n_springs()
+          n = n + 1
+          if (n > most_shown) cycle
+          if (n == 1) then
+            call log%line('')
+            call log%line('  spring               area, stiffness')
+          end if
+          label = body(b)%name//':'//springs%place(s)%s
+          call log%line('  '//label//' '//to_text(springs%area(s), 5)//', '// &
+                        to_text(springs%area(s)*springs%modulus(s), 5)//' in total along '// &
+                        directions_text(springs%fix(s), body(b)%dimension)//', '//to_text(springs%modulus(s), 5)// &
+                        ' per area')
+        end do
+      end associate
+    end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more spring'))
+  end subroutine show_springs
+
+  !> The directions of a spring: "each of x, y, z".
+  function directions_text(fix, dimension) result(text)
+    type(directions_t), intent(in) :: fix  !! The directions.
+    integer, intent(in) :: dimension  !! Dimension of space.
+    character(:), allocatable :: text
+    integer :: i, n
+    text = ''
+    n = 0
+    do i = 1, 3
+      if (.not. fix%fixed(i)) cycle
+      ! In the plane there is neither z nor eta.
+      if (dimension == 2 .and. i == merge(2, 3, fix%local)) cycle
+      n = n + 1
+      if (n > 1) text = text//', '
+      text = text//fix%name(i)
+    end do
+    if (n > 1) text = 'each of '//text
+  end function directions_text
+
+  !> Lines for each contact pair; many pairs are summed up.
+  subroutine show_pairs(log, body, pair, surface_a, surface_b)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)  !! Slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)  !! Master surfaces (n_pairs).
+    real(dp) :: least, most
+    logical :: alone(size(body))
+    integer :: k
+    if (size(pair) == 0) return
+    call log%line('')
+    call log%line('  contact pair         constraints    area projected   smallest gap    largest gap          theta')
+    least = huge(least)
+    most = -huge(most)
+    do k = 1, size(pair)
+      least = min(least, minval(pair(k)%row_gap))
+      most = max(most, maxval(pair(k)%row_gap))
+      if (size(pair) <= most_shown) call show_pair(log, body, pair(k), surface_a(k), surface_b(k))
+      call warn_of_oscillation(log, body, pair(k))
+    end do
+    if (size(pair) > most_shown) &
+      call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), -1.0_dp, least, most, &
+                              maxval(pair%theta)))
+    alone = .true.
+    alone(pair%body_a) = .false.
+    alone(pair%body_b) = .false.
+    if (any(alone)) call log%line('  '//counted(count(alone), 'body', 'bodies')//' without contact: '// &
+                                  body_names(body, alone))
+  end subroutine show_pairs
+
+  !> The lines of one contact pair.
+  subroutine show_pair(log, body, pair, surface_a, surface_b)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair  !! The contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Slave surface.
+    type(surface_t), intent(in) :: surface_b  !! Master surface.
+    real(dp) :: lost
+    lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
+    call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), &
+                            pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
+    call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
+                  counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
+                  surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
+    if (body(pair%body_a)%constraint%rigid%is_set) &
+      call log%line('    warning: the slave side is a rigid body: where its mesh is finer than that of '// &
+                    quoted(body(pair%body_b)%name)//', pressures are not unique; make it surface_b')
+    if (pair%n_unprojected > 0 .or. lost > 0) &
+      call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
+                    'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
+                    percent(pair%lost_too_far)//' beyond search_radius')
+  end subroutine show_pair
+
+  !> A line of the table of contact pairs.
+  function pair_line(name, rows, projected, least, most, theta) result(line)
+    character(*), intent(in) :: name  !! Name of the pair.
+    integer, intent(in) :: rows  !! Number of contact rows.
+    !> Fraction of the slave area that has a projection on the master surface; negative: not shown [].
+    real(dp), intent(in) :: projected
+    real(dp), intent(in) :: least  !! Smallest gap [length].
+    real(dp), intent(in) :: most  !! Largest gap [length].
+    real(dp), intent(in) :: theta  !! Penalty parameter [length/pressure].
+    character(97) :: line
+    ! Left-justified: an edit descriptor justifies to the right.
+    character(20) :: label
+    character(18) :: share
+    label = name
+    share = ''
+    if (projected >= 0) write (share, '(f16.1,a)') 100*projected, ' %'
+    write (line, '(2x,a20,i12,a18,es15.3,es15.3,es15.3)') label, rows, share, least, most, theta
+  end function pair_line
+
+  !> Text of a fraction in percent.
+  function percent(fraction) result(text)
+    real(dp), intent(in) :: fraction  !! Fraction [].
+    character(:), allocatable :: text
+    text = to_text(100*fraction, 2)//' %'
+  end function percent
+
+  !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
+  !> points are over-determined, and their pressures oscillate.
+  subroutine warn_of_oscillation(log, body, pair)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
+    type(contact_pair_t), intent(in) :: pair  !! The contact pair.
+    real(dp) :: compliance
+    real(dp), parameter :: far_below = 1.0e-3_dp  !! Fraction of h/E below which theta counts as far smaller.
+    if (pair%discretization /= discretization_quadrature) return
+    compliance = mesh_compliance(body(pair%body_a), body(pair%body_b), pair)
+    if (pair%theta < far_below*compliance) &
+      call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)//': the pressures at single '// &
+                    'quadrature points oscillate, only their averages converge; '// &
+                    "use discretization='mortar'")
+  end subroutine warn_of_oscillation
 end module dotyk_log_scene_tables

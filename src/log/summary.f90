@@ -5,19 +5,20 @@ module dotyk_log_summary
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
+  use dotyk_control_gap_doubt, only: gap_doubt_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
   use dotyk_log_found_pairs, only: show_idle_bodies
-  use dotyk_log_gap_lines, only: show_gap_doubt
   use dotyk_log_progress, only: duration
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, &
-    ended_solves, ended_unbalanced, ended_unverified
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_cycling, &
+    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_solves, ended_unbalanced, &
+    ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
@@ -289,4 +290,44 @@ contains
       text = 'not converged: stalled at double-precision rounding'
     end select
   end function outcome
+
+  !> Pairs whose forces, or displacements, hang on what is not known of their gaps, the most uncertain first.
+  subroutine show_gap_doubt(log, pair, doubt)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_pair_t), intent(in) :: pair(:)  !! The pairs (n_pairs).
+    type(gap_doubt_t), intent(in) :: doubt(:)  !! Of each (n_pairs).
+    real(dp), parameter :: considerable = 0.01_dp  !! Part of the greatest value of a scene that gets a line [].
+    integer, parameter :: most_lines = 5  !! Lines at most.
+    real(dp) :: part(size(doubt))
+    logical :: is_shown(size(doubt))
+    character(:), allocatable :: line
+    integer :: i, k
+    if (size(doubt) == 0) return
+    if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
+      call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
+                    ' only; what hangs on them could not be found')
+    part = max(doubt%force_part, doubt%moved_part)
+    is_shown = .false.
+    do i = 1, min(most_lines, count(part > considerable))
+      k = maxloc(part, dim=1, mask=.not. is_shown)
+      is_shown(k) = .true.
+      line = ''
+      if (doubt(k)%force_part > considerable) &
+        line = ' contact force '//to_text(doubt(k)%force, 4)//', uncertain by '//to_text(doubt(k)%force_change, 2)
+      if (doubt(k)%moved_part > considerable) line = &
+        line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
+        to_text(doubt(k)%moved_change, 2)
+      if (doubt(k)%uncertainty > 0) then
+        call log%line('  uncertain        gaps of '//quoted(pair(k)%name)//' are known to '// &
+                      to_text(doubt(k)%uncertainty, 2)//' only:'//line)
+      else
+        call log%line('  uncertain        gaps of other pairs than '//quoted(pair(k)%name)//' are known to '// &
+                      to_text(maxval(doubt%uncertainty), 2)//' only: its'//line)
+      end if
+    end do
+    i = count(part > considerable) - most_lines
+    if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
+    if (any(is_shown)) call log%line('                   refine the surfaces there, or use quadratic elements on '// &
+                                     'curved geometry')
+  end subroutine show_gap_doubt
 end module dotyk_log_summary

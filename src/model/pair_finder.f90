@@ -11,11 +11,11 @@ module dotyk_model_pair_finder
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
+  use dotyk_input_cut, only: cut_surface
   use dotyk_mesh_boundary_part, only: boundary_part
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
-  use dotyk_model_cut_facets, only: cut_facets_t
   use dotyk_model_distant_bodies, only: list_distant_bodies
   use dotyk_model_double_pairs, only: merge_double_pairs
   use dotyk_model_exclusions, only: are_tied, exclusion_of, exclusion_texts
@@ -24,6 +24,19 @@ module dotyk_model_pair_finder
   implicit none
   private
   public :: form_pairs
+
+  type :: facet_mask_t  !! Of one body.
+    !> Whether each facet of the boundary is at the cut; not allocated where the body is whole (n_facets).
+    logical, allocatable :: facet(:)
+  end type facet_mask_t
+
+  type :: cut_facets_t  !! Of all bodies.
+    type(facet_mask_t), allocatable, private :: body(:)  !! (n_bodies)
+  contains
+    procedure :: init => cut_facets_init
+    procedure :: has => cut_facets_has
+    procedure :: leave_out => cut_facets_leave_out
+  end type cut_facets_t
 
 contains
 
@@ -340,4 +353,37 @@ contains
       surface_b(i) = list%surface_b(k)
     end do
   end subroutine order_pairs
+
+  !> Find the facets.
+  subroutine cut_facets_init(self, case, surfaces)
+    class(cut_facets_t), intent(out) :: self
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies; tables are made (n_bodies).
+    integer :: b
+    allocate (self%body(size(surfaces)))
+    do b = 1, size(surfaces)
+      if (case%body(b)%cut%is_cut()) call surfaces(b)%facets(surfaces(b)%find(cut_surface), self%body(b)%facet)
+    end do
+  end subroutine cut_facets_init
+
+  !> Whether facets of a body are at its cut.
+  pure function cut_facets_has(self, b, facet) result(has)
+    class(cut_facets_t), intent(in) :: self
+    integer, intent(in) :: b  !! The body.
+    integer, intent(in) :: facet(:)  !! Facets of its boundary (n).
+    logical :: has(size(facet))
+    has = .false.
+    if (allocated(self%body(b)%facet)) has = self%body(b)%facet(facet)
+  end function cut_facets_has
+
+  !> Let such facets be opposite nothing.
+  pure subroutine cut_facets_leave_out(self, near)
+    class(cut_facets_t), intent(in) :: self
+    type(near_faces_t), intent(inout) :: near(:)  !! Facets near each other, by couples of bodies (n_couples).
+    integer :: i
+    do i = 1, size(near)
+      near(i)%opposite = near(i)%opposite .and. .not. (self%has(near(i)%body_a, near(i)%facet_a) .or. &
+                                                       self%has(near(i)%body_b, near(i)%facet_b))
+    end do
+  end subroutine cut_facets_leave_out
 end module dotyk_model_pair_finder

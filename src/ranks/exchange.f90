@@ -13,9 +13,8 @@ module dotyk_ranks_exchange
   use dotyk_base_log, only: print_error
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_timer, only: processor_time, wall_time
-  use dotyk_ranks_communication, only: add_integers, collect_reals, end_ranks, gather_integers, &
-    gather_reals, greet, greeting_length, n_ranks, this_rank
-  use dotyk_ranks_item_order, only: by_owner, numbers
+  use dotyk_ranks_communication, only: add_integers, collect_reals, end_ranks, gather_integers, gather_reals, greet, &
+    greeting_length, n_ranks, this_rank
   implicit none
   private
   public :: by_owner, is_own, share, share_errors, share_parcel, agree_on_error, on_any_rank, meet, exchange_cost, &
@@ -337,4 +336,33 @@ contains
       sum = ieor(ishftc(sum, 5), transfer(value(i), sum))
     end do
   end function checksum
+
+  !> Items in the order in which they are gathered: by ranks, then by their own order.
+  pure function by_owner(owner) result(order)
+    integer, intent(in) :: owner(:)  !! Rank of each item (n_items).
+    integer :: order(size(owner)), first(0:maxval([owner, 0]) + 1), i
+    first = 0
+    do i = 1, size(owner)
+      first(owner(i) + 1) = first(owner(i) + 1) + 1
+    end do
+    do i = 1, ubound(first, 1)
+      first(i) = first(i) + first(i - 1)
+    end do
+    do i = 1, size(owner)
+      first(owner(i)) = first(owner(i)) + 1
+      order(first(owner(i))) = i
+    end do
+  end function by_owner
+
+  !> Numbers that each rank has.
+  pure function numbers(owner, length) result(n)
+    integer, intent(in) :: owner(:)  !! Rank of each item (n_items).
+    integer(int64), intent(in) :: length(:)  !! Numbers of each item (n_items).
+    integer(int64) :: n(n_ranks())
+    integer :: i
+    n = 0
+    do i = 1, size(owner)
+      n(owner(i) + 1) = n(owner(i) + 1) + length(i)
+    end do
+  end function numbers
 end module dotyk_ranks_exchange

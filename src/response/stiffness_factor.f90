@@ -5,18 +5,23 @@
 !> at least its inverse. Only where it is small are the lowest eigenmodes of the scaled stiffness computed: they give
 !> the condition, and tell whether a few near-null-space modes are the only cause (`dotyk_response_near_null_modes`).
 module dotyk_response_stiffness_factor
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_elasticity_body, only: body_t, stiffness_t, assemble_stiffness
+  use dotyk_elasticity_body, only: assemble_stiffness, body_t, stiffness_t, strain_energy
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_condition, only: scaled_norm, smallest_eigenpairs
   use dotyk_linalg_springs, only: add_springs, choose_fixing_equations
   use dotyk_response_near_null_modes, only: count_near_null, find_near_null
-  use dotyk_response_regularization, only: is_mechanism
   implicit none
   private
+
+  !> A displacement with less than this part of the energy that its nodes would have one by one, all others at rest,
+  !> strains nothing. Elements know it to the square of round-off: mechanisms have 1e-25 and less, a bar 1000 times
+  !> longer than thick 1e-13, a ribbon of 10000 by 100 by 1 3e-17.
+  real(dp), parameter :: least_energy = 1.0e-20_dp
 
   type, public :: factorization_report_t  !! What a factorization found out about the stiffness of a body.
     !> Condition number of the stiffness with its diagonal scaled to 1; a lower bound where it was not measured [].
@@ -162,4 +167,22 @@ contains
                    exit_not_solvable)
     !$omp end critical (message)
   end subroutine refuse
+
+  !> Whether a displacement is a mechanism: it moves parts of the body against each other without strain.
+  logical function is_mechanism(body, diagonal, fixed, spring, x)
+    type(body_t), intent(in) :: body  !! Assembled.
+    real(dp), intent(in) :: diagonal(:)  !! Diagonal of the stiffness, springs included (n_equations) [force/length].
+    integer, intent(in) :: fixed(:)  !! Equations with springs (n).
+    real(dp), intent(in) :: spring(:)  !! The springs (n) [force/length].
+    real(dp), intent(in) :: x(:)  !! The displacement (n_equations) [any].
+    real(dp), allocatable :: u(:, :)
+    real(dp) :: most
+    is_mechanism = .true.
+    most = maxval(abs(x))
+    if (.not. ieee_is_finite(most) .or. .not. most > 0) return
+    allocate (u(body%dimension, body%mesh%n_nodes()))
+    call body%constraint%expand(x/most, u, .false.)
+    is_mechanism = .not. 2*strain_energy(body, u) + sum(spring*(x(fixed)/most)**2) > &
+                   least_energy*sum(diagonal*(x/most)**2)
+  end function is_mechanism
 end module dotyk_response_stiffness_factor
