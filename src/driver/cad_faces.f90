@@ -32,7 +32,7 @@ module dotyk_driver_cad_faces
   real(dp), parameter :: rounding = 1.0e-4_dp
 
   real(dp), parameter :: plane = 0.999_dp  !! Resultant over area of the normals of a face that counts as plane.
-  real(dp), parameter :: rounding = 1.0e-9_dp  !! Components below this are 0, relative to the others [].
+  real(dp), parameter :: negligible = 1.0e-9_dp  !! Components below this are 0, relative to the others [].
 
 contains
 
@@ -192,8 +192,8 @@ contains
     end do
     centre = centre/max(tiny(area), area)
     normal = normal/max(tiny(area), area)
-    where (abs(centre) < rounding*max(maxval(abs(centre)), sqrt(area))) centre = 0
-    where (abs(normal) < rounding) normal = 0
+    where (abs(centre) < negligible*max(maxval(abs(centre)), sqrt(area))) centre = 0
+    where (abs(normal) < negligible) normal = 0
   end subroutine measure
 
   !> A vector as text.

@@ -14,10 +14,7 @@ module dotyk_log_load_tables
   private
   public :: show_loads, resultant_line, vector_text
 
-  !> Greatest number of bodies with a line each; more are summed up by the last line.
-  integer, parameter :: most_shown = 20
-
-  !> Greatest number of loads with a line each; more are summed up by the table's last line.
+  !> Greatest number of loads, or bodies, with a line each; more are summed up by the table's last line.
   integer, parameter :: most_shown = 20
   integer, parameter :: label_width = 20  !! Width of the first column.
 

@@ -26,11 +26,8 @@ module dotyk_log_scene_tables
   private
   public :: show_title, show_scene, show_factorization, show_memory
 
-  integer, parameter :: most_shown = 20  !! Greatest number of contact pairs with a line each; more are summed up.
-
-  integer, parameter :: most_shown = 20  !! Greatest number of springs with a line each.
-
-  integer, parameter :: most_shown = 20  !! Greatest number of congruence classes with a line each; more are summed up.
+  !> Greatest number of contact pairs, springs, and congruence classes with a line each; more are summed up.
+  integer, parameter :: most_shown = 20
   integer, parameter :: width_of_material = 14  !! Letters of the names of materials in the table of bodies.
 
   !> Greatest Young's modulus in units that go with mm: of diamond, in kPa [pressure].
