@@ -42,7 +42,8 @@ contains
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
     real(dp), intent(in) :: pressure(:)  !! Pressures of its rows; only their signs count (n_rows) [pressure].
-    !> What the gaps have got; absent for a guess of the pressure: it shows what is bent, and no more (n_points) [length].
+    !> What the gaps have got; absent for a guess of the pressure: it shows what is bent, and no more (n_points)
+    !> [length].
     real(dp), intent(in), optional :: before(:)
     real(dp) :: change(pair%n_points)  !! Changes of the gaps (n_points) [length].
     type(corner_interpolation_t) :: corners

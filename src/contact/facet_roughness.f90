@@ -14,7 +14,8 @@ module dotyk_contact_facet_roughness
   private
   public :: measure_roughness
 
-  real(dp), parameter :: roughness_factor = 0.25_dp  !! Roughness over curvature times width^2: twice the height of the arc.
+  !> Roughness over curvature times width^2: twice the height of the arc [].
+  real(dp), parameter :: roughness_factor = 0.25_dp
 
 contains
 

@@ -4,7 +4,8 @@
 !> other, the depth is allowed up to the sum of
 !>
 !> - the bound of the iteration times what the two move beside their common rigid motion, and rounding (`slack`);
-!> - penalty and given gaps: the penetration of the rows around both points (`left`);
+!> - penalty and given gaps: the penetration of the rows around both points; and what uncertain gaps leave uncertain of
+!>   the displacements of the two (`left`);
 !> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides. Where
 !>   rows keep the gap closed in the mean, and between nodes, these are the arcs of the deformed facets. Over slave
 !>   facets the gap is as uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has
@@ -20,7 +21,7 @@ module dotyk_contact_penetration_tolerance
   private
 
   type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
-    real(dp), allocatable :: depth(:)  !! Penetration by penalty and given gaps (n_nodes) [length].
+    real(dp), allocatable :: depth(:)  !! By penalty, given gaps and uncertain displacements (n_nodes) [length].
     real(dp), allocatable :: uncertainty(:)  !! That of the gaps over the slave facets around (n_nodes) [length].
     logical, allocatable :: is_averaged(:)  !! Nodes of facets with rows at all of their vertices (n_nodes).
     real(dp) :: given = 0  !! What given gaps leave at most, which the meshes do not show [length].

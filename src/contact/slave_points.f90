@@ -220,7 +220,8 @@ contains
     pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area + left_out
     pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
     allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%bend(n), pair%curved(n), &
-              pair%uncertainty(n), pair%facet_a(n), pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), pair%sheet_b(n))
+              pair%uncertainty(n), pair%facet_a(n), pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n), &
+              pair%sheet_b(n))
     k = 0
     do f = 1, size(offset) - 1
       list = pack([(i, i=offset(f) + 1, offset(f + 1))], &

@@ -119,14 +119,14 @@ contains
   end subroutine take_entities
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(division, problem, pairs, first_row, penetration, parts_a, parts_b, a, b, u, error_bound, &
-                          depth, &
-                          found, met)
+  subroutine check_bodies(division, problem, pairs, first_row, penetration, uncertainty, parts_a, parts_b, a, b, u, &
+                          error_bound, depth, found, met)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     integer, intent(in) :: first_row(:)  !! First row of each pair (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: uncertainty(:)  !! Of the normal displacements of each pair (n_pairs) [length].
     type(parts_t), intent(in) :: parts_a  !! Parts of the first body.
     type(parts_t), intent(in) :: parts_b  !! Parts of the second body.
     integer, intent(in) :: a  !! Index of the first body.
@@ -149,8 +149,8 @@ contains
     integer :: i, j
     allocate (met(0), met_b(0))
     if (a == b .and. size(parts_a%part) == 1) return
-    call find_left(problem, pairs, first_row, penetration, a, b, left_a)
-    call find_left(problem, pairs, first_row, penetration, b, a, left_b)
+    call find_left(problem, pairs, first_row, penetration, uncertainty, a, b, left_a)
+    call find_left(problem, pairs, first_row, penetration, uncertainty, b, a, left_b)
     list = pairs%between(problem%pair, a, b)
     only_corners = size(list) == 0
     do i = 1, size(list)

@@ -1,6 +1,7 @@
-!> What contact pairs leave between two bodies: penetration by penalty, and where a given gap is larger than the distance
-!> of the surfaces.
+!> What contact pairs leave between two bodies: penetration by penalty, where a given gap is larger than the distance of
+!> the surfaces, and by normal displacements that the gaps leave uncertain.
 module dotyk_control_explained_penetration
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
   use dotyk_base_thresholds, only: largest_square
@@ -20,11 +21,12 @@ contains
 
   !> What contact pairs leave at the nodes of a body against another one: their own pairs, or, where they have none
   !> and only meet at edges, those with other bodies.
-  subroutine find_left(problem, pairs, first_row, penetration, body, other, left)
+  subroutine find_left(problem, pairs, first_row, penetration, uncertainty, body, other, left)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    real(dp), intent(in) :: uncertainty(:)  !! Of the normal displacements of each pair (n_pairs) [length].
     integer, intent(in) :: body  !! The body.
     integer, intent(in) :: other  !! The other body.
     type(left_by_pairs_t), intent(out) :: left  !! Penetration at the nodes of the body.
@@ -49,7 +51,8 @@ contains
                                    problem%surface_b(k), is_between, at_points, uncertain)
         if (pair%body_a == body) call spread_points(at_points, problem%surface_a(k), pair%facet_a, left%depth, is_known)
         if (pair%body_b == body) call spread_points(at_points, problem%surface_b(k), pair%facet_b, left%depth, is_known)
-        if (pair%body_a == body) call spread_points(uncertain, problem%surface_a(k), pair%facet_a, left%uncertainty, is_known)
+        if (pair%body_a == body) &
+          call spread_points(uncertain, problem%surface_a(k), pair%facet_a, left%uncertainty, is_known)
         call mark_averaged(pair, problem%surface_a(k), problem%surface_b(k), body, left%is_averaged)
         if (.not. is_between) cycle
         if (pair%gap_kind == gap_formula) beside = largest_square
@@ -57,6 +60,7 @@ contains
       end associate
     end do
     where (.not. is_known) left%depth = beside
+    left%depth = left%depth + maxval([0.0_dp, pack(uncertainty(list), .not. ieee_is_nan(uncertainty(list)))])
     left%given = beside
   end subroutine find_left
 
@@ -141,3 +145,4 @@ contains
     end do
   end subroutine spread_points
 end module dotyk_control_explained_penetration
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan

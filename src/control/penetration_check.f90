@@ -81,7 +81,8 @@ contains
       allocate (at_rest(b)%displacement, mold=problem%body(b)%mesh%x)
       at_rest(b)%displacement = 0
     end do
-    call check_penetration(problem, at_rest, [(1, k=0, size(problem%pair))], [real(dp) ::], 0.0_dp, check, &
+    call check_penetration(problem, at_rest, [(1, k=0, size(problem%pair))], [real(dp) ::], &
+                           [(0.0_dp, k=1, size(problem%pair))], 0.0_dp, check, &
                            beside_pairs=.true.)
     associate (of_body => check%found%body, other => check%found%other)
       found = pack(check%found, [(check%found(k)%worst%depth > least_overlap* &
@@ -91,11 +92,13 @@ contains
   end subroutine find_initial_overlap
 
   !> Check all bodies.
-  subroutine check_penetration(problem, solution, first_row, penetration, error_bound, check, beside_pairs)
+  subroutine check_penetration(problem, solution, first_row, penetration, uncertainty, error_bound, check, beside_pairs)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    !> That of the normal displacements of the two sides of each pair; NaN where unknown (n_pairs) [length].
+    real(dp), intent(in) :: uncertainty(:)
     real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
     type(penetration_check_t), intent(out) :: check  !! Outcome.
     logical, intent(in), optional :: beside_pairs  !! Only different bodies that no contact pair has; not if absent.
@@ -116,7 +119,7 @@ contains
     end do
     call overlapping_boxes(-box(:3, :), box(4:, :), couple)
     couple = couple(:, pack([(k, k=1, size(couple, 2))], [(counts(couple(1, k), couple(2, k)), k=1, size(couple, 2))]))
-    call check_couples(problem, solution, first_row, penetration, error_bound, couple, check)
+    call check_couples(problem, solution, first_row, penetration, uncertainty, error_bound, couple, check)
 
   contains
 
@@ -133,11 +136,13 @@ contains
   end subroutine check_penetration
 
   !> Check some couples of bodies.
-  subroutine check_couples(problem, solution, first_row, penetration, error_bound, couple, check)
+  subroutine check_couples(problem, solution, first_row, penetration, uncertainty, error_bound, couple, check)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    !> That of the normal displacements of the two sides of each pair; NaN where unknown (n_pairs) [length].
+    real(dp), intent(in) :: uncertainty(:)
     real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
     integer, intent(in) :: couple(:, :)  !! The couples; a body with itself for its parts (2, n_couples).
     type(penetration_check_t), intent(out) :: check  !! Outcome.
@@ -205,7 +210,7 @@ contains
       type(division_t), intent(in) :: division  !! How ranks divide the nodes.
       integer, intent(in) :: k  !! The couple.
       associate (a => couple(1, k), c => couple(2, k))
-        call check_bodies(division, problem, pairs, first_row, penetration, parts(a), parts(c), a, c, &
+        call check_bodies(division, problem, pairs, first_row, penetration, uncertainty, parts(a), parts(c), a, c, &
                           solution(a)%displacement, &
                           error_bound, check%depth, found(k), met(k)%of)
       end associate

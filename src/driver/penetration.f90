@@ -40,7 +40,7 @@ contains
     call set_stage('checking for penetration')
     if (.not. all_displaced()) return
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, &
-                           solution%state%penetration, &
+                           solution%state%penetration, solution%gap_doubt%moved_change, &
                            solution%state%error_bound, solution%penetration)
     call monitor%watch%lap(monitor%timing%check)
     ! A point that has been added before has its row, or is excluded.
