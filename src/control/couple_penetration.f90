@@ -143,6 +143,7 @@ contains
     type(penetration_tolerance_t) :: tolerance
     type(left_by_pairs_t) :: left_a, left_b
     type(met_point_t), allocatable :: met_b(:)
+    type(penetration_t) :: shared
     real(dp) :: rounding
     logical :: only_corners
     integer, allocatable :: list(:)
@@ -183,10 +184,14 @@ contains
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
       if (.not. all(is_meant(problem, list, met))) met = met(:0)
     end if
-    if (found%worst%depth > 0 .or. problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
-    if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
-      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
-                                found%worst%position)
+    if (problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
+    if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) then
+      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), shared%depth, shared%position)
+      if (shared%depth > found%worst%depth) then
+        found = body_penetration_t(a, b, shared)
+        met = met(:0)
+      end if
+    end if
     if (found%worst%depth > 0 .or. .not. only_corners) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)

@@ -145,4 +145,3 @@ contains
     end do
   end subroutine spread_points
 end module dotyk_control_explained_penetration
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
