@@ -186,7 +186,8 @@ contains
     end if
     if (problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) then
-      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), shared%depth, shared%position)
+      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), shared%depth, &
+                                shared%position)
       if (shared%depth > found%worst%depth) then
         found = body_penetration_t(a, b, shared)
         met = met(:0)
