@@ -10,6 +10,8 @@
 !>   rows keep the gap closed in the mean, and between nodes, these are the arcs of the deformed facets. Over slave
 !>   facets the gap is as uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has
 !>   the gap there: none of its own facets counts;
+!> - mean conditions: over a slave facet of width h that turns by b against the other surface, a gap whose mean is 0
+!>   goes from -h b/2 to h b/2;
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
@@ -22,6 +24,8 @@ module dotyk_contact_penetration_tolerance
 
   type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
     real(dp), allocatable :: depth(:)  !! By penalty, given gaps and uncertain displacements (n_nodes) [length].
+    !> Width of the slave facets around over which the gap is closed in the mean (n_nodes) [length].
+    real(dp), allocatable :: width(:)
     real(dp), allocatable :: uncertainty(:)  !! That of the gaps over the slave facets around (n_nodes) [length].
     logical, allocatable :: is_averaged(:)  !! Nodes of facets with rows at all of their vertices (n_nodes).
     real(dp) :: given = 0  !! What given gaps leave at most, which the meshes do not show [length].
@@ -48,7 +52,8 @@ contains
   pure type(left_by_pairs_t) function left_at(self, node)
     class(left_by_pairs_t), intent(in) :: self
     integer, intent(in) :: node(:)  !! The nodes (n).
-    left_at = left_by_pairs_t(self%depth(node), self%uncertainty(node), self%is_averaged(node), self%given)
+    left_at = left_by_pairs_t(self%depth(node), self%width(node), self%uncertainty(node), self%is_averaged(node), &
+                              self%given)
   end function left_at
 
   !> The same for b and a.
@@ -120,9 +125,9 @@ contains
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
-    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, facing, tilt
     integer, allocatable :: around(:), shared(:)
-    integer :: vertex
+    integer :: i, k, vertex
     logical :: is_averaged
     around = a%facets_around(nodes)
     call b%facets_at(facet, xi, shared, vertex)
@@ -135,14 +140,31 @@ contains
     associate (of_b => b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))
       left = maxval(self%left_a%depth(nodes)) + maxval(self%left_b%depth(of_b))
       uncertainty = maxval(self%left_b%uncertainty(of_b))
+      width = maxval(self%left_b%width(of_b))
       ! Rows at some points of an edge leave it bent between them.
       is_averaged = size(nodes) > 1 .or. all(self%left_a%is_averaged(nodes)) .or. all(self%left_b%is_averaged(of_b))
     end associate
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + &
               along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d) + uncertainty
-    if (size(nodes) > 1 .or. any(kind_nodes(a%surface%kind(around)) > a%set%corners(around))) &
+    if (size(nodes) > 1 .or. any(kind_nodes(a%surface%kind(around)) > a%set%corners(around))) then
       allowed = allowed + maxval(self%left_a%uncertainty(nodes)) + &
                 along(a, around, merge(a%roughness(around), a%roughness0(around), is_averaged), d)
+      width = max(width, maxval(self%left_a%width(nodes)))
+    end if
+    if (.not. width > 0) return
+    ! Facets of the two that face each other best, and how they turn against each other.
+    facing = 0
+    tilt = 0
+    do k = 1, size(shared)
+      do i = 1, size(around)
+        associate (p => around(i), q => shared(k))
+          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
+          facing = dot_product(a%normal(:, p), b%normal(:, q))
+          tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
+        end associate
+      end do
+    end do
+    allowed = allowed + width*tilt/2
   end subroutine tolerance_find_allowed
 
   !> Largest height over some facets, measured in a direction [length].

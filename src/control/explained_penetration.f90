@@ -37,7 +37,7 @@ contains
     logical :: is_between
     integer :: i, k
     allocate (left%depth(problem%body(body)%mesh%n_nodes()), source=0.0_dp)
-    allocate (left%uncertainty, source=left%depth)
+    allocate (left%uncertainty, left%width, source=left%depth)
     allocate (is_known(size(left%depth)), left%is_averaged(size(left%depth)), source=.false.)
     list = pairs%between(problem%pair, body, other)
     is_between = size(list) > 0
@@ -53,7 +53,8 @@ contains
         if (pair%body_b == body) call spread_points(at_points, problem%surface_b(k), pair%facet_b, left%depth, is_known)
         if (pair%body_a == body) &
           call spread_points(uncertain, problem%surface_a(k), pair%facet_a, left%uncertainty, is_known)
-        call mark_averaged(pair, problem%surface_a(k), problem%surface_b(k), body, left%is_averaged)
+        call mark_averaged(pair, problem%surface_a(k), problem%surface_b(k), problem%body(pair%body_a)%mesh%x, body, &
+                           left)
         if (.not. is_between) cycle
         if (pair%gap_kind == gap_formula) beside = largest_square
         if (pair%gap_kind == gap_constant) beside = max(beside, maxval(at_points))
@@ -103,12 +104,13 @@ contains
   end subroutine penetration_at_points
 
   !> Mark the nodes of facets over which rows keep the gap closed in the mean, and of those that they face.
-  subroutine mark_averaged(pair, surface_a, surface_b, body, is_averaged)
+  subroutine mark_averaged(pair, surface_a, surface_b, x, body, left)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Slave surface.
     type(surface_t), intent(in) :: surface_b  !! Master surface.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the slave body (dimension, n_nodes) [length].
     integer, intent(in) :: body  !! The body.
-    logical, intent(inout) :: is_averaged(:)  !! Nodes of the body that are marked (n_nodes).
+    type(left_by_pairs_t), intent(inout) :: left  !! Its nodes are marked; those of slave facets get the width.
     type(corner_interpolation_t) :: corners
     logical, allocatable :: has_row(:)
     integer :: i
@@ -121,8 +123,13 @@ contains
       do i = 1, n
         if (.not. all(has_row(corners%corner(:, i)))) cycle
         associate (f => pair%facet_a(i), g => pair%facet_b(i))
-          if (pair%body_a == body) is_averaged(surface_a%node(:kind_nodes(surface_a%kind(f)), f)) = .true.
-          if (pair%body_b == body) is_averaged(surface_b%node(:kind_nodes(surface_b%kind(g)), g)) = .true.
+          if (pair%body_b == body) left%is_averaged(surface_b%node(:kind_nodes(surface_b%kind(g)), g)) = .true.
+          if (pair%body_a /= body) cycle
+          associate (node => surface_a%node(:kind_nodes(surface_a%kind(f)), f), &
+                     corner => corners%corner_node(pack(corners%corner(:, i), corners%corner(:, i) > 0)))
+            left%is_averaged(node) = .true.
+            left%width(node) = max(left%width(node), maxval(norm2(x(:, cshift(corner, 1)) - x(:, corner), 1)))
+          end associate
         end associate
       end do
     end associate
