@@ -8,7 +8,7 @@
 !>   the displacements of the two (`left`);
 !> - facets: the height of arcs over them, twice, along d; the largest of all that share a point, on both sides. Where
 !>   rows keep the gap closed in the mean, and between nodes, these are the arcs of the deformed facets. Over slave
-!>   facets the gap is as uncertain as their rows are. A vertex of linear facets lies on its surface, and its row has
+!>   facets the gap is as uncertain as their rows are. A vertex of plane facets lies on its surface, and its row has
 !>   the gap there: none of its own facets counts;
 !> - mean conditions: over a slave facet of width h that turns by b against the other surface, a gap whose mean is 0
 !>   goes from -h b/2 to h b/2;
@@ -128,7 +128,7 @@ contains
     real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, facing, tilt
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
-    logical :: is_averaged
+    logical :: is_averaged, is_linear
     around = a%facets_around(nodes)
     call b%facets_at(facet, xi, shared, vertex)
     call facet_position_and_normal(b%set, facet, xi, position, d, xu, xv)
@@ -146,9 +146,10 @@ contains
     end associate
     allowed = self%slack + left + slip*turn + slip**2*curvature/2 + &
               along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d) + uncertainty
-    if (size(nodes) > 1 .or. any(kind_nodes(a%surface%kind(around)) > a%set%corners(around))) then
+    is_linear = all(kind_nodes(a%surface%kind(around)) == a%set%corners(around))
+    if (size(nodes) > 1 .or. .not. (is_linear .and. all(a%set%affine(around)))) then
       allowed = allowed + maxval(self%left_a%uncertainty(nodes)) + &
-                along(a, around, merge(a%roughness(around), a%roughness0(around), is_averaged), d)
+                along(a, around, merge(a%roughness(around), a%roughness0(around), is_averaged .or. is_linear), d)
       width = max(width, maxval(self%left_a%width(nodes)))
     end if
     if (.not. width > 0) return
