@@ -28,8 +28,8 @@ contains
     !> Unit normals of the facets before deformation (3, n_facets) [].
     real(dp), allocatable, intent(out) :: normal0(:, :)
     real(dp), allocatable, intent(out) :: normal(:, :)  !! The same after deformation (3, n_facets) [].
-    !> Roughness before deformation, where the surface is concave: there facets are outside of the body; elsewhere it is
-    !> deeper than they are (n_facets) [length].
+    !> Roughness before deformation where the surface is concave: chords lie outside of the body there, and touch before
+    !> the surface does. Chords of convex surfaces lie inside, and depths below them are real (n_facets) [length].
     real(dp), allocatable, intent(out) :: roughness0(:)
     real(dp), allocatable, intent(out) :: roughness(:)  !! Roughness after deformation (n_facets) [length].
     real(dp), allocatable, intent(out) :: curvature(:)  !! Curvature before deformation (n_facets) [1/length].

@@ -59,7 +59,7 @@ module dotyk_contact_pair
     real(dp), allocatable :: gap(:)  !! Gaps d (n_points) [length].
     !> What was taken off the gaps of the points on quadratic facets, as nothing bends these (n_points) [length].
     real(dp), allocatable :: bend(:)
-    real(dp), allocatable :: curved(:)  !! What of the kind they still have (n_points) [length].
+    real(dp), allocatable :: curved(:)  !! What of that part they still have (n_points) [length].
     real(dp), allocatable :: uncertainty(:)  !! How uncertain the gaps are (n_points) [length].
     !> Slave facets of the points, ascending among the mortar points and among those after them (n_points).
     integer, allocatable :: facet_a(:)

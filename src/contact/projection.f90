@@ -40,7 +40,7 @@ module dotyk_contact_projection
     real(dp) :: normal(3) = 0  !! Unit normal n from body a into body b (3) [].
     real(dp) :: distance = 0  !! Signed distance n.(x' - x) [length].
     real(dp) :: bend = 0  !! What was taken off it, as nothing bends the facet [length].
-    real(dp) :: curved = 0  !! What of the kind it still has [length].
+    real(dp) :: curved = 0  !! What of that part it still has [length].
     real(dp) :: uncertainty = 0  !! How uncertain it is [length].
   end type projection_t
 

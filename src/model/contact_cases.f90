@@ -25,7 +25,7 @@ module dotyk_model_contact_cases
     !> Gaps of the points; not allocated where no load case changes anything (n_points) [length].
     real(dp), allocatable :: gap(:)
     real(dp), allocatable :: bend(:)  !! What was taken off them (n_points) [length].
-    real(dp), allocatable :: curved(:)  !! What of the kind they still have (n_points) [length].
+    real(dp), allocatable :: curved(:)  !! What of that part they still have (n_points) [length].
     real(dp), allocatable :: uncertainty(:)  !! How uncertain they are (n_points) [length].
     real(dp), allocatable :: row_gap(:)  !! Those of the rows (n_rows) [length].
     real(dp), allocatable :: row_theta(:)  !! Penalty parameters of the rows (n_rows) [length/pressure].
