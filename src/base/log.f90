@@ -3,7 +3,7 @@ module dotyk_base_log
   use, intrinsic :: iso_c_binding, only: c_int
   use dotyk_base_files, only: print_text
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: text_t
+  use dotyk_base_text, only: append_text, text_t
   use dotyk_base_timer, only: wall_time
   implicit none
   private
@@ -73,8 +73,7 @@ contains
   !> Hold the lines that follow; those within lines that are held already are taken first.
   subroutine log_hold(self)
     class(log_t), intent(inout) :: self
-    if (.not. allocated(self%held)) allocate (self%held(0))
-    self%held = [self%held, text_t('')]
+    call append_text(self%held, '')
   end subroutine log_hold
 
   !> Take the lines that were held, and print the next ones.

@@ -17,7 +17,8 @@ module dotyk_base_text
     module procedure text_of_integer, text_of_long, text_of_real
   end interface to_text
 
-  public :: to_text, lower, nearest_name, edit_distance, suggestion, join, split_words, counted, quoted, shown, visible
+  public :: to_text, lower, nearest_name, edit_distance, suggestion, append_text, join, split_words, counted, quoted, &
+    shown, visible
 
 contains
 
@@ -238,6 +239,20 @@ contains
     hint = nearest_name(name, names)
     if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
   end function suggestion
+
+  !> Append a text to a list. (gfortran 12 leaks the components of constructors within array constructors.)
+  pure subroutine append_text(list, text)
+    type(text_t), allocatable, intent(inout) :: list(:)  !! Texts so far; none where it is not allocated (n).
+    character(*), intent(in) :: text  !! The last one.
+    type(text_t), allocatable :: longer(:)
+    integer :: n
+    n = 0
+    if (allocated(list)) n = size(list)
+    allocate (longer(n + 1))
+    if (n > 0) longer(:n) = list
+    longer(n + 1)%s = text
+    call move_alloc(longer, list)
+  end subroutine append_text
 
   !> Split a text at blanks.
   pure subroutine split_words(text, words)

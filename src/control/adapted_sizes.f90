@@ -184,6 +184,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `sizes_observe`.
     type(tag_map_t) :: tags
     type(size_view_t) :: new
+    type(errors_t) :: none
     real(dp), allocatable :: x(:, :)
     integer, allocatable :: entity(:), corner(:, :), mine(:), place(:)
     integer(int64), allocatable :: tag(:)
@@ -222,7 +223,8 @@ contains
           if (v > size(self%view)) then
             call new%init(file(b)%s, entity(e), d, x, corner(:, mine), tag(mine))
             self%view = [self%view, new]
-            self%errors = [self%errors, errors_t([(0.0_dp, k=1, size(mine))], [real(dp) ::], [(0, k=1, size(mine))])]
+            none = errors_t([(0.0_dp, k=1, size(mine))], [real(dp) ::], [(0, k=1, size(mine))])
+            self%errors = [self%errors, none]
             place = [(k, k=1, size(mine))]
           end if
           at%view(mine) = v

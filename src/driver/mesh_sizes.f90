@@ -5,7 +5,7 @@ module dotyk_driver_mesh_sizes
   use dotyk_base_files, only: own_mark
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_operating_system, only: remove_file
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: append_text, quoted, text_t, to_text
   use dotyk_base_wildcard, only: matches
   use dotyk_input_case, only: case_t, mesh_size_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
@@ -52,7 +52,7 @@ contains
     allocate (file(0), view(0))
     do k = 1, size(case%mesh_size)
       path = case%body(case%mesh_size(k)%body)%mesh
-      if (.not. any([(file(f)%s == path, f=1, size(file))])) file = [file, text_t(path)]
+      if (.not. any([(file(f)%s == path, f=1, size(file))])) call append_text(file, path)
     end do
     case%size_mark = mark_of(case)
     case%sized_file = file
@@ -147,15 +147,12 @@ contains
     type(case_t), intent(in) :: case  !! The case.
     integer, intent(in) :: body  !! The body.
     type(text_t), allocatable :: name(:)  !! Physical groups, maybe with wildcards (n).
-    character(:), allocatable :: a, b
     integer :: k
     allocate (name(0))
     do k = 1, size(case%contact)
       if (case%contact(k)%auto) cycle
-      a = case%contact(k)%surface_a
-      b = case%contact(k)%surface_b
-      if (any(case%contact(k)%bodies_a == body)) name = [name, text_t(a)]
-      if (any(case%contact(k)%bodies_b == body)) name = [name, text_t(b)]
+      if (any(case%contact(k)%bodies_a == body)) call append_text(name, case%contact(k)%surface_a)
+      if (any(case%contact(k)%bodies_b == body)) call append_text(name, case%contact(k)%surface_b)
     end do
   end function contact_surfaces
 
@@ -325,7 +322,7 @@ contains
         path = folder//name
         call view(f)%write(path, error)
         if (allocated(error)) return
-        view_file = [view_file, text_t(path)]
+        call append_text(view_file, path)
         field = first_field + 2*f
         script = script//view(f)%script(name, field)
         if (len(list) > 0) list = list//', '
@@ -341,9 +338,8 @@ contains
       script = script//'Field['//to_text(first_field)//'] = Min;'//lf// &
         'Field['//to_text(first_field)//'].FieldsList = {'//list//'};'//lf// &
         'Background Field = '//to_text(first_field)//';'//lf
-      name = view(v)%file
-      files = [files, text_t(name)]
-      scripts = [scripts, text_t(script)]
+      call append_text(files, view(v)%file)
+      call append_text(scripts, script)
     end do
     call move_alloc(files, case%sized_file)
     call move_alloc(scripts, case%size_script)

@@ -160,10 +160,15 @@ contains
     call self%factor%analyze(self%matrix, order, error)
     if (allocated(error)) return
     ! Bodies that H couples: those of each pair, or all together.
+    if (allocated(self%group)) deallocate (self%group)
     if (self%coupling == coupling_all) then
-      self%group = [group_of(qp, [(i, i=1, size(qp%block))], 1, n)]
+      allocate (self%group(1))
+      call set_group(qp, [(i, i=1, size(qp%block))], 1, n, self%group(1))
     else
-      self%group = [(group_of(qp, qp%coarse%body(:, row(first(i))), first(i), first(i + 1) - 1), i=1, size(first) - 1)]
+      allocate (self%group(size(first) - 1))
+      do i = 1, size(self%group)
+        call set_group(qp, qp%coarse%body(:, row(first(i))), first(i), first(i + 1) - 1, self%group(i))
+      end do
     end if
     deallocate (first)
     allocate (first(size(self%group) + 1), source=1)
@@ -173,11 +178,12 @@ contains
     call self%network%init(qp%coarse%first, first, [(self%group(i)%body, i=1, size(self%group))], error)
   end subroutine form_matrix
 
-  !> A group of rows and the modes of some bodies.
-  pure type(row_group_t) function group_of(qp, body, first, last) result(group)
+  !> A group of rows and the modes of some bodies. (gfortran 12 leaks components of functions in array constructors.)
+  pure subroutine set_group(qp, body, first, last, group)
     type(contact_qp_t), intent(in) :: qp  !! With rigid body modes.
     integer, intent(in) :: body(:)  !! The bodies; 0 is none.
     integer, intent(in) :: first, last  !! The rows first .. last.
+    type(row_group_t), intent(out) :: group  !! The group.
     integer, allocatable :: present(:), n_modes(:)
     integer :: k, j
     group%first = first
@@ -188,7 +194,7 @@ contains
     n_modes = pack(n_modes, n_modes > 0)
     group%start = [1, (1 + sum(n_modes(:k)), k=1, size(n_modes))]
     group%mode = [((qp%coarse%first(group%body(k)) + j, j=0, n_modes(k) - 1), k=1, size(n_modes))]
-  end function group_of
+  end subroutine set_group
 
   !> Successive rows of the same pair and bodies: those of the i-th are first(i) .. first(i+1)-1.
   subroutine find_pairs(qp, row, first)
