@@ -41,8 +41,10 @@ class Example(dotyk_case.Case):
         e, joints = self.check.errors(self.folder / "multilayer/multilayer.vtkhdf")
         for name, error in e.items():
             self.assertLessEqual(error, self.check.LIMITS[name], name)
-        # three zones in the lower joints; the load spreads, and decays downwards
-        self.assertEqual([len(joint["zones"]) for joint in joints], [3, 3, 3, 3, 3, 2, 2])
+        # the load spreads, and decays downwards: zones come apart in the lower joints, none joins others
+        zones = [len(joint["zones"]) for joint in joints]
+        self.assertEqual(zones, sorted(zones, reverse=True))
+        self.assertGreater(zones[0], zones[-1])
         self.assertIncreasing([joint["force"] for joint in joints])
         self.assertIncreasing([joint["closed"] for joint in joints])
         early = self.text.replace("theta_relative=0.1", "theta_relative=0.1, max_iterations=7")
