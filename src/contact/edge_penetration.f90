@@ -3,7 +3,7 @@ module dotyk_contact_edge_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_facet_parts, only: facet_parts, max_parts, part_corners, place_at_part
-  use dotyk_contact_met_points, only: add_met_point, met_point_t
+  use dotyk_contact_met_points, only: inside_point_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
@@ -32,12 +32,11 @@ module dotyk_contact_edge_penetration
 contains
 
   !> Edges that pass through another part, or run inside it between two nodes that are allowed.
-  subroutine find_edges(division, a, b, tolerance, only_corners, is_below, near, clear, depth, worst, met)
+  subroutine find_edges(division, a, b, tolerance, is_below, near, clear, depth, worst, inside)
     type(division_t), intent(in) :: division  !! How ranks divide the facets.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     logical, intent(in) :: is_below(:)  !! Nodes below the boundary (a%n_nodes).
     integer, intent(in) :: near(:)  !! Facet of b that is nearest to each node, 0 where it is not known (a%n_nodes).
     !> Least distances of the nodes from b, 0 where they are not outside (a%n_nodes) [length].
@@ -45,7 +44,7 @@ contains
     !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
-    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
+    type(inside_point_t), allocatable, intent(inout) :: inside(:)  !! Points that are too deep are added (n).
     real(dp), allocatable :: found(:, :)
     integer :: f, e, n, other, corners, ends(3), n_found, first, last
     n = a%set%n
@@ -79,7 +78,7 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
-    call keep_segments(a, b, found, tolerance, only_corners, depth, worst, met)
+    call keep_segments(found, depth, worst, inside)
 
   contains
 
@@ -204,28 +203,24 @@ contains
   end function edge_shape
 
   !> Add the segments that are too deep to the deepest point, in the order of the facets.
-  subroutine keep_segments(a, b, found, tolerance, only_corners, depth, worst, met)
-    type(solid_t), intent(in) :: a  !! The part.
-    type(solid_t), intent(in) :: b  !! The other part.
+  subroutine keep_segments(found, depth, worst, inside)
     !> The segments: facet, ends, depth and its position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
-    type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
-    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
-    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
-    logical :: inside(size(depth))
+    type(inside_point_t), allocatable, intent(inout) :: inside(:)  !! Points that are too deep are added (n).
+    logical :: is_inside(size(depth))
     integer :: order(size(found, 2)), i
-    inside = depth > 0
+    is_inside = depth > 0
     call sort_order(found(1, :), order)
     do i = 1, size(order)
       associate (segment => found(:, order(i)), nodes => nint(found(2:3, order(i))))
         ! A node inside says it already.
-        if (segment(4) > 0 .and. .not. any(inside(nodes))) then
+        if (segment(4) > 0 .and. .not. any(is_inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
           depth(nodes) = max(depth(nodes), segment(4))
-          call add_met_point(a, nint(segment(1)), nodes, segment(5:7), b, tolerance, only_corners, met)
+          inside = [inside, inside_point_t(nint(segment(1)), nodes, 0, segment(5:7))]
         end if
         if (segment(4) > (1 + same_depth)*worst%depth) then
           worst%depth = segment(4)

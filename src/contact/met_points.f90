@@ -21,6 +21,13 @@ module dotyk_contact_met_points
   implicit none
   private
 
+  type, public :: inside_point_t  !! A point of one part that is too deep in another one.
+    integer :: facet = 0  !! A facet of its part that has it.
+    integer :: node(2) = 0  !! The nodes that it lies between, twice the same for a node (2).
+    integer :: entered = 0  !! The facet that it came through where it has passed through the other part, or 0.
+    real(dp) :: x(3) = 0  !! Its place after deformation (3) [length].
+  end type inside_point_t
+
   type, public :: met_point_t  !! A point of body a that is in body b.
     integer :: body_a = 0, body_b = 0  !! The bodies.
     !> Facets of their boundaries; that of b is the one that the point came through, 0 where a row is of no use.
@@ -29,89 +36,105 @@ module dotyk_contact_met_points
     real(dp) :: xi_a(2) = 0, xi_b(2) = 0  !! Reference coordinates of the two points on them (2) [].
   end type met_point_t
 
-  public :: add_met_point, discretize_points, is_same
+  public :: add_met_points, discretize_points, is_same
 
   !> A point is in front of a facet up to this fraction of its size.
   real(dp), parameter :: in_front = 1.0e-6_dp
   !> An edge leaves a body sideways: not through facets whose normals have less than this sine to it.
   real(dp), parameter :: sideways = sqrt(0.5_dp)
-  !> A point may start behind a facet by more than bodies overlap along the normal of a row: along a right-angled wedge
+  !> A point that starts in a body may be behind the plane of a facet by more than its depth: along a right-angled wedge
   !> by this ratio.
   real(dp), parameter :: most_ratio = sqrt(2.0_dp)
   integer, parameter :: n_steps = 5  !! Newton steps to the closest point of a curved facet.
 
 contains
 
-  !> Add a point of a that is in b, with the facet that it came through: the nearest of those in front of which it
-  !> started. One that started behind all of them, by interference, leaves through the one it was least behind. Points
-  !> of an edge do not leave along it, as the next ones would take their place. Between bodies without a contact pair
-  !> only corners count; other points have no facet of b.
-  subroutine add_met_point(a, f, nodes, x, b, tolerance, only_corners, met, entered)
-    type(solid_t), intent(in) :: a  !! The part of the point.
-    integer, intent(in) :: f  !! Its facet.
-    integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
-    real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
+  !> Add points of a that are in b.
+  subroutine add_met_points(a, b, inside, tolerance, only_corners, met)
+    type(solid_t), intent(in) :: a  !! The part of the points.
     type(solid_t), intent(in) :: b  !! The other part.
+    type(inside_point_t), intent(in) :: inside(:)  !! The points (n).
     type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points so far (n).
-    !> The facet that it came through where that is known: it has passed through b.
-    integer, intent(in), optional :: entered
-    type(met_point_t) :: new
-    real(dp) :: x0(3), xi(2), least, square, depth, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
+    type(solid_t) :: at_rest
+    integer :: i
+    if (size(inside) == 0) return
+    associate (x => b%x0(:b%dimension, :))
+      call at_rest%init(b%body, x, 0*x, b%surface, [(i, i=1, b%surface%n_facets)])
+    end associate
+    do i = 1, size(inside)
+      met = [met, met_point(a, b, at_rest, inside(i), tolerance, only_corners)]
+    end do
+  end subroutine add_met_points
+
+  !> A point of a that is in b, with the facet that it came through: the nearest of those in front of which it started.
+  !> One that started behind all of them, by interference, leaves through the one it was least behind. Points of an edge
+  !> do not leave along it, as the next ones would take their place. Between bodies without a contact pair only corners
+  !> count; other points have no facet of b.
+  type(met_point_t) function met_point(a, b, at_rest, inside, tolerance, only_corners) result(new)
+    type(solid_t), intent(in) :: a  !! The part of the point.
+    type(solid_t), intent(in) :: b  !! The other part.
+    type(solid_t), intent(in) :: at_rest  !! The same before deformation.
+    type(inside_point_t), intent(in) :: inside  !! The point.
+    type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
+    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
+    real(dp) :: x0(3), xi(2), least, square, depth, overlap, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
     integer :: near, i, j, k, g, attempt
     logical :: counts
-    call closest_point_on_facet(a%set, f, x, new%xi_a, square)
-    x0 = x - a%displacement_at(f, new%xi_a)
-    call b%depth_of(x, 0, depth, near, xi)
-    counts = .not. only_corners
-    ! Each of the two may move by as much, against the other.
-    if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
-    along = a%x(:, nodes(size(nodes))) - a%x(:, nodes(1))
-    behind = huge(behind)
-    least = huge(least)
-    ! Where it leaves sideways through none, as where the end of an edge comes in, through any.
-    do attempt = 1, 2
-      if (new%facet_b > 0) exit
-      do i = 1, b%set%corners(near)
-        associate (v => b%adjacency%vertex(i, near))
-          do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
-            g = b%adjacency%facet(k)
-            if (any([(a%is_flush(nodes(j), b, g), j=1, size(nodes))]) .or. present(entered)) cycle
-            call closest_point_on_facet(b%set, g, x, xi, square)
-            call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
-            ! Beside a face, as in a concave corner, the point is not below it.
-            if (2*dot_product(normal, at - x) < sqrt(square)) cycle
-            if (attempt == 1 .and. norm2(cross(along, normal)) < sideways*norm2(along)) cycle
-            gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
-            gap = max(0.0_dp, -gap - b%roughness(g) - in_front*b%set%size(g))
-            ! Deeper than they overlap: the point started beside this facet.
-            if (gap > most_ratio*tolerance%interference) cycle
-            if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
-            behind = gap
-            least = square
-            new%facet_b = g
-            new%xi_b = xi
-          end do
-        end associate
+    associate (x => inside%x, nodes => inside%node)
+      call closest_point_on_facet(a%set, inside%facet, x, new%xi_a, square)
+      x0 = x - a%displacement_at(inside%facet, new%xi_a)
+      call at_rest%depth_of(x0, 0, overlap, near, xi)
+      call b%depth_of(x, 0, depth, near, xi)
+      counts = .not. only_corners
+      ! Each of the two may move by as much, against the other.
+      if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
+      along = a%x(:, nodes(2)) - a%x(:, nodes(1))
+      behind = huge(behind)
+      least = huge(least)
+      ! Where it leaves sideways through none, as where the end of an edge comes in, through any.
+      do attempt = 1, 2
+        if (new%facet_b > 0 .or. inside%entered > 0) exit
+        do i = 1, b%set%corners(near)
+          associate (v => b%adjacency%vertex(i, near))
+            do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
+              g = b%adjacency%facet(k)
+              if (any([(a%is_flush(nodes(j), b, g), j=1, 2)])) cycle
+              call closest_point_on_facet(b%set, g, x, xi, square)
+              call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
+              ! Beside a face, as in a concave corner, the point is not below it.
+              if (2*dot_product(normal, at - x) < sqrt(square)) cycle
+              if (attempt == 1 .and. norm2(cross(along, normal)) < sideways*norm2(along)) cycle
+              gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
+              gap = max(0.0_dp, -gap - b%roughness0(g) - in_front*b%set%size(g))
+              ! Deeper than they overlap: the point started beside this facet.
+              if (gap > most_ratio*max(0.0_dp, overlap)) cycle
+              if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
+              behind = gap
+              least = square
+              new%facet_b = g
+              new%xi_b = xi
+            end do
+          end associate
+        end do
       end do
-    end do
-    if (present(entered)) then
-      new%facet_b = entered
-      call closest_point_on_facet(b%set, entered, x, new%xi_b, square)
-      behind = 0
-    end if
+      if (inside%entered > 0) then
+        new%facet_b = inside%entered
+        call closest_point_on_facet(b%set, inside%entered, x, new%xi_b, square)
+        behind = 0
+      end if
+    end associate
     new%is_behind = behind > 0
     new%body_a = a%body
     new%body_b = b%body
-    new%facet_a = a%facet(f)
+    new%facet_a = a%facet(inside%facet)
     if (counts .and. new%facet_b > 0) then
       new%facet_b = b%facet(new%facet_b)
     else
       new%facet_b = 0
     end if
-    met = [met, new]
-  end subroutine add_met_point
+  end function met_point
 
   !> Whether a point of a sharp edge of a is near a sharp edge of b.
   pure logical function are_corners(a, around, b, facet, x, most) result(are)

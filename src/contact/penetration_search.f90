@@ -5,7 +5,7 @@
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_edge_penetration, only: find_edges
-  use dotyk_contact_met_points, only: add_met_point, met_point_t
+  use dotyk_contact_met_points, only: inside_point_t
   use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
@@ -23,22 +23,21 @@ module dotyk_contact_penetration_search
 contains
 
   !> Depth of a part below the boundary of another one.
-  subroutine find_penetration(division, a, b, tolerance, only_corners, depth, worst, clear, met)
+  subroutine find_penetration(division, a, b, tolerance, depth, worst, clear, inside)
     type(division_t), intent(in) :: division  !! How ranks divide nodes and facets.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
     type(penetration_t), intent(out) :: worst  !! The deepest point.
     !> Least distance of each node from b, 0 where it is not outside (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: clear(:)
-    type(met_point_t), allocatable, intent(out) :: met(:)  !! Points that are too deep, where a row can be (n).
+    type(inside_point_t), allocatable, intent(out) :: inside(:)  !! Points that are too deep (n).
     logical :: is_below(a%n_nodes)
     integer :: near(a%n_nodes), i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
-    allocate (met(0))
+    allocate (inside(0))
     is_below = .false.
     near = 0
     allocate (clear(a%n_nodes), source=0.0_dp)
@@ -66,12 +65,12 @@ contains
     do i = 1, a%n_nodes
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
-      call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance, only_corners, met)
+      inside = [inside, inside_point_t(a%around(a%first(i)), [i, i], 0, a%x(:, i))]
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(division, a, b, tolerance, only_corners, is_below, near, clear, depth, worst, met)
+    call find_edges(division, a, b, tolerance, is_below, near, clear, depth, worst, inside)
   end subroutine find_penetration
 
   !> Make the depths of the nodes of all ranks known to all.
@@ -94,19 +93,18 @@ contains
   end subroutine share_depths
 
   !> Nodes of a part that have passed wholly through another one.
-  subroutine find_passages(division, a, b, swept, tolerance, only_corners, clear, depth, worst, met)
+  subroutine find_passages(division, a, b, swept, tolerance, clear, depth, worst, inside)
     type(division_t), intent(in) :: division  !! How ranks divide the nodes.
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     type(swept_facets_t), intent(in) :: swept  !! Facets of the other part in motion.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! Depths that are allowed.
-    logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     real(dp), intent(in) :: clear(:)  !! Least distance of each node from b after deformation (a%n_nodes) [length].
     !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
     !> that they entered through (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point; nodes are added.
-    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that have passed through are added (n).
+    type(inside_point_t), allocatable, intent(inout) :: inside(:)  !! Points that have passed through are added (n).
     type(passage_t) :: passage
     real(dp) :: allowed, left, centre(2), passed(a%n_nodes)
     integer :: entered(a%n_nodes), i, first, last
@@ -136,8 +134,7 @@ contains
       if (.not. depth(i) < 0) cycle
       depth(i) = -depth(i)
       worst%n_passed = worst%n_passed + 1
-      if (entered(i) > 0) call add_met_point(a, a%around(a%first(i)), [i], a%x(:, i), b, tolerance, only_corners, met, &
-                                             entered(i))
+      if (entered(i) > 0) inside = [inside, inside_point_t(a%around(a%first(i)), [i, i], entered(i), a%x(:, i))]
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)

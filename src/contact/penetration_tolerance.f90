@@ -37,7 +37,6 @@ module dotyk_contact_penetration_tolerance
     real(dp) :: slack = 0  !! Error of the displacements and of rounding [length].
     real(dp) :: moved = 0  !! Largest displacement of the two beside their common rigid motion [length].
     type(left_by_pairs_t) :: left_a, left_b  !! What contact pairs leave on both sides.
-    real(dp) :: interference = 0  !! Deepest overlap at rest that the pairs of the two bodies know [length].
   contains
     procedure :: swapped => tolerance_swapped
     procedure :: judge => tolerance_judge
@@ -59,7 +58,7 @@ contains
   !> The same for b and a.
   pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
     class(penetration_tolerance_t), intent(in) :: self
-    swapped = penetration_tolerance_t(self%slack, self%moved, self%left_b, self%left_a, self%interference)
+    swapped = penetration_tolerance_t(self%slack, self%moved, self%left_b, self%left_a)
   end function tolerance_swapped
 
   !> Judge a depth: 0 on return if it is allowed.

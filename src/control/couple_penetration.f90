@@ -2,7 +2,7 @@
 module dotyk_control_couple_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_contact_met_points, only: met_point_t
+  use dotyk_contact_met_points, only: add_met_points, inside_point_t, met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
@@ -154,9 +154,6 @@ contains
     call find_left(problem, pairs, first_row, penetration, uncertainty, b, a, left_b)
     list = pairs%between(problem%pair, a, b)
     only_corners = size(list) == 0
-    do i = 1, size(list)
-      tolerance%interference = max(tolerance%interference, -minval(problem%pair(list(i))%gap))
-    end do
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
@@ -295,20 +292,21 @@ contains
     type(penetration_t), intent(inout) :: worst
     type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points that are too deep are added (n).
     type(penetration_t) :: here
-    type(met_point_t), allocatable :: found(:)
+    type(inside_point_t), allocatable :: inside(:)
     real(dp), allocatable :: own(:), clear(:)
     associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
       if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
         allocate (own(p%n_nodes), clear(p%n_nodes), source=0.0_dp)
+        allocate (inside(0))
       else
-        call find_penetration(division, p, q, tolerance, only_corners, own, here, clear, found)
-        met = [met, found]
+        call find_penetration(division, p, q, tolerance, own, here, clear, inside)
       end if
     end associate
     ! Facets are no guide to the thickness of a part, but none is thinner than a small fraction of them.
     if (maxval(norm2(p%x - p%x0 - spread(swept%shift, 2, p%n_nodes), 1)) + swept%farthest > &
         least_thickness*minval(q%set%size)) &
-      call find_passages(division, p, q, swept, tolerance, only_corners, clear, own, here, met)
+      call find_passages(division, p, q, swept, tolerance, clear, own, here, inside)
+    call add_met_points(p, q, inside, tolerance, only_corners, met)
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)

@@ -9,7 +9,7 @@ program divided_search
   use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_formula, geometry_smooth, &
     quadrature_plain, quadrature_segments
   use dotyk_contact_operator, only: build_operator, contact_operator_t
-  use dotyk_contact_met_points, only: met_point_t
+  use dotyk_contact_met_points, only: inside_point_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
   use dotyk_contact_pair_exchange, only: share_pairs
@@ -189,7 +189,7 @@ contains
     type(solid_t) :: solid(2)
     type(penetration_tolerance_t) :: tolerance
     type(penetration_t) :: worst(2)
-    type(met_point_t), allocatable :: met(:)
+    type(inside_point_t), allocatable :: inside(:)
     real(dp), allocatable :: depth(:), other(:), clear(:)
     call make_boxes(kind, -0.07_dp, upper, lower)
     call make_solid(upper, solid(1))
@@ -198,8 +198,12 @@ contains
     allocate (tolerance%left_a%depth(solid(1)%n_nodes), tolerance%left_b%depth(solid(2)%n_nodes), source=0.0_dp)
     tolerance%left_a%width = tolerance%left_a%depth
     tolerance%left_b%width = tolerance%left_b%depth
-    call find_penetration(division_t(), solid(1), solid(2), tolerance, .true., depth, worst(1), clear, met)
-    call find_penetration(division_t(.true.), solid(1), solid(2), tolerance, .true., other, worst(2), clear, met)
+    tolerance%left_a%uncertainty = tolerance%left_a%depth
+    tolerance%left_b%uncertainty = tolerance%left_b%depth
+    allocate (tolerance%left_a%is_averaged(solid(1)%n_nodes), tolerance%left_b%is_averaged(solid(2)%n_nodes), &
+              source=.true.)
+    call find_penetration(division_t(), solid(1), solid(2), tolerance, depth, worst(1), clear, inside)
+    call find_penetration(division_t(.true.), solid(1), solid(2), tolerance, other, worst(2), clear, inside)
     call compare(name//': depth', depth, other)
     call compare(name//': deepest', [worst(1)%depth, worst(1)%position], &
                  [worst(2)%depth, worst(2)%position])
