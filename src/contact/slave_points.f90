@@ -37,7 +37,7 @@ module dotyk_contact_slave_points
   real(dp), parameter :: distant_cost = 0.02_dp
   !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
   real(dp), parameter :: nothing_left = 1.0e-6_dp
-  integer, parameter :: point_length = 16  !! Numbers that ranks exchange of a point.
+  integer, parameter :: point_length = 17  !! Numbers that ranks exchange of a point.
 
 contains
 
@@ -159,17 +159,9 @@ contains
     allocate (list(point_length, size(weight)))
     do i = 1, size(weight)
       associate (p => projection(i))
-        list(1:3, i) = x(:, i)
-        list(4:5, i) = xi(:, i)
-        list(6, i) = weight(i)
-        list(7:8, i) = p%xi
-        list(9:11, i) = p%normal
-        list(12, i) = p%distance
-        list(13, i) = p%status
-        list(14, i) = p%facet
-        list(15, i) = p%bend
-        list(16, i) = p%curved
-        list(17, i) = p%uncertainty
+        ! Another component changes the length on both sides, which does not compile before `point_length` fits.
+        list(:, i) = [x(:, i), xi(:, i), weight(i), p%xi, p%normal, p%distance, real(p%status, dp), real(p%facet, dp), &
+                      p%bend, p%curved, p%uncertainty]
       end associate
     end do
     call division%append(list)

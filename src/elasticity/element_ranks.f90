@@ -34,7 +34,7 @@ contains
     integer, allocatable :: start(:), node(:), cost(:)
     real(dp), allocatable :: length(:)
     real(dp) :: low, high
-    integer :: b, e, n, m, first, last, r
+    integer :: b, e, n, m, first, last, r, longest
     allocate (element_rank(mesh%n_elements()), cost(mesh%n_elements()), start(mesh%n_elements() + 1))
     if (size(element_rank) == 0) return
     ! The length of the body in the row, and that of each rank in it, in ranks.
@@ -43,9 +43,11 @@ contains
     first = min(int(low), n_ranks - 1)
     last = max(first, min(ceiling(high), n_ranks) - 1)
     length = [(min(high, r + 1.0_dp) - max(low, real(r, dp)), r=first, last)]
-    ! Less than an element is nothing.
+    ! Less than an element is nothing, unless all are.
     length = max(length, 0.0_dp)
+    longest = maxloc(length, 1)
     where (length < (high - low)/size(element_rank)) length = 0
+    if (.not. any(length > 0)) length(longest) = 1
     n = 0
     start(1) = 1
     do b = 1, size(mesh%block)
