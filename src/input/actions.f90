@@ -4,14 +4,12 @@ module dotyk_input_actions
   use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: shown, to_text
   use dotyk_input_attachments, only: read_masses, read_springs
-  use dotyk_input_boundary, only: append_places, check_densities, read_load, read_support
+  use dotyk_input_boundary, only: check_densities, read_load, read_support
   use dotyk_input_case, only: applies_in, body_input_t, case_t, field_input_t, load_input_t, material_input_t, &
-    scene_input_t, support_input_t
+    support_input_t
+  use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_load_cases, only: cases_of
-  use dotyk_input_problems, only: problems_t
-  use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: is_given, names_t, pick_groups, real_of, reals_of, refuse, report, text_of, texts_of
-  use dotyk_input_wildcards, only: append_places, names_several, refer_to_bodies
+  use dotyk_input_references, only: append_places, input_t, names_several
   implicit none
   private
   public :: read_actions
@@ -19,11 +17,9 @@ module dotyk_input_actions
 contains
 
   !> Read them, for each body that a group names.
-  subroutine read_actions(groups, cases, bodies, problems, case)
+  subroutine read_actions(groups, input, case)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(case_t), intent(inout) :: case  !! The case with scene, materials and bodies; all else here is set.
     type(support_input_t), allocatable :: support(:)
     type(load_input_t), allocatable :: load(:)
@@ -32,8 +28,8 @@ contains
     call pick_groups(groups, 'support', picked)
     allocate (support(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support(i), matched)
-      call cases_of(groups(picked(i)), cases, problems, support(i)%in_case)
+      call read_support(groups(picked(i)), input, support(i), matched)
+      call cases_of(groups(picked(i)), input, support(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%support(size(group_of)))
@@ -42,12 +38,12 @@ contains
       case%support(i)%body = body_of(i)
     end do
     deallocate (group_of, body_of)
-    call read_springs(groups, bodies, case%scene%dimension, problems, case%support)
+    call read_springs(groups, input, case%support)
     call pick_groups(groups, 'load', picked)
     allocate (load(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call read_load(groups(picked(i)), bodies, case%scene, problems, load(i), matched)
-      call cases_of(groups(picked(i)), cases, problems, load(i)%in_case)
+      call read_load(groups(picked(i)), input, load(i), matched)
+      call cases_of(groups(picked(i)), input, load(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%load(size(group_of)))
@@ -55,25 +51,23 @@ contains
       case%load(i) = load(group_of(i))
       case%load(i)%body = body_of(i)
     end do
-    call read_masses(groups, bodies, case%scene, problems, case%load)
-    call check_densities(case%load, case%body, case%material, problems)
+    call read_masses(groups, input, case%load)
+    call check_densities(input, case%load, case%body, case%material)
     deallocate (group_of, body_of)
-    call read_temperatures(groups, cases, bodies, case%body, case%material, problems, case%temperature)
-    call read_initial_stresses(groups, cases, bodies, case%scene, problems, case%initial_stress)
+    call read_temperatures(groups, input, case%body, case%material, case%temperature)
+    call read_initial_stresses(groups, input, case%initial_stress)
   end subroutine read_actions
 
   !> Read all `&temperature`.
-  subroutine read_temperatures(groups, cases, bodies, body, material, problems, temperature)
+  subroutine read_temperatures(groups, input, body, material, temperature)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! The bodies (n_bodies).
     type(material_input_t), intent(in) :: material(:)  !! The materials (n_materials).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> One for each body that a group names (n_temperatures).
     type(field_input_t), allocatable, intent(out) :: temperature(:)
     integer :: i, k
-    call read_fields(groups, cases, 'temperature', bodies, problems, temperature)
+    call read_fields(groups, input, 'temperature', temperature)
     do i = 1, size(temperature)
       associate (b => temperature(i)%body)
         if (b == 0) cycle
@@ -81,8 +75,8 @@ contains
           associate (m => body(b)%material(k))
             if (m == 0) cycle
             if (.not. material(m)%expands) &
-              call problems%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
-                                ' of body '//shown(body(b)%name)//' has no expansion')
+              call input%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// ' of '// &
+                             'body '//shown(body(b)%name)//' has no expansion')
           end associate
         end do
       end associate
@@ -90,41 +84,36 @@ contains
   end subroutine read_temperatures
 
   !> Read all `&initial_stress`.
-  subroutine read_initial_stresses(groups, cases, bodies, scene, problems, initial_stress)
+  subroutine read_initial_stresses(groups, input, initial_stress)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
-    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     !> One for each body that a group names (n_initial_stresses).
     type(field_input_t), allocatable, intent(out) :: initial_stress(:)
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
     logical :: is_zero
     integer :: i, k
-    call read_fields(groups, cases, 'initial_stress', bodies, problems, initial_stress)
-    if (scene%dimension /= 2) return
+    call read_fields(groups, input, 'initial_stress', initial_stress)
+    if (input%scene%dimension /= 2) return
     do i = 1, size(initial_stress)
       if (i > 1) then
         if (initial_stress(i)%line == initial_stress(i - 1)%line) cycle
       end if
       do k = 3, 6
-        if (k == 4 .or. (k == 3 .and. scene%analysis /= analysis_plane_stress)) cycle
+        if (k == 4 .or. (k == 3 .and. input%scene%analysis /= analysis_plane_stress)) cycle
         is_zero = .not. abs(initial_stress(i)%value(k)) > 0
         if (size(initial_stress(i)%formula) > 0) is_zero = initial_stress(i)%formula(k)%s == '0'
         if (.not. is_zero) &
-          call problems%add(initial_stress(i)%line, '&initial_stress: the component '//name(k)//' must be 0 in '// &
-                            trim(merge('plane stress  ', 'two dimensions', k == 3)))
+          call input%add(initial_stress(i)%line, '&initial_stress: the component '//name(k)//' must be 0 in '// &
+                         trim(merge('plane stress  ', 'two dimensions', k == 3)))
       end do
     end do
   end subroutine read_initial_stresses
 
   !> Read all groups of one name; a body that two of them name is reported.
-  subroutine read_fields(groups, cases, name, bodies, problems, field)
+  subroutine read_fields(groups, input, name, field)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: name  !! Name of the groups.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(field_input_t), allocatable, intent(out) :: field(:)  !! One for each body that a group names (n_fields).
     type(field_input_t), allocatable :: of_group(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
@@ -133,17 +122,17 @@ contains
     allocate (of_group(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
-        call read_field(group, problems, of_group(i))
-        of_group(i)%any_body = names_several(text_of(group, 'body'), bodies)
-        call cases_of(group, cases, problems, of_group(i)%in_case)
+        call input%refer_to_bodies(group, 'body', group%text_of('body'), matched)
+        call read_field(group, input, of_group(i))
+        of_group(i)%any_body = names_several(group%text_of('body'), input%bodies)
+        call cases_of(group, input, of_group(i)%in_case)
         twice: do k = 1, size(matched)
           do j = 1, size(body_of)
             if (body_of(j) /= matched(k)) cycle
-            if (.not. share_a_case(of_group(i), of_group(group_of(j)), max(1, size(cases%name)))) cycle
-            call report(problems, group, 'body', 'a second &'//name//' of body '//shown(bodies%name(matched(k))%s)// &
-                        trim(merge(' in one load case', '                 ', size(cases%name) > 0))// &
-                        ' (the first is in line '//to_text(of_group(group_of(j))%line)//')')
+            if (.not. share_a_case(of_group(i), of_group(group_of(j)), max(1, size(input%cases%name)))) cycle
+            call input%report(group, 'body', 'a second &'//name//' of body '//shown(input%bodies%name(matched(k))%s)// &
+                              trim(merge(' in one load case', '                 ', size(input%cases%name) > 0))// &
+                              ' (the first is in line '//to_text(of_group(group_of(j))%line)//')')
             exit twice
           end do
         end do twice
@@ -167,28 +156,28 @@ contains
   end function share_a_case
 
   !> Read value or formula of one group.
-  subroutine read_field(group, problems, field)
+  subroutine read_field(group, input, field)
     type(group_t), intent(in) :: group  !! Checked group.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(field_input_t), intent(out) :: field  !! The field, without a body; incomplete where the group has mistakes.
     real(dp), allocatable :: numbers(:)
     field%line = group%line
-    field%array = text_of(group, 'field')
-    field%reference = real_of(group, 'reference')
+    field%array = group%text_of('field')
+    field%reference = group%real_of('reference')
     if (len(field%array) > 0) then
-      call refuse(group, 'value', 'field', problems)
-      call refuse(group, 'formula', 'field', problems)
-    else if (is_given(group, 'reference')) then
-      call report(problems, group, 'reference', 'reference is for a field: value and formula are above that of the '// &
-                  'unstressed body')
+      call input%refuse(group, 'value', 'field')
+      call input%refuse(group, 'formula', 'field')
+    else if (group%is_given('reference')) then
+      call input%report(group, 'reference', 'reference is for a field: value and formula are above that of the '// &
+                        'unstressed body')
     end if
-    if (is_given(group, 'value') .and. is_given(group, 'formula')) then
-      call report(problems, group, 'value', 'value and formula are both given: only one can be meant')
-    else if (.not. (is_given(group, 'value') .or. is_given(group, 'formula') .or. len(field%array) > 0)) then
-      call problems%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
+    if (group%is_given('value') .and. group%is_given('formula')) then
+      call input%report(group, 'value', 'value and formula are both given: only one can be meant')
+    else if (.not. (group%is_given('value') .or. group%is_given('formula') .or. len(field%array) > 0)) then
+      call input%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
     end if
-    call reals_of(group, 'value', numbers)
+    call group%reals_of('value', numbers)
     field%value(:size(numbers)) = numbers
-    call texts_of(group, 'formula', field%formula)
+    call group%texts_of('formula', field%formula)
   end subroutine read_field
 end module dotyk_input_actions

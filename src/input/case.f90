@@ -13,9 +13,7 @@ module dotyk_input_case
     default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
     default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, quantity_force
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_input_body, only: body_input_t
-  use dotyk_input_load_case, only: applies_in, contact_case_input_t, load_case_input_t
-  use dotyk_input_tie, only: tie_input_t
+  use dotyk_input_cut, only: cut_input_t
   implicit none
   private
 
@@ -91,6 +89,29 @@ module dotyk_input_case
     real(dp) :: expansion(3) = 0  !! Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
     logical :: expands = .false.  !! Whether they are given.
   end type material_input_t
+
+  type, public :: body_input_t  !! `&body`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: name  !! Name that other groups refer to.
+    !> Physical group of its elements in the mesh; of several ones the name of their union: those of one material
+    !> joined by `, `, materials by `; `.
+    character(:), allocatable :: volume
+    type(text_t), allocatable :: volumes(:)  !! The physical groups (n_volumes).
+    integer, allocatable :: material_of(:)  !! Number of the material of each of them in `material` (n_volumes).
+    integer, allocatable :: material(:)  !! Indices of its materials, each once; 0 for an unknown one (n_materials).
+    character(:), allocatable :: mesh  !! Its mesh: its own, or that of the scene.
+    real(dp) :: at(3) = 0  !! Position of the origin of its mesh (3) [length].
+    !> Axis through the origin of the mesh about which the body is rotated first, as written (3) []; angle [degrees].
+    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp], angle = 0
+    logical :: crack = .false.  !! Whether faces of the body that touch without common nodes are a crack that is meant.
+    !> Whether it has no volume: its groups are those of a surface, and it is rigid; whether a point is given that sees
+    !> the side of contact of this surface.
+    logical :: is_surface = .false., has_facing = .false.
+    real(dp) :: facing(3) = 0  !! This point, in coordinates of the mesh (3) [length].
+    type(cut_input_t) :: cut  !! Which half it is of a body that a bolt cuts.
+  contains
+    procedure :: has_shape_of => body_input_has_shape_of
+  end type body_input_t
 
   type, public :: support_input_t  !! `&support`, or `&spring`: an elastic one.
     integer :: line = 0  !! Line of the group.
@@ -201,6 +222,52 @@ module dotyk_input_case
     procedure :: exchange => contact_exchange
   end type contact_input_t
 
+  type, public :: tie_input_t  !! `&tie` or `&bolt`.
+    integer :: line = 0  !! Line of the group.
+    !> Whether it is a bolt, pulled together along the normal of its surfaces: until it transmits `force`, or by
+    !> `shortening`.
+    logical :: is_bolt = .false., has_force = .false.
+    !> Whether it is the cut of a body that a `&bolt` divides: the meshes of both sides are one, and `axis` is its
+    !> normal where a plane is given.
+    logical :: is_cut = .false.
+    real(dp) :: force = 0  !! Tension [force].
+    !> Load cases in which `force` acts; in those after them the bolt is locked; all cases where not allocated
+    !> (n_cases).
+    logical, allocatable :: in_case(:)
+    real(dp) :: shortening = 0  !! Length that is taken out of the bolt [length].
+    !> Rotation of the master side to the slave side, for cyclic symmetry: axis as written (3) [], and angle [degrees].
+    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp], angle = 0
+    real(dp) :: centre(3) = 0  !! A point on the axis (3) [length].
+    character(:), allocatable :: name  !! Name of the tie.
+    integer :: body_a = 0, body_b = 0  !! Indices of the bodies of the slave and of the master side.
+    !> Physical groups of the surfaces; with wildcards, the union of those that the body has.
+    character(:), allocatable :: surface_a, surface_b
+    real(dp) :: search_radius = 0  !! Greatest distance that is tied; 0: half a facet [length].
+  contains
+    procedure :: exchange => tie_exchange
+  end type tie_input_t
+
+  type, public :: load_case_input_t  !! `&case`.
+    integer :: line = 0  !! Line of the group.
+    character(:), allocatable :: name  !! Name of the load case.
+    logical :: continues = .false.  !! Whether the solution starts from that of the case before.
+  end type load_case_input_t
+
+  type, public :: contact_case_input_t  !! `&contact_case`.
+    integer :: line = 0  !! Line of the group.
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to (n_cases).
+    character(:), allocatable :: contact  !! Name of contact pairs, maybe with wildcards.
+    logical :: has_gap = .false.  !! Whether a gap is given; the three below are as in `contact_input_t`.
+    integer :: gap_kind = default_gap
+    real(dp) :: gap = 0
+    character(:), allocatable :: gap_formula
+    !> Whether a penalty parameter is given; the three below are as in `contact_input_t`.
+    logical :: has_theta = .false.
+    integer :: theta_kind = default_theta
+    real(dp) :: theta = 0
+    character(:), allocatable :: theta_formula
+  end type contact_case_input_t
+
   type, public :: solver_input_t  !! `&solver`.
     integer :: line = 0  !! Line of the group; 0 where it is not in the file.
     integer :: scheme = default_scheme  !! One of `scheme_*`.
@@ -274,7 +341,7 @@ module dotyk_input_case
     procedure :: in_case_text => case_in_case_text
   end type case_t
 
-  public :: applies_in, body_input_t, contact_case_input_t, load_case_input_t, tie_input_t
+  public :: applies_in
 
 contains
 
@@ -290,6 +357,40 @@ contains
     call move_alloc(self%surface_b, self%surface_a)
     call move_alloc(surface, self%surface_b)
   end subroutine contact_exchange
+
+  !> Whether two bodies of one mesh file are the same part of it.
+  pure logical function body_input_has_shape_of(self, other) result(same)
+    class(body_input_t), intent(in) :: self
+    type(body_input_t), intent(in) :: other  !! The other body.
+    type(cut_input_t) :: own_cut, other_cut
+    same = self%volume == other%volume .and. (self%is_surface .eqv. other%is_surface) .and. &
+           (self%has_facing .eqv. other%has_facing) .and. .not. any(abs(self%facing - other%facing) > 0)
+    if (.not. same) return
+    own_cut = self%cut%place_back(self%at, self%axis, self%angle)
+    other_cut = other%cut%place_back(other%at, other%axis, other%angle)
+    same = own_cut%same_as(other_cut)
+  end function body_input_has_shape_of
+
+  !> Exchange slave and master side; of ties without rotation.
+  subroutine tie_exchange(self)
+    class(tie_input_t), intent(inout) :: self
+    character(:), allocatable :: surface
+    integer :: body
+    body = self%body_a
+    self%body_a = self%body_b
+    self%body_b = body
+    call move_alloc(self%surface_a, surface)
+    call move_alloc(self%surface_b, self%surface_a)
+    call move_alloc(surface, self%surface_b)
+  end subroutine tie_exchange
+
+  !> Whether a group belongs to a load case.
+  pure logical function applies_in(in_case, k) result(applies)
+    logical, allocatable, intent(in) :: in_case(:)  !! Its component `in_case`.
+    integer, intent(in) :: k  !! The load case.
+    applies = .true.
+    if (allocated(in_case)) applies = in_case(k)
+  end function applies_in
 
   !> Number of load cases: at least one.
   pure integer function case_n_cases(self) result(n)

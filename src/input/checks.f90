@@ -7,11 +7,10 @@ module dotyk_input_checks
   use dotyk_base_options, only: find_option
   use dotyk_base_text, only: join, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
   use dotyk_input_conversion, only: number_malformed, number_out_of_range, read_integer, read_logical, read_real
-  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
-    keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
-    kind_text, place_of_keyword
+  use dotyk_input_groups, only: entry_t, group_t, pick_groups, value_t
+  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, find_group, find_key, group_keyword_t, &
+    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
   use dotyk_input_problems, only: no_line, problems_t
-  use dotyk_input_reader, only: add_entry, add_value, entry_t, group_t, value_t
   implicit none
   private
   public :: check_group_names, check_occurrences, check_group
@@ -19,120 +18,123 @@ module dotyk_input_checks
 contains
 
   !> Report unknown groups.
-  subroutine check_group_names(groups, known, problems, meant)
+  subroutine check_group_names(groups, table, problems, meant)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(group_keyword_t), intent(in) :: known(:)  !! Groups that the program knows (n_known).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; unknown groups are added.
+    type(group_keyword_t), intent(in) :: table(:)  !! Groups that the program knows (n_known).
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; unknown groups are added.
     logical, intent(out) :: meant(:)  !! Whether an unknown group may be a misspelling of a known one (n_known).
-    type(text_t) :: names(size(known))
+    type(text_t) :: names(size(table))
     character(:), allocatable :: nearest, hint
     integer :: i, k
-    do k = 1, size(known)
-      names(k)%s = known(k)%name
+    do k = 1, size(table)
+      names(k)%s = table(k)%name
     end do
     meant = .false.
     do i = 1, size(groups)
-      if (len(groups(i)%name) == 0) cycle
-      if (any([(known(k)%name == groups(i)%name, k=1, size(known))])) cycle
+      if (len(groups(i)%name) == 0 .or. find_group(table, groups(i)%name) > 0) cycle
       nearest = nearest_name(groups(i)%name, names)
       hint = ' (did you mean ''&'//nearest//'''?)'
       if (len(nearest) == 0) hint = ' (groups are '//join(names, ', ')//')'
       call problems%add(groups(i)%line, 'unknown group '//shown('&'//groups(i)%name)//hint)
-      do k = 1, size(known)
-        if (known(k)%name == nearest) meant(k) = .true.
-      end do
+      k = find_group(table, nearest)
+      if (k > 0) meant(k) = .true.
     end do
   end subroutine check_group_names
 
   !> Report missing groups and groups that occur too often.
-  subroutine check_occurrences(groups, known, meant, problems)
+  subroutine check_occurrences(groups, table, meant, problems)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(group_keyword_t), intent(in) :: known(:)  !! Groups that the program knows (n_known).
+    type(group_keyword_t), intent(in) :: table(:)  !! Groups that the program knows (n_known).
     logical, intent(in) :: meant(:)  !! Whether a known group may be in the file, misspelled (n_known).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
-    integer :: i, k, n, first
-    do k = 1, size(known)
-      n = 0
-      first = 0
-      do i = 1, size(groups)
-        if (groups(i)%name /= known(k)%name) cycle
-        n = n + 1
-        if (n == 1) first = groups(i)%line
-        if (n > 1 .and. (known(k)%occurs == exactly_one .or. known(k)%occurs == at_most_one)) &
-          call problems%add(groups(i)%line, '&'//known(k)%name//': a second group (the first is in line '// &
-                            to_text(first)//')')
-      end do
-      if (n == 0 .and. .not. meant(k) .and. (known(k)%occurs == exactly_one .or. known(k)%occurs == at_least_one)) &
-        call problems%add(no_line, 'no &'//known(k)%name//' group')
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    integer, allocatable :: picked(:)
+    integer :: i, k
+    do k = 1, size(table)
+      associate (occurs => table(k)%occurs, name => table(k)%name)
+        call pick_groups(groups, name, picked)
+        if (size(picked) == 0) then
+          if (.not. meant(k) .and. any(occurs == [exactly_one, at_least_one])) &
+            call problems%add(no_line, 'no &'//name//' group')
+        else if (any(occurs == [exactly_one, at_most_one])) then
+          do i = 2, size(picked)
+            call problems%add(groups(picked(i))%line, '&'//name//': a second group (the first is in line '// &
+                              to_text(groups(picked(1))%line)//')')
+          end do
+        end if
+      end associate
     end do
   end subroutine check_occurrences
 
   !> Check keys and values of a group, convert its values, and add the defaults of the table.
   subroutine check_group(group, table, problems)
     type(group_t), intent(inout) :: group  !! Group as read; its values are converted, its defaults added.
-    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(group_keyword_t), intent(in) :: table(:)  !! Groups that the program knows, this one among them (n_known).
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(text_t), allocatable :: words(:)
     integer :: i, j, k, n
-    do i = 1, group%n_entries
-      k = place_of_keyword(table, group%name, group%entry(i)%key)
-      if (k == 0) then
-        call report_unknown_key(group, group%entry(i), table, problems)
-        cycle
-      end if
-      do j = 1, i - 1
-        if (group%entry(j)%key /= group%entry(i)%key) cycle
-        call problems%add(group%entry(i)%line, '&'//group%name//': '''//group%entry(i)%key// &
-                          ''' is given twice (first in line '//to_text(group%entry(j)%line)//')')
-        exit
-      end do
-      if (group%entry(i)%usable) call check_entry(group%name, group%entry(i), table(k), problems)
-    end do
-    n = group%n_entries
-    do k = 1, size(table)
-      if (table(k)%group /= group%name) cycle
-      if (any([(group%entry(i)%key == table(k)%key, i=1, n)])) cycle
-      if (table(k)%required) then
-        call problems%add(group%line, '&'//group%name//': '''//table(k)%key//''' is missing')
-      else if (len(table(k)%default) > 0) then
-        call add_entry(group, table(k)%key, group%line)
-        call split_words(table(k)%default, words)
-        if (table(k)%kind == kind_names) then
-          deallocate (words)
-          allocate (words(1))
-          words(1)%s = table(k)%default
-        end if
-        associate (entry => group%entry(group%n_entries))
-          entry%from_default = .true.
-          do i = 1, size(words)
-            call add_value(entry, words(i)%s, group%line, table(k)%kind >= kind_text)
+    associate (known => table(find_group(table, group%name)))
+      do i = 1, group%n_entries
+        associate (entry => group%entry(i))
+          k = find_key(known, entry%key)
+          if (k == 0) then
+            call report_unknown_key(known, entry, table, problems)
+            cycle
+          end if
+          do j = 1, i - 1
+            if (group%entry(j)%key /= entry%key) cycle
+            call problems%add(entry%line, '&'//group%name//': '''//entry%key//''' is given twice (first in line '// &
+                              to_text(group%entry(j)%line)//')')
+            exit
           end do
+          if (entry%usable) call check_entry(group%name, entry, known%key(k), problems)
         end associate
-        call check_entry(group%name, group%entry(group%n_entries), table(k), problems)
-      end if
-    end do
+      end do
+      n = group%n_entries
+      do k = 1, size(known%key)
+        associate (row => known%key(k))
+          if (any([(group%entry(i)%key == row%key, i=1, n)])) cycle
+          if (row%required) call problems%add(group%line, '&'//group%name//': '''//row%key//''' is missing')
+          if (len(row%default) == 0) cycle
+          call group%add(row%key, group%line)
+          associate (entry => group%entry(group%n_entries))
+            entry%from_default = .true.
+            call split_words(row%default, words)
+            if (row%kind == kind_names) then
+              call entry%add(row%default, group%line, .true.)
+            else
+              do i = 1, size(words)
+                call entry%add(words(i)%s, group%line, row%kind >= kind_text)
+              end do
+            end if
+            call check_entry(group%name, entry, row, problems)
+          end associate
+        end associate
+      end do
+    end associate
   end subroutine check_group
 
   !> Report an unknown key, with the nearest key or the group that has it.
-  subroutine report_unknown_key(group, entry, table, problems)
-    type(group_t), intent(in) :: group  !! Group of the key.
+  subroutine report_unknown_key(known, entry, table, problems)
+    type(group_keyword_t), intent(in) :: known  !! Group of the key.
     type(entry_t), intent(in) :: entry  !! The unknown key.
-    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
-    type(text_t), allocatable :: keys(:)
+    type(group_keyword_t), intent(in) :: table(:)  !! Groups that the program knows (n_known).
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(text_t) :: keys(size(known%key))
     character(:), allocatable :: hint
     integer :: k
-    call keys_of_group(table, group%name, keys)
+    do k = 1, size(keys)
+      keys(k)%s = known%key(k)%key
+    end do
     hint = suggestion(entry%key, keys)
     if (len(hint) == 0) then
       do k = 1, size(table)
-        if (table(k)%key == entry%key) hint = ' (it belongs to &'//table(k)%group//')'
+        if (find_key(table(k), entry%key) > 0) hint = ' (it belongs to &'//table(k)%name//')'
       end do
     end if
-    if (group%name == 'contact' .and. (index(entry%key, 'friction') > 0 .or. entry%key == 'mu')) &
+    if (known%name == 'contact' .and. (index(entry%key, 'friction') > 0 .or. entry%key == 'mu')) &
       hint = ' (contact is without friction: there is no such coefficient)'
     if (len(hint) == 0) hint = ' (keys are '//join(keys, ', ')//')'
-    call problems%add(entry%line, '&'//group%name//': unknown key '//shown(entry%key)//hint)
+    call problems%add(entry%line, '&'//known%name//': unknown key '//shown(entry%key)//hint)
   end subroutine report_unknown_key
 
   !> Check the values of one key and convert them.
@@ -141,7 +143,7 @@ contains
     !> Key with its values as written; converted on return, not usable where a value is wrong.
     type(entry_t), intent(inout) :: entry
     type(keyword_t), intent(in) :: row  !! Row of the key in the table of keywords.
-    type(problems_t), intent(inout) :: problems  !! Mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Mistakes are added.
     character(:), allocatable :: message, place
     integer :: i
     if (entry%n_values < row%least .or. entry%n_values > row%most) then

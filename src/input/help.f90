@@ -1,7 +1,7 @@
 !> The text of `--help`: command line, exit codes, and the groups and keys of the table that checks them.
 module dotyk_input_help
   use dotyk_base_text, only: join, split_words, text_t, to_text
-  use dotyk_input_keyword_table, only: list_groups, list_keywords
+  use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_t, kind_formula, &
     kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
@@ -18,10 +18,8 @@ contains
   function help_text() result(text)
     character(:), allocatable :: text
     type(group_keyword_t), allocatable :: groups(:)
-    type(keyword_t), allocatable :: table(:)
     integer :: i, k
-    call list_groups(groups)
-    call list_keywords(table)
+    call list_keywords(groups)
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
       'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf]'//lf// &
@@ -52,8 +50,8 @@ contains
     do i = 1, size(groups)
       text = text//lf//'&'//groups(i)%name//'  ('//occurrence(groups(i)%occurs)//') '// &
              wrapped(groups(i)%meaning, len(groups(i)%name) + len(occurrence(groups(i)%occurs)) + 6, 6)//lf
-      do k = 1, size(table)
-        if (table(k)%group == groups(i)%name) text = text//key_text(table(k))
+      do k = 1, size(groups(i)%key)
+        text = text//key_text(groups(i)%key(k))
       end do
     end do
   end function help_text

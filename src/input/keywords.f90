@@ -1,6 +1,5 @@
 !> Groups and keys of the namelist as data, and how their table is made and searched. The table is in keyword_table.f90.
 module dotyk_input_keywords
-  use dotyk_base_text, only: text_t
   implicit none
   private
 
@@ -16,15 +15,7 @@ module dotyk_input_keywords
   integer, parameter, public :: kind_names = 6    !< names of a list, separated by blanks, in one pair of quotes
   integer, parameter, public :: kind_formula = 7  !< formulas in x, y, z, each in quotes
 
-  type, public :: group_keyword_t  !! A group.
-    character(:), allocatable :: name  !! Its name in lower case.
-    integer :: occurs = any_number  !! One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
-    character(:), allocatable :: meaning  !! What it describes.
-    character(:), allocatable :: example  !! A typical group, for the reference.
-  end type group_keyword_t
-
   type, public :: keyword_t  !! A key of a group.
-    character(:), allocatable :: group  !! Name of the group, in lower case.
     character(:), allocatable :: key  !! Name of the key, in lower case.
     integer :: kind = kind_text  !! One of `kind_*`.
     integer :: least = 1  !! Least number of values.
@@ -41,106 +32,99 @@ module dotyk_input_keywords
     character(:), allocatable :: meaning  !! What it means.
   end type keyword_t
 
-  type, public :: keyword_list_t  !! A table of keys that is being made.
-    type(keyword_t), allocatable :: row(:)  !! The keys so far (n_keys).
-    character(:), allocatable, private :: group  !! Group of the keys to come.
+  type, public :: group_keyword_t  !! A group.
+    character(:), allocatable :: name  !! Its name in lower case.
+    integer :: occurs = any_number  !! One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
+    character(:), allocatable :: meaning  !! What it describes.
+    character(:), allocatable :: example  !! A typical group, for the reference.
+    type(keyword_t), allocatable :: key(:)  !! Its keys (n_keys).
+  end type group_keyword_t
+
+  type, public :: keyword_list_t  !! A table that is being made.
+    type(group_keyword_t), allocatable :: group(:)  !! The groups so far (n_groups).
   contains
-    procedure :: init => keyword_list_init
     procedure :: begin_group => keyword_list_begin_group
     procedure :: add => keyword_list_add
   end type keyword_list_t
 
-  public :: place_of_keyword, keys_of_group
+  public :: find_group, find_key
 
 contains
 
-  !> Begin an empty table.
-  pure subroutine keyword_list_init(self)
+  !> Begin a group.
+  pure subroutine keyword_list_begin_group(self, name, occurs, meaning, example)
     class(keyword_list_t), intent(inout) :: self
-    allocate (self%row(0))
-  end subroutine keyword_list_init
-
-  !> Begin the keys of a group.
-  pure subroutine keyword_list_begin_group(self, group)
-    class(keyword_list_t), intent(inout) :: self
-    character(*), intent(in) :: group  !! Name of the group, in lower case.
-    self%group = group
+    character(*), intent(in) :: name, meaning, example  !! As in `group_keyword_t`.
+    integer, intent(in) :: occurs  !! Likewise.
+    type(group_keyword_t), allocatable :: longer(:)
+    integer :: n
+    n = size(self%group)
+    allocate (longer(n + 1))
+    longer(:n) = self%group
+    call move_alloc(longer, self%group)
+    associate (group => self%group(n + 1))
+      group%name = name
+      group%occurs = occurs
+      group%meaning = meaning
+      group%example = example
+      allocate (group%key(0))
+    end associate
   end subroutine keyword_list_begin_group
 
-  !> Add a key of the group; what is absent is as in `keyword_t`.
+  !> Add a key to the last group; arguments and what is absent are as in `keyword_t`.
   pure subroutine keyword_list_add(self, key, kind, meaning, least, most, unit, names, default, positive, &
                                    not_negative, required, may_be_empty)
     class(keyword_list_t), intent(inout) :: self
-    character(*), intent(in) :: key  !! Name of the key, in lower case.
-    integer, intent(in) :: kind  !! One of `kind_*`.
-    character(*), intent(in) :: meaning  !! What it means.
-    integer, intent(in), optional :: least  !! Least number of values.
-    integer, intent(in), optional :: most  !! Greatest number of values.
-    character(*), intent(in), optional :: unit  !! Unit of the numbers.
-    character(*), intent(in), optional :: names  !! Names that are allowed, separated by blanks.
-    character(*), intent(in), optional :: default  !! Default values, separated by blanks.
-    logical, intent(in), optional :: positive  !! Whether its numbers must be above 0.
-    logical, intent(in), optional :: not_negative  !! Whether its numbers must not be below 0.
-    logical, intent(in), optional :: required  !! Whether it must be given.
-    logical, intent(in), optional :: may_be_empty  !! Whether its text may be empty.
+    character(*), intent(in) :: key, meaning
+    integer, intent(in) :: kind
+    integer, intent(in), optional :: least, most
+    character(*), intent(in), optional :: unit, names, default
+    logical, intent(in), optional :: positive, not_negative, required, may_be_empty
     type(keyword_t), allocatable :: longer(:)
-    integer :: i, n
-    n = size(self%row)
-    allocate (longer(n + 1))
-    do i = 1, n
-      longer(i) = self%row(i)
-    end do
-    call move_alloc(longer, self%row)
-    associate (row => self%row(n + 1))
-      row%group = self%group
-      row%key = key
-      row%kind = kind
-      row%meaning = meaning
-      row%unit = ''
-      row%names = ''
-      row%default = ''
-      if (present(least)) row%least = least
-      if (present(most)) row%most = most
-      if (present(unit)) row%unit = unit
-      row%measured = len(row%unit) > 0 .or. index(key, 'theta') == 1
-      if (present(names)) row%names = names
-      if (present(default)) row%default = default
-      if (present(positive)) row%positive = positive
-      if (present(not_negative)) row%not_negative = not_negative
-      if (present(required)) row%required = required
-      if (present(may_be_empty)) row%may_be_empty = may_be_empty
+    integer :: n
+    associate (group => self%group(size(self%group)))
+      n = size(group%key)
+      allocate (longer(n + 1))
+      longer(:n) = group%key
+      call move_alloc(longer, group%key)
+      associate (row => group%key(n + 1))
+        row%key = key
+        row%kind = kind
+        row%meaning = meaning
+        row%unit = ''
+        row%names = ''
+        row%default = ''
+        if (present(least)) row%least = least
+        if (present(most)) row%most = most
+        if (present(unit)) row%unit = unit
+        row%measured = len(row%unit) > 0 .or. index(key, 'theta') == 1
+        if (present(names)) row%names = names
+        if (present(default)) row%default = default
+        if (present(positive)) row%positive = positive
+        if (present(not_negative)) row%not_negative = not_negative
+        if (present(required)) row%required = required
+        if (present(may_be_empty)) row%may_be_empty = may_be_empty
+      end associate
     end associate
   end subroutine keyword_list_add
 
-  !> Place of a key in the table; 0 where the group has no such key.
-  pure integer function place_of_keyword(table, group, key) result(place)
-    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
-    character(*), intent(in) :: group  !! Name of the group, in lower case.
-    character(*), intent(in) :: key  !! Name of the key, in lower case.
-    integer :: i
+  !> Place of a group in the table; 0 where it is unknown.
+  pure integer function find_group(table, name) result(place)
+    type(group_keyword_t), intent(in) :: table(:)  !! The groups (n_groups).
+    character(*), intent(in) :: name  !! Name in lower case.
+    do place = 1, size(table)
+      if (table(place)%name == name) return
+    end do
     place = 0
-    do i = 1, size(table)
-      if (table(i)%group == group .and. table(i)%key == key) place = i
-    end do
-  end function place_of_keyword
+  end function find_group
 
-  !> Names of the keys of a group.
-  pure subroutine keys_of_group(table, group, keys)
-    type(keyword_t), intent(in) :: table(:)  !! Table of all keys (n_keys).
-    character(*), intent(in) :: group  !! Name of the group, in lower case.
-    !> Names of its keys, in the order of the table (n_keys_of_group).
-    type(text_t), allocatable, intent(out) :: keys(:)
-    integer :: i, n
-    n = 0
-    do i = 1, size(table)
-      if (table(i)%group == group) n = n + 1
+  !> Place of a key in its group; 0 where it is unknown.
+  pure integer function find_key(group, key) result(place)
+    type(group_keyword_t), intent(in) :: group  !! The group.
+    character(*), intent(in) :: key  !! Name in lower case.
+    do place = 1, size(group%key)
+      if (group%key(place)%key == key) return
     end do
-    allocate (keys(n))
-    n = 0
-    do i = 1, size(table)
-      if (table(i)%group /= group) cycle
-      n = n + 1
-      keys(n)%s = table(i)%key
-    end do
-  end subroutine keys_of_group
+    place = 0
+  end function find_key
 end module dotyk_input_keywords

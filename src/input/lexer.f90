@@ -46,7 +46,7 @@ contains
   subroutine read_token(self, text, problems, token)
     class(lexer_t), intent(inout) :: self
     character(*), intent(in) :: text  !! The whole text, the same at each call.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(token_t), intent(out) :: token  !! The token; `token_end` behind the end of the text.
     token%text = ''
     do
@@ -112,7 +112,7 @@ contains
   subroutine skip_outside(self, text, problems)
     type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
     character(*), intent(in) :: text  !! The whole text.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: first
     first = self%next
     do while (self%next <= len(text))
@@ -140,7 +140,7 @@ contains
   subroutine read_word(self, text, problems, token)
     type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
     character(*), intent(in) :: text  !! The whole text.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(token_t), intent(inout) :: token  !! The token; kind and text are set.
     character(:), allocatable :: rest
     integer :: count
@@ -162,7 +162,7 @@ contains
   subroutine read_quoted(self, text, problems, token)
     type(lexer_t), intent(inout) :: self  !! Position in the text; moved.
     character(*), intent(in) :: text  !! The whole text.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(token_t), intent(inout) :: token  !! The token; kind and text are set.
     character :: quote
     integer :: first, place, n

@@ -1,51 +1,24 @@
 !> Reads groups, keys and values from a text: the syntax of the namelist, not the meaning of names.
 module dotyk_input_reader
-  use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: lower, shown, to_text
+  use dotyk_input_groups, only: group_t
   use dotyk_input_lexer, only: lexer_t, most_repeats, split_repeat, token_close, token_comma, token_end, token_equals, &
     token_group, token_quoted, token_t, token_word
   use dotyk_input_problems, only: problems_t
   implicit none
   private
 
-  type, public :: value_t  !! One value as written.
-    character(:), allocatable :: text  !! Its text, without quotes.
-    integer :: line = 0  !! Line of the file.
-    logical :: quoted = .false.  !! Whether it is in quotes.
-  end type value_t
+  public :: read_groups
 
-  type, public :: entry_t  !! One key with its values.
-    character(:), allocatable :: key  !! Its name in lower case.
-    integer :: line = 0  !! Line of the key.
-    integer :: n_values = 0  !! Number of values.
-    type(value_t), allocatable :: value(:)  !! Values as written; the first `n_values` are in use (n_allocated).
-    logical :: usable = .true.  !! Whether it has no mistake so far. Checks skip what depends on unusable keys.
-    logical :: from_default = .false.  !! Whether it is a default of the table of keywords, not given in the file.
-    real(dp), allocatable :: reals(:)  !! Checked values of a real key (n_values) [unit of the key].
-    !> Checked values of an integer key (n_values), or the options that its names stand for (n_names).
-    integer, allocatable :: integers(:)
-    logical, allocatable :: logicals(:)  !! Checked values of a logical key (n_values).
-  end type entry_t
-
-  type, public :: group_t  !! One group.
-    character(:), allocatable :: name  !! Its name in lower case.
-    integer :: line = 0  !! Line of its beginning.
-    integer :: n_entries = 0  !! Number of keys.
-    type(entry_t), allocatable :: entry(:)  !! Keys; the first `n_entries` are in use (n_allocated).
-    logical, private :: full = .false.  !! Whether further keys were dropped.
-  end type group_t
-
-  public :: read_groups, add_entry, add_value
-
-  !> Greatest numbers of groups, keys of a group and values of a key, far above any real input: the rest is dropped.
-  integer, parameter :: most_groups = 200000, most_keys = 200, most_values = 1000
+  !> Greatest numbers of groups and of keys of a group, far above any real input: the rest is dropped.
+  integer, parameter :: most_groups = 200000, most_keys = 200
 
 contains
 
   !> Read all groups of a text.
   subroutine read_groups(text, problems, groups)
     character(*), intent(in) :: text  !! The text of the file.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes of syntax are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes of syntax are added.
     type(group_t), allocatable, intent(out) :: groups(:)  !! Groups in the order of the file (n_groups).
     type(group_t), allocatable :: longer(:)
     type(lexer_t) :: lexer
@@ -97,7 +70,7 @@ contains
   subroutine read_group(lexer, text, problems, token, group)
     type(lexer_t), intent(inout) :: lexer  !! Position in the text.
     character(*), intent(in) :: text  !! The text of the file.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(token_t), intent(inout) :: token  !! Its first token; on return the first token behind the group.
     type(group_t), intent(inout) :: group  !! The group; keys and values as written are added.
     type(token_t) :: word
@@ -158,7 +131,7 @@ contains
   subroutine begin_key(group, word, problems)
     type(group_t), intent(inout) :: group  !! Group of the key.
     type(token_t), intent(in) :: word  !! Token with the name of the key.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: mark
     if (group%n_entries == most_keys .and. .not. group%full) then
       call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '// &
@@ -168,12 +141,12 @@ contains
     if (group%full) return
     mark = scan(word%text, '(%')
     if (mark > 1) then
-      call add_entry(group, lower(word%text(:mark - 1)), word%line)
+      call group%add(lower(word%text(:mark - 1)), word%line)
       group%entry(group%n_entries)%usable = .false.
       call problems%add(word%line, '&'//group%name//': '//shown(word%text)// &
                         ': write all values of a key at once, without parentheses')
     else
-      call add_entry(group, lower(word%text), word%line)
+      call group%add(lower(word%text), word%line)
     end if
   end subroutine begin_key
 
@@ -181,7 +154,7 @@ contains
   subroutine add_word(group, word, problems)
     type(group_t), intent(inout) :: group  !! Group; the value is added to its last key.
     type(token_t), intent(in) :: word  !! Token with the value.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: rest
     integer :: count
     call split_repeat(word%text, count, rest)
@@ -202,7 +175,7 @@ contains
     type(token_t), intent(in) :: token  !! Token with the value, for its line.
     integer, intent(in) :: count  !! Repeat count.
     character(*), intent(in) :: text  !! Value as written.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     integer :: i
     if (group%full) return
     if (group%n_entries == 0) then
@@ -210,7 +183,7 @@ contains
       return
     end if
     do i = 1, count
-      call add_value(group%entry(group%n_entries), text, token%line, token%kind == token_quoted)
+      call group%entry(group%n_entries)%add(text, token%line, token%kind == token_quoted)
     end do
     ! The lexer has reported a text without closing quote.
     if (token%cut) call spoil_last(group)
@@ -220,7 +193,7 @@ contains
   subroutine report_missing_value(group, line, problems)
     type(group_t), intent(inout) :: group  !! Group; its last key becomes unusable.
     integer, intent(in) :: line  !! Line of the missing value.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    class(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (group%n_entries == 0) then
       call problems%add(line, '&'//group%name//': a value without a key before it: '',''')
     else if (group%entry(group%n_entries)%usable) then
@@ -234,48 +207,4 @@ contains
     type(group_t), intent(inout) :: group  !! Group; its last key becomes unusable.
     if (group%n_entries > 0) group%entry(group%n_entries)%usable = .false.
   end subroutine spoil_last
-
-  !> Add a key without values to a group.
-  subroutine add_entry(group, key, line)
-    type(group_t), intent(inout) :: group  !! Group; the key is added.
-    character(*), intent(in) :: key  !! Name of the key.
-    integer, intent(in) :: line  !! Line of the key.
-    type(entry_t), allocatable :: longer(:)
-    integer :: i
-    if (group%n_entries == size(group%entry)) then
-      allocate (longer(max(8, 2*group%n_entries)))
-      do i = 1, group%n_entries
-        longer(i) = group%entry(i)
-      end do
-      call move_alloc(longer, group%entry)
-    end if
-    group%n_entries = group%n_entries + 1
-    associate (entry => group%entry(group%n_entries))
-      entry%key = key
-      entry%line = line
-      allocate (entry%value(4))
-    end associate
-  end subroutine add_entry
-
-  !> Add a value to a key, up to the greatest number.
-  subroutine add_value(entry, text, line, quoted)
-    type(entry_t), intent(inout) :: entry  !! Key; the value is added.
-    character(*), intent(in) :: text  !! Value as written.
-    integer, intent(in) :: line  !! Line of the value.
-    logical, intent(in) :: quoted  !! Whether it is in quotes.
-    type(value_t), allocatable :: longer(:)
-    integer :: i
-    if (entry%n_values == most_values) return
-    if (entry%n_values == size(entry%value)) then
-      allocate (longer(2*entry%n_values))
-      do i = 1, entry%n_values
-        longer(i) = entry%value(i)
-      end do
-      call move_alloc(longer, entry%value)
-    end if
-    entry%n_values = entry%n_values + 1
-    entry%value(entry%n_values)%text = text
-    entry%value(entry%n_values)%line = line
-    entry%value(entry%n_values)%quoted = quoted
-  end subroutine add_value
 end module dotyk_input_reader

@@ -2,7 +2,7 @@
 module dotyk_input_reference
   use dotyk_base_text, only: join, split_words, text_t
   use dotyk_input_help, only: occurrence, values_text
-  use dotyk_input_keyword_table, only: list_groups, list_keywords
+  use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t, kind_formula, kind_integer, kind_names, kind_real
   implicit none
   private
@@ -16,18 +16,16 @@ contains
   function reference_text() result(text)
     character(:), allocatable :: text
     type(group_keyword_t), allocatable :: groups(:)
-    type(keyword_t), allocatable :: table(:)
     integer :: i, k
-    call list_groups(groups)
-    call list_keywords(table)
+    call list_keywords(groups)
     text = introduction(groups)
     do i = 1, size(groups)
       text = text//lf//'## `&'//groups(i)%name//'`'//lf//lf// &
              capitalized(groups(i)%meaning)//'. '//capitalized(occurrence(groups(i)%occurs))//' in a file.'//lf//lf// &
              '```'//lf//groups(i)%example//lf//'```'//lf//lf// &
              '| key | value | unit | default | meaning |'//lf//'|---|---|---|---|---|'
-      do k = 1, size(table)
-        if (table(k)%group == groups(i)%name) text = text//lf//row_of_key(table(k))
+      do k = 1, size(groups(i)%key)
+        text = text//lf//row_of_key(groups(i)%key(k))
       end do
       text = text//lf
     end do

@@ -6,17 +6,13 @@ module dotyk_input_rigid_bodies
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: applies_in, case_t, rigid_input_t
-  use dotyk_input_case_keywords, only: add_case_key
-  use dotyk_input_keywords, only: keyword_list_t, kind_real, kind_text
+  use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_load_cases, only: cases_of
-  use dotyk_input_problems, only: problems_t
-  use dotyk_input_reader, only: group_t
+  use dotyk_input_references, only: append_places, input_t
   use dotyk_input_remarks, only: add_spared
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, pick_groups, reals_of, report, text_of
-  use dotyk_input_wildcards, only: append_places, refer_to_bodies
   implicit none
   private
-  public :: add_rigid_keys, read_rigid_bodies
+  public :: read_rigid_bodies
 
   !> Linear rotations by more than this move points by more than their distance from the axis [radian].
   real(dp), parameter :: largest_rotation = 1
@@ -25,33 +21,10 @@ module dotyk_input_rigid_bodies
 
 contains
 
-  !> Keys of `&rigid_body`.
-  pure subroutine add_rigid_keys(list)
-    type(keyword_list_t), intent(inout) :: list  !! The table so far.
-    call list%begin_group('rigid_body')
-    call list%add('body', kind_text, required=.true., &
-                  meaning='name of the body, with wildcards: each of several bodies is rigid of its own')
-    call list%add('fix', kind_text, may_be_empty=.true., &
-                  meaning='motions that are held: of x, y, z (displacement of the point) and rx, ry, rz (rotation '// &
-                  'about axes through it), as in ''xyz rx ry''; x, y, rz in the plane, y in axisymmetry. Others '// &
-                  'are free: loads, &load force and moment among them, move the body against its contact; all are '// &
-                  'free if absent')
-    call list%add('value', kind_real, least=2, most=3, unit='length', &
-                  meaning='displacement of the point along held directions; 0 if absent')
-    call list%add('rotation', kind_real, most=3, unit='radian', &
-                  meaning='small rotation about held axes; one value in two dimensions; 0 if absent')
-    call list%add('point', kind_real, least=2, most=3, unit='length', &
-                  meaning='point about which the body rotates; the origin if absent')
-    call add_case_key(list, 'load cases in which value and rotation hold, with wildcards; in the others held '// &
-                      'motions are 0; all if absent')
-  end subroutine add_rigid_keys
-
   !> Read all `&rigid_body`, and refuse what rigid bodies do not have.
-  subroutine read_rigid_bodies(groups, bodies, cases, problems, case)
+  subroutine read_rigid_bodies(groups, input, case)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(case_t), intent(inout) :: case  !! The case with all other groups; gets the rigid bodies.
     type(rigid_input_t), allocatable :: rigid(:)
     integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
@@ -60,9 +33,9 @@ contains
     call pick_groups(groups, 'rigid_body', picked)
     allocate (rigid(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call refer_to_bodies(groups(picked(i)), 'body', text_of(groups(picked(i)), 'body'), bodies, problems, matched)
-      call read_rigid(groups(picked(i)), case%scene%dimension, case%scene%analysis, problems, rigid(i))
-      call cases_of(groups(picked(i)), cases, problems, rigid(i)%in_case)
+      call input%refer_to_bodies(groups(picked(i)), 'body', groups(picked(i))%text_of('body'), matched)
+      call read_rigid(groups(picked(i)), input, rigid(i))
+      call cases_of(groups(picked(i)), input, rigid(i)%in_case)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%rigid(size(group_of)))
@@ -74,8 +47,8 @@ contains
     end do
     do i = 1, size(case%body)
       if (.not. case%body(i)%is_surface .or. any(case%rigid%body == i)) cycle
-      call problems%add(case%body(i)%line, '&body: '//shown(case%body(i)%name)//' is a surface without volume: it '// &
-                        'is rigid; add &rigid_body body='//shown(case%body(i)%name)//', or give volume and material')
+      call input%add(case%body(i)%line, '&body: '//shown(case%body(i)%name)//' is a surface without volume: it is '// &
+                     'rigid; add &rigid_body body='//shown(case%body(i)%name)//', or give volume and material')
     end do
     if (size(case%rigid) == 0) return
     do i = 1, size(case%load)
@@ -85,9 +58,9 @@ contains
       if (case%load(i)%kind /= load_force_density .and. any(case%load%of_mass .and. &
                                                             case%load%body == case%load(i)%body)) cycle
       if (any(case%load(i)%kind == [load_force_density, load_acceleration, load_angular_velocity])) &
-        call problems%add(case%load(i)%line, '&load: body '//shown(bodies%name(case%load(i)%body)%s)//' has '// &
-                          'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// &
-                          ': give force and moment on its surface')
+        call input%add(case%load(i)%line, '&load: body '//shown(input%bodies%name(case%load(i)%body)%s)//' has '// &
+                       'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// ': give force '// &
+                       'and moment on its surface')
     end do
     ! Where wildcards name it among others, as in a temperature of all bodies, it has no share.
     spared = is_spared(case%temperature%line, case%temperature%body, case%temperature%any_body)
@@ -111,8 +84,8 @@ contains
     do i = 1, size(case%tie)
       if (min(case%tie(i)%body_a, case%tie(i)%body_b) == 0) cycle
       if (any(case%rigid%body == case%tie(i)%body_a) .and. any(case%rigid%body == case%tie(i)%body_b)) &
-        call problems%add(case%tie(i)%line, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt))//': both bodies are '// &
-                          'rigid: make them one body, or give both the same motions')
+        call input%add(case%tie(i)%line, trim(merge('&bolt', '&tie ', case%tie(i)%is_bolt))//': both bodies are '// &
+                       'rigid: make them one body, or give both the same motions')
     end do
     do i = 1, size(case%initial_stress)
       call refuse(case%initial_stress(i)%line, case%initial_stress(i)%body, '&initial_stress', 'it has no stress')
@@ -127,15 +100,15 @@ contains
       integer :: j, k
       do j = 1, size(others)
         if (others(j)%body /= own%body) cycle
-        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), &
-                  k=1, max(1, size(cases%name)))])) then
-          call problems%add(own%line, '&rigid_body: body '//shown(bodies%name(own%body)%s)// &
-                            ' is rigid already: one group per body'// &
-                            trim(merge(' and load case', '              ', size(cases%name) > 0)))
+        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), k=1, max(1, &
+          size(input%cases%name)))])) then
+          call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)// ' is rigid '// &
+                         'already: one group per body'// trim(merge(' and load case', '              ', &
+                         size(input%cases%name) > 0)))
           return
         else if (any(own%held .neqv. others(j)%held) .or. any(abs(own%point - others(j)%point) > 0)) then
-          call problems%add(own%line, '&rigid_body: body '//shown(bodies%name(own%body)%s)//' has another fix or '// &
-                            'point in line '//to_text(others(j)%line)//': they are the same in all load cases')
+          call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)//' has another fix '// &
+                         'or point in line '//to_text(others(j)%line)//': they are the same in all load cases')
           return
         end if
       end do
@@ -161,16 +134,14 @@ contains
       character(*), intent(in) :: group, reason  !! Its name, and what is wrong.
       if (body == 0) return
       if (any(case%rigid%body == body)) &
-        call problems%add(line, group//': body '//shown(bodies%name(body)%s)//' is rigid: '//reason)
+        call input%add(line, group//': body '//shown(input%bodies%name(body)%s)//' is rigid: '//reason)
     end subroutine refuse
   end subroutine read_rigid_bodies
 
   !> Read one `&rigid_body`.
-  subroutine read_rigid(group, dimension, analysis, problems, rigid)
+  subroutine read_rigid(group, input, rigid)
     type(group_t), intent(in) :: group  !! Checked group.
-    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0 where it is unknown.
-    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(rigid_input_t), intent(out) :: rigid  !! The motions; incomplete where the group has mistakes.
     real(dp), allocatable :: rotation(:)
     character(:), allocatable :: key
@@ -178,37 +149,37 @@ contains
     integer :: k
     rigid%line = group%line
     exists = .true.
-    if (dimension == 2) exists = [.true., .true., .false., .false., .false., .true.]
-    if (analysis == analysis_axisymmetric) exists = [.false., .true., .false., .false., .false., .false.]
-    if (is_usable(group, 'fix')) call parse_motions(group, text_of(group, 'fix'), exists, problems, rigid%held)
-    call read_vector(group, 'value', .false., dimension, problems, rigid%motion(1:3))
-    call read_vector(group, 'point', .false., dimension, problems, rigid%point)
-    call reals_of(group, 'rotation', rotation)
+    if (input%scene%dimension == 2) exists = [.true., .true., .false., .false., .false., .true.]
+    if (input%scene%analysis == analysis_axisymmetric) exists = [.false., .true., .false., .false., .false., .false.]
+    if (group%is_usable('fix')) call parse_motions(group, input, group%text_of('fix'), exists, rigid%held)
+    call read_vector(group, input, 'value', .false., rigid%motion(1:3))
+    call read_vector(group, input, 'point', .false., rigid%point)
+    call group%reals_of('rotation', rotation)
     if (size(rotation) == 3) then
       rigid%motion(4:6) = rotation
-    else if (size(rotation) == 1 .and. dimension == 2) then
+    else if (size(rotation) == 1 .and. input%scene%dimension == 2) then
       rigid%motion(6) = rotation(1)
     else if (size(rotation) > 0) then
-      call report(problems, group, 'rotation', 'rotation needs 3 values'//trim(merge(' or that about z', &
-                  '                ', dimension == 2))//', got '//to_text(count_of(group, 'rotation')))
+      call input%report(group, 'rotation', 'rotation needs 3 values'//trim(merge(' or that about z', '             '// &
+                        '   ', input%scene%dimension == 2))//', got '//to_text(group%count_of('rotation')))
     end if
     if (any(abs(rigid%motion(4:6)) > largest_rotation)) &
-      call report(problems, group, 'rotation', 'rotation is small, in radians: '// &
-                  to_text(maxval(abs(rigid%motion(4:6))))//' is no small rotation, if it is not in degrees')
+      call input%report(group, 'rotation', 'rotation is small, in radians: '// &
+                        to_text(maxval(abs(rigid%motion(4:6))))//' is no small rotation, if it is not in degrees')
     do k = 1, 6
       if (rigid%held(k) .or. .not. abs(rigid%motion(k)) > 0) cycle
       key = trim(merge('value   ', 'rotation', k <= 3))
-      call report(problems, group, key, key//' has '//to_text(rigid%motion(k))//' for '//trim(names(k))// &
-                  ', but fix does not name it')
+      call input%report(group, key, key//' has '//to_text(rigid%motion(k))//' for '//trim(names(k))// ', but fix '// &
+                        'does not name it')
     end do
   end subroutine read_rigid
 
   !> Read the names of motions.
-  subroutine parse_motions(group, text, exists, problems, held)
+  subroutine parse_motions(group, input, text, exists, held)
     type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: text  !! Names; blanks and commas may separate them.
     logical, intent(in) :: exists(6)  !! Whether each motion exists in the analysis (6).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     logical, intent(out) :: held(6)  !! Whether each motion is named (6).
     character(:), allocatable :: word
     integer :: i, k
@@ -223,11 +194,10 @@ contains
       if (word == 'r') word = lower(text(i:min(i + 1, len(text))))
       k = findloc(names == word, .true., dim=1)
       if (k == 0) then
-        call report(problems, group, 'fix', 'fix: unknown motion '//shown(text(i:))// &
-                    ' (motions are x, y, z, rx, ry, rz)')
+        call input%report(group, 'fix', 'fix: unknown motion '//shown(text(i:))// ' (motions are x, y, z, rx, ry, rz)')
         return
       else if (.not. exists(k)) then
-        call report(problems, group, 'fix', 'fix: there is no motion '//word//' in this analysis')
+        call input%report(group, 'fix', 'fix: there is no motion '//word//' in this analysis')
         return
       end if
       held(k) = .true.

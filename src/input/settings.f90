@@ -9,14 +9,11 @@ module dotyk_input_settings
     option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, &
     theta_names
   use dotyk_base_text, only: quoted, shown, to_text
-  use dotyk_input_body, only: body_input_t
-  use dotyk_input_case, only: accuracy_input_t, mesh_size_input_t, output_input_t, scene_input_t, solver_input_t
-  use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
-  use dotyk_input_problems, only: problems_t
-  use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, names_t, pick_groups, &
-    real_of, refuse, report, text_of
-  use dotyk_input_wildcards, only: names_several, refer_to_bodies
+  use dotyk_input_case, only: accuracy_input_t, body_input_t, mesh_size_input_t, output_input_t, scene_input_t, &
+    solver_input_t
+  use dotyk_input_groups, only: group_t, pick_groups
+  use dotyk_input_paths, only: is_directory, resolve_path, why_not_readable, without_extension
+  use dotyk_input_references, only: input_t, names_several
   implicit none
   private
   public :: read_accuracy, read_mesh_sizes, read_scene, read_solver, read_output, read_theta, read_mesh_path
@@ -28,86 +25,84 @@ module dotyk_input_settings
 contains
 
   !> Read `&scene`.
-  subroutine read_scene(group, file, problems, scene)
+  subroutine read_scene(group, input, file, scene)
     type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: file  !! Path of the namelist file.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(scene_input_t), intent(out) :: scene  !! The scene; incomplete where the group has mistakes.
     scene%line = group%line
-    scene%title = text_of(group, 'title')
-    scene%analysis = integer_of(group, 'analysis')
+    scene%title = group%text_of('title')
+    scene%analysis = group%integer_of('analysis')
     ! A wrong analysis leaves the dimension unknown: nothing is checked against it.
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
-    call read_mesh_path(group, directory_of(file), scene%dimension, problems, scene%mesh)
-    if (is_given(group, 'mesh_size')) scene%mesh_size = real_of(group, 'mesh_size')
-    scene%mesh_order = integer_of(group, 'mesh_order')
-    if (is_usable(group, 'mesh_order') .and. scene%mesh_order > 2) &
-      call report(problems, group, 'mesh_order', 'mesh_order must be 1 or 2')
-    if (is_given(group, 'output')) then
-      scene%output = resolve_path(directory_of(file), text_of(group, 'output'))
+    call read_mesh_path(group, input, directory_of(file), scene%mesh)
+    if (group%is_given('mesh_size')) scene%mesh_size = group%real_of('mesh_size')
+    scene%mesh_order = group%integer_of('mesh_order')
+    if (group%is_usable('mesh_order') .and. scene%mesh_order > 2) &
+      call input%report(group, 'mesh_order', 'mesh_order must be 1 or 2')
+    if (group%is_given('output')) then
+      scene%output = resolve_path(directory_of(file), group%text_of('output'))
     else
       scene%output = without_extension(file)//'.vtkhdf'
     end if
     if (len(scene%output) == 0) return
     if (is_directory(scene%output)) then
-      call report(problems, group, 'output', 'output: '//shown(scene%output)//' is a directory')
+      call input%report(group, 'output', 'output: '//shown(scene%output)//' is a directory')
     else if (scene%output == file .or. scene%output == scene%mesh) then
-      call report(problems, group, 'output', 'output: '//shown(scene%output)//' is an input file')
+      call input%report(group, 'output', 'output: '//shown(scene%output)//' is an input file')
     end if
   end subroutine read_scene
 
   !> Read the mesh of a group: a readable file with a known extension.
-  subroutine read_mesh_path(group, directory, dimension, problems, path)
+  subroutine read_mesh_path(group, input, directory, path)
     type(group_t), intent(in) :: group  !! `&scene` or `&body`.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: directory  !! Directory of the namelist file.
-    integer, intent(in) :: dimension  !! Dimension of space; 0 where it is unknown.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable, intent(out) :: path  !! Path of the mesh; empty where it is not given.
     character(:), allocatable :: reason
-    path = resolve_path(directory, text_of(group, 'mesh'))
+    path = resolve_path(directory, group%text_of('mesh'))
     if (len(path) == 0) return
     if (.not. (is_msh_file(path) .or. is_geo_file(path) .or. is_cad_file(path) .or. is_foreign_mesh(path))) &
-      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo, .inp, .vtu, .med, '// &
-                  'another ending of meshio (.vtk, .xdmf, .exo, .bdf, .nas, .mesh, .su2) or that of a CAD file: '// &
-                  '.step, .stp, .iges, .igs, .brep, .brp, .stl')
-    if (dimension == 2 .and. is_cad_file(path)) &
-      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' has solids, which need analysis=''3d''; for '// &
-                  'bodies in the plane write a .geo file')
+      call input%report(group, 'mesh', 'mesh: '//shown(path)//' must end with .msh, .geo, .inp, .vtu, .med, '// &
+                        'another ending of meshio (.vtk, .xdmf, .exo, .bdf, .nas, .mesh, .su2) or that of a CAD '// &
+                        'file: .step, .stp, .iges, .igs, .brep, .brp, .stl')
+    if (input%scene%dimension == 2 .and. is_cad_file(path)) &
+      call input%report(group, 'mesh', 'mesh: '//shown(path)//' has solids, which need analysis=''3d''; for bodies '// &
+                        'in the plane write a .geo file')
     reason = why_not_readable(path)
-    if (len(reason) > 0) call report(problems, group, 'mesh', 'mesh: '//shown(path)//' '//reason)
+    if (len(reason) > 0) call input%report(group, 'mesh', 'mesh: '//shown(path)//' '//reason)
   end subroutine read_mesh_path
 
   !> Read `&accuracy`.
-  subroutine read_accuracy(group, body, problems, accuracy)
+  subroutine read_accuracy(group, input, body, accuracy)
     type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(accuracy_input_t), intent(out) :: accuracy  !! What is asked for.
     integer :: b
     accuracy%line = group%line
     accuracy%is_given = .true.
-    if (is_usable(group, 'error')) accuracy%error = real_of(group, 'error')
-    if (is_usable(group, 'error') .and. .not. accuracy%error < 1) &
-      call report(problems, group, 'error', 'error is a fraction of the energy norm below 1, 0.05 for 5 %, got '// &
-                  to_text(accuracy%error))
-    accuracy%aim = integer_of(group, 'aim')
-    if (is_given(group, 'quantity')) call refuse(group, 'aim', 'quantity', problems)
-    accuracy%max_meshes = integer_of(group, 'max_meshes')
-    accuracy%max_unknowns = integer_of(group, 'max_unknowns')
-    if (is_given(group, 'max_seconds')) accuracy%max_seconds = real_of(group, 'max_seconds')
+    if (group%is_usable('error')) accuracy%error = group%real_of('error')
+    if (group%is_usable('error') .and. .not. accuracy%error < 1) &
+      call input%report(group, 'error', 'error is a fraction of the energy norm below 1, 0.05 for 5 %, got '// &
+                        to_text(accuracy%error))
+    accuracy%aim = group%integer_of('aim')
+    if (group%is_given('quantity')) call input%refuse(group, 'aim', 'quantity')
+    accuracy%max_meshes = group%integer_of('max_meshes')
+    accuracy%max_unknowns = group%integer_of('max_unknowns')
+    if (group%is_given('max_seconds')) accuracy%max_seconds = group%real_of('max_seconds')
     do b = 1, size(body)
-      if (is_meshed(group, body(b), problems)) cycle
+      if (is_meshed(group, input, body(b))) cycle
       return
     end do
   end subroutine read_accuracy
 
   !> Read all `&mesh_size`.
-  subroutine read_mesh_sizes(groups, body, bodies, problems, mesh_size)
+  subroutine read_mesh_sizes(groups, input, body, mesh_size)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    type(names_t), intent(in) :: bodies  !! Their names.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     type(mesh_size_input_t), allocatable, intent(out) :: mesh_size(:)  !! The sizes (n_mesh_sizes).
     type(mesh_size_input_t) :: new
     integer, allocatable :: picked(:), matched(:)
@@ -116,23 +111,23 @@ contains
     call pick_groups(groups, 'mesh_size', picked)
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
+        call input%refer_to_bodies(group, 'body', group%text_of('body'), matched)
         new%line = group%line
-        new%any_body = names_several(text_of(group, 'body'), bodies)
-        new%surface = text_of(group, 'surface')
+        new%any_body = names_several(group%text_of('body'), input%bodies)
+        new%surface = group%text_of('surface')
         new%size = 0
-        if (is_usable(group, 'size')) new%size = real_of(group, 'size')
+        if (group%is_usable('size')) new%size = group%real_of('size')
         new%contact = 0
-        if (is_usable(group, 'contact')) new%contact = real_of(group, 'contact')
-        if (.not. (is_given(group, 'size') .or. is_given(group, 'contact'))) &
-          call problems%add(group%line, '&mesh_size: one of size (of the body, or of its surface) and contact (at '// &
-                            'its contact pairs) is needed')
-        if (is_given(group, 'surface') .and. .not. is_given(group, 'size') .and. is_given(group, 'contact')) &
-          call report(problems, group, 'surface', 'surface has no size: give size, or remove surface')
+        if (group%is_usable('contact')) new%contact = group%real_of('contact')
+        if (.not. (group%is_given('size') .or. group%is_given('contact'))) &
+          call input%add(group%line, '&mesh_size: one of size (of the body, or of its surface) and contact (at its '// &
+                         'contact pairs) is needed')
+        if (group%is_given('surface') .and. .not. group%is_given('size') .and. group%is_given('contact')) &
+          call input%report(group, 'surface', 'surface has no size: give size, or remove surface')
         do k = 1, size(matched)
           new%body = matched(k)
           if (matched(k) <= size(body)) then
-            if (.not. is_meshed(group, body(matched(k)), problems)) exit
+            if (.not. is_meshed(group, input, body(matched(k)))) exit
           end if
           mesh_size = [mesh_size, new]
         end do
@@ -141,61 +136,61 @@ contains
   end subroutine read_mesh_sizes
 
   !> Whether gmsh makes the mesh of a body; reported if not.
-  logical function is_meshed(group, body, problems)
+  logical function is_meshed(group, input, body)
     type(group_t), intent(in) :: group  !! Group that needs it.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body  !! The body.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     is_meshed = len(body%mesh) == 0 .or. is_cad_file(body%mesh) .or. is_geo_file(body%mesh)
     if (.not. is_meshed) &
-      call problems%add(group%line, '&'//group%name//': the mesh of body '//quoted(body%name)//' is no geometry: '// &
-                        shown(body%mesh)//'; gmsh makes new meshes of .geo and CAD files')
+      call input%add(group%line, '&'//group%name//': the mesh of body '//quoted(body%name)//' is no geometry: '// &
+                     shown(body%mesh)//'; gmsh makes new meshes of .geo and CAD files')
   end function is_meshed
 
   !> Read `&solver`.
-  subroutine read_solver(group, problems, solver)
+  subroutine read_solver(group, input, solver)
     type(group_t), intent(in) :: group  !! Checked group; only defaults where the file has none.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(solver_input_t), intent(out) :: solver  !! Settings of the solver; incomplete where the group has mistakes.
     solver%line = group%line
-    solver%scheme = integer_of(group, 'scheme')
-    call read_theta(group, problems, solver%theta_given, solver%theta_kind, solver%theta)
-    solver%linear_solver = integer_of(group, 'linear_solver')
-    solver%response = integer_of(group, 'response')
-    solver%gamma_rule = integer_of(group, 'gamma_rule')
-    solver%gamma = real_of(group, 'gamma')
-    if (is_given(group, 'gamma') .and. .not. is_given(group, 'gamma_rule')) solver%gamma_rule = gamma_fixed
-    if (is_usable(group, 'gamma_rule')) then
-      if (is_given(group, 'gamma') .and. solver%gamma_rule /= gamma_fixed) &
-        call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''; remove one of them')
-      if (.not. is_given(group, 'gamma') .and. solver%gamma_rule == gamma_fixed) &
-        call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
+    solver%scheme = group%integer_of('scheme')
+    call read_theta(group, input, solver%theta_given, solver%theta_kind, solver%theta)
+    solver%linear_solver = group%integer_of('linear_solver')
+    solver%response = group%integer_of('response')
+    solver%gamma_rule = group%integer_of('gamma_rule')
+    solver%gamma = group%real_of('gamma')
+    if (group%is_given('gamma') .and. .not. group%is_given('gamma_rule')) solver%gamma_rule = gamma_fixed
+    if (group%is_usable('gamma_rule')) then
+      if (group%is_given('gamma') .and. solver%gamma_rule /= gamma_fixed) &
+        call input%report(group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''; remove one of them')
+      if (.not. group%is_given('gamma') .and. solver%gamma_rule == gamma_fixed) &
+        call input%report(group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
-    solver%stop_rule = integer_of(group, 'stop_rule')
+    solver%stop_rule = group%integer_of('stop_rule')
     ! (41) needs a gamma that Theorem 4 is about.
-    if (solver%stop_rule == stop_paper .and. .not. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule'))) &
+    if (solver%stop_rule == stop_paper .and. .not. (group%is_given('gamma') .or. group%is_given('gamma_rule'))) &
       solver%gamma_rule = gamma_theory
     ! The options of the paper select its scheme.
-    if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
+    if (solver%scheme == scheme_auto .and. (group%is_given('gamma') .or. group%is_given('gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
     if (.not. solver%theta_given) &
       solver%theta = merge(default_theta_dual, default_theta_other, &
                            solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
-    if (is_usable(group, 'robin_gap')) solver%robin_gap = real_of(group, 'robin_gap')
-    solver%budget_fraction = real_of(group, 'budget_fraction')
-    solver%tolerance = real_of(group, 'tolerance')
-    solver%max_unbalanced = real_of(group, 'max_unbalanced')
-    if (is_usable(group, 'max_unbalanced') .and. solver%max_unbalanced > 1) &
-      call report(problems, group, 'max_unbalanced', 'max_unbalanced is a fraction of the forces on a body, from 0 '// &
-                  'to 1, got '//to_text(solver%max_unbalanced))
-    solver%max_iterations = integer_of(group, 'max_iterations')
-    solver%locking = integer_of(group, 'locking')
-    solver%reproducible = logical_of(group, 'reproducible')
+    if (group%is_usable('robin_gap')) solver%robin_gap = group%real_of('robin_gap')
+    solver%budget_fraction = group%real_of('budget_fraction')
+    solver%tolerance = group%real_of('tolerance')
+    solver%max_unbalanced = group%real_of('max_unbalanced')
+    if (group%is_usable('max_unbalanced') .and. solver%max_unbalanced > 1) &
+      call input%report(group, 'max_unbalanced', 'max_unbalanced is a fraction of the forces on a body, from 0 to '// &
+                        '1, got '//to_text(solver%max_unbalanced))
+    solver%max_iterations = group%integer_of('max_iterations')
+    solver%locking = group%integer_of('locking')
+    solver%reproducible = group%logical_of('reproducible')
   end subroutine read_solver
 
   !> Read the penalty parameter of a group.
-  subroutine read_theta(group, problems, given, kind, theta)
+  subroutine read_theta(group, input, given, kind, theta)
     type(group_t), intent(in) :: group  !! `&solver` or `&contact`.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     logical, intent(out) :: given  !! Whether the group has one.
     integer, intent(out) :: kind  !! One of `theta_*`.
     !> Penalty parameter [length/pressure], or the factor of the relative one; 1 where it is a formula [1].
@@ -205,16 +200,16 @@ contains
     theta = 0
     given = .false.
     do k = theta_absolute, theta_formula
-      if (.not. is_given(group, option_name(theta_names, k))) cycle
+      if (.not. group%is_given(option_name(theta_names, k))) cycle
       if (given) then
-        call report(problems, group, option_name(theta_names, k), option_name(theta_names, kind)//' and '// &
-                    option_name(theta_names, k)//' are both given: only one can be meant')
+        call input%report(group, option_name(theta_names, k), option_name(theta_names, kind)//' and '// &
+                          option_name(theta_names, k)//' are both given: only one can be meant')
         cycle
       end if
       given = .true.
       kind = k
       theta = 1
-      if (k /= theta_formula) theta = real_of(group, option_name(theta_names, k))
+      if (k /= theta_formula) theta = group%real_of(option_name(theta_names, k))
     end do
   end subroutine read_theta
 
@@ -223,17 +218,17 @@ contains
     type(group_t), intent(in) :: group  !! Checked group; only defaults where the file has none.
     type(output_input_t), intent(out) :: output  !! Contents of the results file.
     output%line = group%line
-    output%displacement = has_option(group, 'fields', field_displacement)
-    output%stress = has_option(group, 'fields', field_stress)
-    output%contact = has_option(group, 'fields', field_contact)
-    output%error = has_option(group, 'fields', field_error)
-    output%reaction = has_option(group, 'fields', field_reaction)
-    output%nodal_stress = has_option(group, 'fields', field_nodal_stress)
-    output%error_penalty = has_option(group, 'error_parts', error_part_penalty)
+    output%displacement = group%has_option('fields', field_displacement)
+    output%stress = group%has_option('fields', field_stress)
+    output%contact = group%has_option('fields', field_contact)
+    output%error = group%has_option('fields', field_error)
+    output%reaction = group%has_option('fields', field_reaction)
+    output%nodal_stress = group%has_option('fields', field_nodal_stress)
+    output%error_penalty = group%has_option('error_parts', error_part_penalty)
     ! Who asks for the field asks for the estimate.
-    output%error_discretization = has_option(group, 'error_parts', error_part_discretization) .or. &
-                                  (output%error .and. is_given(group, 'fields'))
+    output%error_discretization = group%has_option('error_parts', error_part_discretization) .or. &
+                                  (output%error .and. group%is_given('fields'))
     output%error = output%error .and. output%error_discretization
-    output%interval = real_of(group, 'interval')
+    output%interval = group%real_of('interval')
   end subroutine read_output
 end module dotyk_input_settings

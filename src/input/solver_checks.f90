@@ -4,9 +4,8 @@ module dotyk_input_solver_checks
     scheme_auto, scheme_dual, scheme_names, scheme_neumann, scheme_robin, stop_budget, stop_increment, stop_paper, &
     stop_rule_names
   use dotyk_input_case, only: solver_input_t
-  use dotyk_input_problems, only: problems_t
-  use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: is_given, is_usable, report
+  use dotyk_input_groups, only: group_t
+  use dotyk_input_references, only: input_t
   implicit none
   private
   public :: check_solver_keys
@@ -18,30 +17,29 @@ module dotyk_input_solver_checks
 contains
 
   !> Report every given key that has no effect.
-  subroutine check_solver_keys(group, solver, wants_penalty_error, problems)
+  subroutine check_solver_keys(group, input, solver, wants_penalty_error)
     type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(solver_input_t), intent(in) :: solver  !! What was read from it, with scheme and stopping rule resolved.
     logical, intent(in) :: wants_penalty_error  !! Whether the penalty error is estimated, by the dual scheme.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     character(:), allocatable :: name
     integer :: scheme
-    if (is_usable(group, 'scheme')) then
+    if (group%is_usable('scheme')) then
       scheme = merge(scheme_dual, solver%scheme, solver%scheme == scheme_auto)
       name = 'scheme='''//option_name(scheme_names, scheme)//''''
       call check_relaxation('gamma')
       call check_relaxation('gamma_rule')
       call check_stop_rule()
-      if (is_given(group, 'robin_gap') .and. scheme /= scheme_robin) &
-        call report(problems, group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// &
-                    ' does not use it: remove it, or set scheme=''robin''')
-      if (is_given(group, 'max_unbalanced') .and. scheme /= scheme_dual) &
-        call report(problems, group, 'max_unbalanced', 'max_unbalanced is about floating bodies, for '// &
-                    'scheme=''dual''; '//name//' has none: remove it')
+      if (group%is_given('robin_gap') .and. scheme /= scheme_robin) &
+        call input%report(group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// ' does not use it: '// &
+                          'remove it, or set scheme=''robin''')
+      if (group%is_given('max_unbalanced') .and. scheme /= scheme_dual) &
+        call input%report(group, 'max_unbalanced', 'max_unbalanced is about floating bodies, for scheme=''dual''; '// &
+                          name//' has none: remove it')
       call check_response()
-      if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. is_usable(group, 'linear_solver') .and. &
-          solver%linear_solver /= linear_solver_auto) &
-        call report(problems, group, 'linear_solver', 'linear_solver is for scheme=''dual'' and estimates of the '// &
-                    'penalty error, and this run has neither; remove it')
+      if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. group%is_usable('linear_solver') .and. &
+          solver%linear_solver /= linear_solver_auto) call input%report(group, 'linear_solver', 'linear_solver is '// &
+          'for scheme=''dual'' and estimates of the penalty error, and this run has neither; remove it')
     end if
     call check_tolerances()
 
@@ -50,51 +48,51 @@ contains
     !> gamma and gamma_rule.
     subroutine check_relaxation(key)
       character(*), intent(in) :: key  !! 'gamma' or 'gamma_rule'.
-      if (.not. is_given(group, key) .or. any(scheme == schemes_of_paper)) return
-      call report(problems, group, key, key//' is for scheme='//names_of_paper//'; '//name// &
-                  ' does not use it: remove it or choose another scheme')
+      if (.not. group%is_given(key) .or. any(scheme == schemes_of_paper)) return
+      call input%report(group, key, key//' is for scheme='//names_of_paper//'; '//name// ' does not use it: remove '// &
+                        'it or choose another scheme')
     end subroutine check_relaxation
 
     !> Stopping rules: the active sets of the dual scheme have no increment, and (41) is a theorem on the paper's
     !> iteration.
     subroutine check_stop_rule()
-      if (.not. is_given(group, 'stop_rule') .or. .not. is_usable(group, 'stop_rule')) return
+      if (.not. group%is_given('stop_rule') .or. .not. group%is_usable('stop_rule')) return
       if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
-        call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// &
-                    ', which (41) is about; '//name//' ends by ''residual'' or ''budget''')
+        call input%report(group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// ', which (41) '// &
+                          'is about; '//name//' ends by ''residual'' or ''budget''')
       if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
-        call report(problems, group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
-                    ' ends by ''residual'' or ''budget'': choose one of these or another scheme')
+        call input%report(group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// ' ends '// &
+                          'by ''residual'' or ''budget'': choose one of these or another scheme')
     end subroutine check_stop_rule
 
     !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
     subroutine check_response()
-      if (.not. is_usable(group, 'response') .or. solver%response == response_auto) return
+      if (.not. group%is_usable('response') .or. solver%response == response_auto) return
       if (solver%response == response_multigrid) then
         if (scheme /= scheme_dual) &
-          call report(problems, group, 'response', 'response=''multigrid'' is for scheme=''dual'', and this run '// &
-                      'has '//name//'; remove one of them')
+          call input%report(group, 'response', 'response=''multigrid'' is for scheme=''dual'', and this run has '// &
+                            name//'; remove one of them')
         if (solver%linear_solver /= linear_solver_auto) &
-          call report(problems, group, 'linear_solver', 'response=''multigrid'' solves the contact by '// &
-                      'displacements, without the systems that linear_solver is about; remove linear_solver')
+          call input%report(group, 'linear_solver', 'response=''multigrid'' solves the contact by displacements, '// &
+                            'without the systems that linear_solver is about; remove linear_solver')
         return
       end if
       if (scheme == scheme_neumann) return
       if (scheme == scheme_dual .and. solver%response == response_full) return
-      call report(problems, group, 'response', 'response is for scheme=''neumann''; '//name// &
-                  ' forms the dense compliances that it needs: remove response')
+      call input%report(group, 'response', 'response is for scheme=''neumann''; '//name// ' forms the dense '// &
+                        'compliances that it needs: remove response')
     end subroutine check_response
 
     !> The tolerance of the rule that is in force, and that of the other one.
     subroutine check_tolerances()
-      if (is_given(group, 'stop_rule') .and. .not. is_usable(group, 'stop_rule')) return
-      if (solver%stop_rule == stop_budget .and. is_given(group, 'tolerance')) &
-        call report(problems, group, 'tolerance', 'tolerance is not used by stop_rule=''budget'', which ends at '// &
-                    'budget_fraction of the other errors; remove tolerance or change stop_rule')
-      if (solver%stop_rule /= stop_budget .and. is_given(group, 'budget_fraction')) &
-        call report(problems, group, 'budget_fraction', 'budget_fraction is for stop_rule=''budget'', and the rule '// &
-                    'of this run is '''//option_name(stop_rule_names, solver%stop_rule)// &
-                    '''; add stop_rule=''budget'' or remove budget_fraction')
+      if (group%is_given('stop_rule') .and. .not. group%is_usable('stop_rule')) return
+      if (solver%stop_rule == stop_budget .and. group%is_given('tolerance')) &
+        call input%report(group, 'tolerance', 'tolerance is not used by stop_rule=''budget'', which ends at '// &
+                          'budget_fraction of the other errors; remove tolerance or change stop_rule')
+      if (solver%stop_rule /= stop_budget .and. group%is_given('budget_fraction')) &
+        call input%report(group, 'budget_fraction', 'budget_fraction is for stop_rule=''budget'', and the rule of '// &
+                          'this run is '''//option_name(stop_rule_names, solver%stop_rule)// '''; add '// &
+                          'stop_rule=''budget'' or remove budget_fraction')
     end subroutine check_tolerances
   end subroutine check_solver_keys
 end module dotyk_input_solver_checks

@@ -1,16 +1,14 @@
 !> Reads `&tie` and `&bolt` from checked groups.
 module dotyk_input_ties
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, option_name, scheme_auto, &
-    scheme_dual, scheme_names
+  use dotyk_base_options, only: analysis_axisymmetric, option_name, scheme_auto, scheme_dual, scheme_names
   use dotyk_base_text, only: quoted, shown, to_text
-  use dotyk_input_case, only: body_input_t, scene_input_t, solver_input_t, tie_input_t
+  use dotyk_input_case, only: body_input_t, tie_input_t
   use dotyk_input_contacts, only: read_side
   use dotyk_input_cut, only: cut_surface
+  use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_load_cases, only: cases_of
-  use dotyk_input_problems, only: problems_t
-  use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: is_given, is_usable, names_t, pick_groups, real_of, reals_of, report, text_of
+  use dotyk_input_references, only: input_t, names_t
   implicit none
   private
   public :: read_ties
@@ -18,32 +16,28 @@ module dotyk_input_ties
 contains
 
   !> Read all `&tie`, then all `&bolt`.
-  subroutine read_ties(groups, body, bodies, cases, scene, solver, problems, tie)
+  subroutine read_ties(groups, input, body, tie)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    type(names_t), intent(in) :: bodies  !! Their names.
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
-    type(solver_input_t), intent(in) :: solver  !! Settings of the solver.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> Ties and bolts; incomplete where groups have mistakes (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t), allocatable :: ties(:), bolts(:)
     integer :: i, k
-    call read_kind(groups, 'tie', body, bodies, cases, scene, problems, ties)
-    call read_kind(groups, 'bolt', body, bodies, cases, scene, problems, bolts)
+    call read_kind(groups, input, 'tie', body, ties)
+    call read_kind(groups, input, 'bolt', body, bolts)
     tie = [ties, bolts]
     if (size(tie) == 0) return
     do i = 2, size(tie)
       do k = 1, i - 1
         if (joins_the_same(tie(i), tie(k))) &
-          call problems%add(tie(i)%line, 'the surfaces of '//shown(tie(i)%name)//' are joined already by '// &
-                            shown(tie(k)%name)//' (line '//to_text(tie(k)%line)//')')
+          call input%add(tie(i)%line, 'the surfaces of '//shown(tie(i)%name)//' are joined already by '// &
+                         shown(tie(k)%name)//' (line '//to_text(tie(k)%line)//')')
       end do
     end do
-    if (all(solver%scheme /= [scheme_auto, scheme_dual])) &
-      call problems%add(solver%line, '&solver: scheme='//quoted(option_name(scheme_names, solver%scheme))// &
-                        ' knows no ties: leave it out')
+    if (all(input%solver%scheme /= [scheme_auto, scheme_dual])) &
+      call input%add(input%solver%line, '&solver: scheme='//quoted(option_name(scheme_names, input%solver%scheme))// &
+                     ' knows no ties: leave it out')
   end subroutine read_ties
 
   !> Whether two ties name the same two surfaces.
@@ -59,14 +53,11 @@ contains
   end function joins_the_same
 
   !> Read all groups of one name.
-  subroutine read_kind(groups, name, body, bodies, cases, scene, problems, tie)
+  subroutine read_kind(groups, input, name, body, tie)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: name  !! 'tie' or 'bolt'.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    type(names_t), intent(in) :: bodies  !! Their names.
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     !> In the order of the file; those that wildcards stand for one after the other (n_ties).
     type(tie_input_t), allocatable, intent(out) :: tie(:)
     type(tie_input_t) :: given
@@ -76,15 +67,15 @@ contains
     allocate (tie(0))
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        if (is_given(group, 'body')) then
+        if (group%is_given('body')) then
           call read_halves(group, body, given, matched_a, matched_b)
         else
-          call read_sides(group, bodies, problems, given, matched_a, matched_b)
+          call read_sides(group, input, given, matched_a, matched_b)
         end if
-        if (name == 'tie') call read_turn(group, scene, problems, given)
-        if (name == 'bolt') call read_tension(group, cases, problems, given)
-        of_a = whole_bodies(bodies, matched_a)
-        of_b = whole_bodies(bodies, matched_b)
+        if (name == 'tie') call read_turn(group, input, given)
+        if (name == 'bolt') call read_tension(group, input, given)
+        of_a = whole_bodies(input%bodies, matched_a)
+        of_b = whole_bodies(input%bodies, matched_b)
         n = max(n_wholes(of_a), n_wholes(of_b))
         do k = 1, n
           do ia = 1, max(1, size(of_a))
@@ -92,14 +83,14 @@ contains
             do ib = 1, max(1, size(of_b))
               if (.not. belongs(of_b, ib, k)) cycle
               ! The cut joins the halves of one body; each is tied to itself in a sector.
-              if (is_given(group, 'body') .and. ia /= ib) cycle
-              if (is_given(group, 'angle') .and. size(of_a) > n_wholes(of_a) .and. ia /= ib) cycle
+              if (group%is_given('body') .and. ia /= ib) cycle
+              if (group%is_given('angle') .and. size(of_a) > n_wholes(of_a) .and. ia /= ib) cycle
               tie = [tie, given]
               associate (one => tie(size(tie)))
                 if (size(of_a) > 0) one%body_a = matched_a(ia)
                 if (size(of_b) > 0) one%body_b = matched_b(ib)
                 if (n > 1) one%name = numbered(given%name, k)
-                call check_bodies(group, name, bodies, one, problems)
+                call check_bodies(group, input, name, one)
               end associate
             end do
           end do
@@ -119,23 +110,22 @@ contains
   end subroutine read_kind
 
   !> Report a tie of a body with itself.
-  subroutine check_bodies(group, name, bodies, tie, problems)
+  subroutine check_bodies(group, input, name, tie)
     type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: name  !! 'tie' or 'bolt'.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
     type(tie_input_t), intent(in) :: tie  !! The tie.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
     if (tie%body_a /= tie%body_b .or. tie%body_a == 0) return
-    if (is_given(group, 'angle') .and. tie%surface_a /= tie%surface_b) return
-    if (is_given(group, 'angle')) then
-      call report(problems, group, 'surface_b', 'surface_a and surface_b are the same surface')
+    if (group%is_given('angle') .and. tie%surface_a /= tie%surface_b) return
+    if (group%is_given('angle')) then
+      call input%report(group, 'surface_b', 'surface_a and surface_b are the same surface')
     else if (name == 'tie') then
-      call report(problems, group, 'surface_b', 'a tie without an angle needs two different bodies, got '// &
-                  shown(bodies%name(tie%body_a)%s)//' twice; for cyclic symmetry add axis=0,0,1, angle=360/n, in '// &
-                  'degrees')
+      call input%report(group, 'surface_b', 'a tie without an angle needs two different bodies, got '// &
+                        shown(input%bodies%name(tie%body_a)%s)//' twice; for cyclic symmetry add axis=0,0,1, '// &
+                        'angle=360/n, in degrees')
     else
-      call report(problems, group, 'surface_b', '&'//name//' needs two different bodies, got '// &
-                  shown(bodies%name(tie%body_a)%s)//' twice')
+      call input%report(group, 'surface_b', '&'//name//' needs two different bodies, got '// &
+                        shown(input%bodies%name(tie%body_a)%s)//' twice')
     end if
   end subroutine check_bodies
 
@@ -174,7 +164,7 @@ contains
     integer, allocatable, intent(out) :: half_1(:), half_2(:)  !! First and second halves (n).
     integer :: b
     tie%line = group%line
-    tie%name = text_of(group, 'name')
+    tie%name = group%text_of('name')
     tie%is_cut = .true.
     tie%surface_a = cut_surface
     tie%surface_b = cut_surface
@@ -198,10 +188,9 @@ contains
   end function numbered
 
   !> Read name, surfaces and search distance.
-  subroutine read_sides(group, bodies, problems, tie, matched_a, matched_b)
+  subroutine read_sides(group, input, tie, matched_a, matched_b)
     type(group_t), intent(in) :: group  !! Checked group.
-    type(names_t), intent(in) :: bodies  !! Names of the bodies.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(tie_input_t), intent(out) :: tie  !! The tie, without its bodies.
     integer, allocatable, intent(out) :: matched_a(:)  !! Bodies of the slave side (n or 1).
     !> Bodies of the master side, each with the one of the slave side in its place (n or 1).
@@ -210,71 +199,70 @@ contains
     logical :: several
     integer :: k, n_a, n_b
     tie%line = group%line
-    tie%name = text_of(group, 'name')
+    tie%name = group%text_of('name')
     ! Of a tie, the table of the keys asks for them.
     do k = 1, size(sides)
-      if (group%name == 'bolt' .and. .not. is_given(group, sides(k))) &
-        call problems%add(group%line, '&bolt: '''//sides(k)//''' is missing, or body, which the program cuts')
+      if (group%name == 'bolt' .and. .not. group%is_given(sides(k))) &
+        call input%add(group%line, '&bolt: '''//sides(k)//''' is missing, or body, which the program cuts')
     end do
-    call read_side(group, 'surface_a', bodies, problems, matched_a, tie%surface_a, several)
-    call read_side(group, 'surface_b', bodies, problems, matched_b, tie%surface_b, several)
-    n_a = n_wholes(whole_bodies(bodies, matched_a))
-    n_b = n_wholes(whole_bodies(bodies, matched_b))
+    call read_side(group, input, 'surface_a', matched_a, tie%surface_a, several)
+    call read_side(group, input, 'surface_b', matched_b, tie%surface_b, several)
+    n_a = n_wholes(whole_bodies(input%bodies, matched_a))
+    n_b = n_wholes(whole_bodies(input%bodies, matched_b))
     if (min(n_a, n_b) > 1 .and. n_a /= n_b) &
-      call report(problems, group, 'surface_b', 'surface_a names '//to_text(n_a)//' bodies and '// &
-                  'surface_b '//to_text(n_b)//': give each its own, in the same order, or one for all')
-    if (is_usable(group, 'search_radius')) tie%search_radius = real_of(group, 'search_radius')
+      call input%report(group, 'surface_b', 'surface_a names '//to_text(n_a)//' bodies and surface_b '//to_text(n_b)// &
+                        ': give each its own, in the same order, or one for all')
+    if (group%is_usable('search_radius')) tie%search_radius = group%real_of('search_radius')
   end subroutine read_sides
 
   !> Read the rotation of the master side.
-  subroutine read_turn(group, scene, problems, tie)
+  subroutine read_turn(group, input, tie)
     type(group_t), intent(in) :: group  !! Checked group.
-    type(scene_input_t), intent(in) :: scene  !! The scene, for its analysis.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(tie_input_t), intent(inout) :: tie  !! The tie; gets the rotation.
     real(dp), allocatable :: numbers(:)
-    tie%angle = real_of(group, 'angle')
-    if (is_usable(group, 'axis')) then
-      call reals_of(group, 'axis', numbers)
+    tie%angle = group%real_of('angle')
+    if (group%is_usable('axis')) then
+      call group%reals_of('axis', numbers)
       tie%axis = numbers
-      if (.not. any(abs(numbers) > 0)) call report(problems, group, 'axis', 'axis has no direction')
-      if (scene%dimension == 2 .and. any(abs(numbers(:2)) > 0)) &
-        call report(problems, group, 'axis', 'in two dimensions surfaces are rotated about z')
+      if (.not. any(abs(numbers) > 0)) call input%report(group, 'axis', 'axis has no direction')
+      if (input%scene%dimension == 2 .and. any(abs(numbers(:2)) > 0)) &
+        call input%report(group, 'axis', 'in two dimensions surfaces are rotated about z')
     end if
-    if (is_usable(group, 'centre')) then
-      call reals_of(group, 'centre', numbers)
+    if (group%is_usable('centre')) then
+      call group%reals_of('centre', numbers)
       tie%centre(:size(numbers)) = numbers
     end if
-    if (.not. is_given(group, 'angle')) then
-      if (is_given(group, 'axis')) call report(problems, group, 'axis', 'axis is given without an angle')
-      if (is_given(group, 'centre')) call report(problems, group, 'centre', 'centre is given without an angle')
-    else if (scene%analysis == analysis_axisymmetric) then
-      call report(problems, group, 'angle', 'angle means nothing in axisymmetric analyses')
-    else if (is_usable(group, 'angle') .and. .not. abs(tie%angle) > 0) then
-      call report(problems, group, 'angle', 'an angle of 0 is no rotation: that of one of n sectors is 360/n degrees')
+    if (.not. group%is_given('angle')) then
+      if (group%is_given('axis')) call input%report(group, 'axis', 'axis is given without an angle')
+      if (group%is_given('centre')) call input%report(group, 'centre', 'centre is given without an angle')
+    else if (input%scene%analysis == analysis_axisymmetric) then
+      call input%report(group, 'angle', 'angle means nothing in axisymmetric analyses')
+    else if (group%is_usable('angle') .and. .not. abs(tie%angle) > 0) then
+      call input%report(group, 'angle', 'an angle of 0 is no rotation: that of one of n sectors is 360/n degrees')
     end if
   end subroutine read_turn
 
   !> Read how far a bolt is tightened.
-  subroutine read_tension(group, cases, problems, bolt)
+  subroutine read_tension(group, input, bolt)
     type(group_t), intent(in) :: group  !! Checked group.
-    type(names_t), intent(in) :: cases  !! Names of the load cases.
-    type(problems_t), intent(inout) :: problems  !! Problems of the file; mistakes are added.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(tie_input_t), intent(inout) :: bolt  !! The bolt.
     integer :: k
     bolt%is_bolt = .true.
-    bolt%has_force = is_given(group, 'force')
-    bolt%force = real_of(group, 'force')
-    bolt%shortening = real_of(group, 'shortening')
-    if (bolt%has_force .and. is_given(group, 'shortening')) then
-      call report(problems, group, 'shortening', 'force and shortening are both given: only one can be meant')
-    else if (.not. (bolt%has_force .or. is_given(group, 'shortening'))) then
-      call problems%add(group%line, '&bolt: ''force'' or ''shortening'' is missing')
+    bolt%has_force = group%is_given('force')
+    bolt%force = group%real_of('force')
+    bolt%shortening = group%real_of('shortening')
+    if (bolt%has_force .and. group%is_given('shortening')) then
+      call input%report(group, 'shortening', 'force and shortening are both given: only one can be meant')
+    else if (.not. (bolt%has_force .or. group%is_given('shortening'))) then
+      call input%add(group%line, '&bolt: ''force'' or ''shortening'' is missing')
     end if
-    if (is_given(group, 'case') .and. .not. bolt%has_force) &
-      call report(problems, group, 'case', 'case is for a bolt with a force: a shortening is the same in all cases')
-    call cases_of(group, cases, problems, bolt%in_case)
+    if (group%is_given('case') .and. .not. bolt%has_force) &
+      call input%report(group, 'case', 'case is for a bolt with a force: a shortening is the same in all cases')
+    call cases_of(group, input, bolt%in_case)
     ! Tightened first, then locked.
-    if (.not. allocated(bolt%in_case) .and. size(cases%name) > 0) bolt%in_case = [(k == 1, k=1, size(cases%name))]
+    if (.not. allocated(bolt%in_case) .and. size(input%cases%name) > 0) &
+      bolt%in_case = [(k == 1, k=1, size(input%cases%name))]
   end subroutine read_tension
 end module dotyk_input_ties

@@ -10,8 +10,7 @@ module dotyk_model_ties
   use dotyk_contact_tie, only: discretize_tie, facet_size
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: case_t, tie_input_t
-  use dotyk_input_load_case, only: applies_in
+  use dotyk_input_case, only: applies_in, case_t, tie_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_common_facets, only: find_common_facets
   use dotyk_mesh_facet, only: frame_of_normal
