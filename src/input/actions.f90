@@ -75,8 +75,8 @@ contains
           associate (m => body(b)%material(k))
             if (m == 0) cycle
             if (.not. material(m)%expands) &
-              call input%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// ' of '// &
-                             'body '//shown(body(b)%name)//' has no expansion')
+              call input%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
+                             ' of body '//shown(body(b)%name)//' has no expansion')
           end associate
         end do
       end associate

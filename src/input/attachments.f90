@@ -78,8 +78,8 @@ contains
     do i = 1, 3
       if (spring%fix%fixed(i) .or. .not. abs(spring%value(i)) > 0) cycle
       name = spring%fix%name(i)
-      call input%report(group, 'value', 'value has '//name//' = '//to_text(spring%value(i))// ', but fix does not '// &
-                        'name '//name)
+      call input%report(group, 'value', 'value has '//name//' = '//to_text(spring%value(i))// &
+                        ', but fix does not name '//name)
     end do
   end subroutine read_spring
 

@@ -115,12 +115,12 @@ contains
     type(body_input_t), intent(inout) :: body  !! The body; its placement is set.
     if (group%is_given('at') .and. group%is_usable('at')) then
       if (input%scene%dimension == 3 .and. group%count_of('at') < 3) &
-        call input%report(group, 'at', 'at needs 3 values in three dimensions, got '// to_text(group%count_of('at')))
+        call input%report(group, 'at', 'at needs 3 values in three dimensions, got '//to_text(group%count_of('at')))
       call group%read_numbers('at', body%at)
       if (input%scene%dimension == 2 .and. abs(body%at(3)) > 0) &
         call input%report(group, 'at', 'at has z = '//to_text(body%at(3))//', but there is no z in two dimensions')
       if (input%scene%analysis == analysis_axisymmetric .and. abs(body%at(1)) > 0) &
-        call input%report(group, 'at', 'at has x = '//to_text(body%at(1))// ', but axisymmetric bodies are shifted '// &
+        call input%report(group, 'at', 'at has x = '//to_text(body%at(1))//', but axisymmetric bodies are shifted '// &
                           'along y only')
     end if
     if (group%is_given('axis') .and. .not. (group%is_given('angle') .or. group%is_given('first_angle'))) &

@@ -99,8 +99,8 @@ contains
       do k = 1, size(body)
         if (k /= i .and. body(k)%name == body(i)%name) &
           call input%add(body(k)%line, '&body: '//shown(body(k)%name)//' is the name of a half of body '// &
-                         shown(body(i)%cut%whole)//', which the &bolt of line '//to_text(body(i)%cut%line)// ' '// &
-                         'cuts: give it another name')
+                         shown(body(i)%cut%whole)//', which the &bolt of line '//to_text(body(i)%cut%line)// &
+                         ' cuts: give it another name')
       end do
     end do
   end subroutine cut_bodies
@@ -315,8 +315,9 @@ contains
     if (is_right('young') .and. is_right('poisson') .and. is_right('shear')) then
       if (any(n /= 3)) &
         call input%add(group%line, '&material: an orthotropic material needs 3 values each of young, poisson and '// &
-                       'shear, got '//to_text(n(1))//', '//to_text(n(2))//' and '//to_text(n(3))// trim(merge('; '// &
-                       'decimals have a point, 0.3 not 0,3', repeat(' ', 36), n(3) == 0 .and. any(n == 2))))
+                       'shear, got '//to_text(n(1))//', '//to_text(n(2))//' and '//to_text(n(3))// &
+                       trim(merge('; decimals have a point, 0.3 not 0,3', repeat(' ', 36), n(3) == 0 .and. &
+                       any(n == 2))))
     end if
     call group%read_numbers('shear', material%shear)
     call read_axes(group, input, material)

@@ -54,8 +54,8 @@ contains
       if (support%fix%fixed(i)) cycle
       name = support%fix%name(i)
       if (abs(support%value(i)) > 0) &
-        call input%report(group, 'value', 'value has '//name//' = '//to_text(support%value(i))// ', but fix does '// &
-                          'not name '//name)
+        call input%report(group, 'value', 'value has '//name//' = '//to_text(support%value(i))// &
+                          ', but fix does not name '//name)
       if (size(support%value_formula) == 0) cycle
       if (support%value_formula(i)%s /= '0') &
         call input%report(group, 'value_formula', 'value_formula has '//name//' = '// &
@@ -87,7 +87,7 @@ contains
       is_formula = group%is_given(kinds(k)%s//'_formula')
       if (.not. (is_constant .or. is_formula)) cycle
       if (is_constant .and. is_formula) &
-        call input%report(group, kinds(k)%s, kinds(k)%s//' and '//kinds(k)%s// '_formula are both given: only one '// &
+        call input%report(group, kinds(k)%s, kinds(k)%s//' and '//kinds(k)%s//'_formula are both given: only one '// &
                           'can be meant')
       n = n + 1
       given = given//', '//kinds(k)%s
@@ -102,7 +102,7 @@ contains
     end if
     if (n /= 1) then
       if (n == 0) given = ', none of them'
-      call input%add(group%line, '&load: exactly one of '//join(kinds, ', ')// ' (or its formula), or force and '// &
+      call input%add(group%line, '&load: exactly one of '//join(kinds, ', ')//' (or its formula), or force and '// &
                      'moment, is needed, got '//given(3:))
       return
     end if
@@ -145,15 +145,15 @@ contains
       load%value = numbers
       load%value(axis) = 0
       if (input%scene%dimension == 2 .and. any(abs(load%value) > 0)) &
-        call input%report(group, 'angular_velocity', 'angular_velocity must be about '//name(axis)// ' in this '// &
-                          'analysis: its other components are 0')
+        call input%report(group, 'angular_velocity', 'angular_velocity must be about '//name(axis)// &
+                          ' in this analysis: its other components are 0')
       load%value = numbers
     else if (size(numbers) == 1 .and. input%scene%dimension == 2) then
       load%value(axis) = numbers(1)
     else if (group%is_usable('angular_velocity')) then
-      call input%report(group, 'angular_velocity', 'angular_velocity needs '// trim(merge('1 or 3 values           '// &
-                        '     ', '3 values in three dimensions ', input%scene%dimension == 2))//', got '// &
-                        to_text(size(numbers)))
+      call input%report(group, 'angular_velocity', 'angular_velocity needs '// &
+                        trim(merge('1 or 3 values                ', '3 values in three dimensions ', &
+                        input%scene%dimension == 2))//', got '//to_text(size(numbers)))
     end if
     call read_vector(group, input, 'centre', .false., load%centre)
     if (group%is_given('centre') .and. input%scene%analysis == analysis_axisymmetric) &
@@ -282,7 +282,7 @@ contains
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: key  !! Name of the key.
     logical, intent(in) :: local  !! Whether the vector is in the axes of a surface: xi, eta, n.
-    call input%report(group, key, key//': the '//trim(merge('eta', 'z  ', local))// ' component must be 0 in two '// &
+    call input%report(group, key, key//': the '//trim(merge('eta', 'z  ', local))//' component must be 0 in two '// &
                       'dimensions')
   end subroutine report_across
 end module dotyk_input_boundary

@@ -200,8 +200,8 @@ contains
         exclude(i)%b = trim(adjustl(texts(i)%s(k + 1:)))
       end do
       if (known .or. input%bodies%incomplete) cycle
-      call input%report(group, 'exclude', 'exclude: '//shown(texts(i)%s)//' names no bodies: write '// '''body - '// &
-                        'body'', or ''body'' for all its pairs (known: '//first_names(input%bodies)//')')
+      call input%report(group, 'exclude', 'exclude: '//shown(texts(i)%s)//' names no bodies: write '// &
+                        '''body - body'', or ''body'' for all its pairs (known: '//first_names(input%bodies)//')')
     end do
   end subroutine read_exclusions
 end module dotyk_input_contacts

@@ -113,8 +113,8 @@ contains
                           'body by at, axis and angle')
     end do
     if (group%count_of('angle') > 1) &
-      call input%report(group, 'angle', 'angle has '//to_text(group%count_of('angle'))// ' values: more than one '// &
-                        'is for repeated bodies')
+      call input%report(group, 'angle', 'angle has '//to_text(group%count_of('angle'))//' values: more than one is '// &
+                        'for repeated bodies')
   end subroutine refuse_without_repeat
 
   !> Read the shifts, a vector of two or three components for each number of copies.
@@ -175,7 +175,7 @@ contains
     if (stars == 1 .or. stars == levels) return
     several = ''
     if (levels > 1) several = ', or '//to_text(levels)//','
-    call input%report(group, key, key//': '//shown(name)//' needs one *'//several// ' for the numbers of the copies')
+    call input%report(group, key, key//': '//shown(name)//' needs one *'//several//' for the numbers of the copies')
   end subroutine check_name
 
   !> Name or volume of a copy: its numbers in place of the stars, all of them in place of a single one.

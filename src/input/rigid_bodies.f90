@@ -58,9 +58,9 @@ contains
       if (case%load(i)%kind /= load_force_density .and. any(case%load%of_mass .and. &
                                                             case%load%body == case%load(i)%body)) cycle
       if (any(case%load(i)%kind == [load_force_density, load_acceleration, load_angular_velocity])) &
-        call input%add(case%load(i)%line, '&load: body '//shown(input%bodies%name(case%load(i)%body)%s)//' has '// &
-                       'neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// ': give force '// &
-                       'and moment on its surface')
+        call input%add(case%load(i)%line, '&load: body '//shown(input%bodies%name(case%load(i)%body)%s)// &
+                       ' has neither volume nor mass for '//option_name(load_names, case%load(i)%kind)// &
+                       ': give force and moment on its surface')
     end do
     ! Where wildcards name it among others, as in a temperature of all bodies, it has no share.
     spared = is_spared(case%temperature%line, case%temperature%body, case%temperature%any_body)
@@ -100,11 +100,11 @@ contains
       integer :: j, k
       do j = 1, size(others)
         if (others(j)%body /= own%body) cycle
-        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), k=1, max(1, &
-          size(input%cases%name)))])) then
-          call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)// ' is rigid '// &
-                         'already: one group per body'// trim(merge(' and load case', '              ', &
-                         size(input%cases%name) > 0)))
+        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), &
+                  k=1, max(1, size(input%cases%name)))])) then
+          call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)// &
+                         ' is rigid already: one group per body'// &
+                         trim(merge(' and load case', '              ', size(input%cases%name) > 0)))
           return
         else if (any(own%held .neqv. others(j)%held) .or. any(abs(own%point - others(j)%point) > 0)) then
           call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)//' has another fix '// &
@@ -160,8 +160,9 @@ contains
     else if (size(rotation) == 1 .and. input%scene%dimension == 2) then
       rigid%motion(6) = rotation(1)
     else if (size(rotation) > 0) then
-      call input%report(group, 'rotation', 'rotation needs 3 values'//trim(merge(' or that about z', '             '// &
-                        '   ', input%scene%dimension == 2))//', got '//to_text(group%count_of('rotation')))
+      call input%report(group, 'rotation', 'rotation needs 3 values'// &
+                        trim(merge(' or that about z', '                ', input%scene%dimension == 2))// &
+                        ', got '//to_text(group%count_of('rotation')))
     end if
     if (any(abs(rigid%motion(4:6)) > largest_rotation)) &
       call input%report(group, 'rotation', 'rotation is small, in radians: '// &
@@ -169,8 +170,8 @@ contains
     do k = 1, 6
       if (rigid%held(k) .or. .not. abs(rigid%motion(k)) > 0) cycle
       key = trim(merge('value   ', 'rotation', k <= 3))
-      call input%report(group, key, key//' has '//to_text(rigid%motion(k))//' for '//trim(names(k))// ', but fix '// &
-                        'does not name it')
+      call input%report(group, key, key//' has '//to_text(rigid%motion(k))//' for '//trim(names(k))// &
+                        ', but fix does not name it')
     end do
   end subroutine read_rigid
 

@@ -31,8 +31,8 @@ contains
       call check_relaxation('gamma_rule')
       call check_stop_rule()
       if (group%is_given('robin_gap') .and. scheme /= scheme_robin) &
-        call input%report(group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// ' does not use it: '// &
-                          'remove it, or set scheme=''robin''')
+        call input%report(group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// &
+                          ' does not use it: remove it, or set scheme=''robin''')
       if (group%is_given('max_unbalanced') .and. scheme /= scheme_dual) &
         call input%report(group, 'max_unbalanced', 'max_unbalanced is about floating bodies, for scheme=''dual''; '// &
                           name//' has none: remove it')
@@ -49,8 +49,8 @@ contains
     subroutine check_relaxation(key)
       character(*), intent(in) :: key  !! 'gamma' or 'gamma_rule'.
       if (.not. group%is_given(key) .or. any(scheme == schemes_of_paper)) return
-      call input%report(group, key, key//' is for scheme='//names_of_paper//'; '//name// ' does not use it: remove '// &
-                        'it or choose another scheme')
+      call input%report(group, key, key//' is for scheme='//names_of_paper//'; '//name// &
+                        ' does not use it: remove it or choose another scheme')
     end subroutine check_relaxation
 
     !> Stopping rules: the active sets of the dual scheme have no increment, and (41) is a theorem on the paper's
@@ -58,11 +58,11 @@ contains
     subroutine check_stop_rule()
       if (.not. group%is_given('stop_rule') .or. .not. group%is_usable('stop_rule')) return
       if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
-        call input%report(group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// ', which (41) '// &
-                          'is about; '//name//' ends by ''residual'' or ''budget''')
+        call input%report(group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// &
+                          ', which (41) is about; '//name//' ends by ''residual'' or ''budget''')
       if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
-        call input%report(group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// ' ends '// &
-                          'by ''residual'' or ''budget'': choose one of these or another scheme')
+        call input%report(group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
+                          ' ends by ''residual'' or ''budget'': choose one of these or another scheme')
     end subroutine check_stop_rule
 
     !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
@@ -79,8 +79,8 @@ contains
       end if
       if (scheme == scheme_neumann) return
       if (scheme == scheme_dual .and. solver%response == response_full) return
-      call input%report(group, 'response', 'response is for scheme=''neumann''; '//name// ' forms the dense '// &
-                        'compliances that it needs: remove response')
+      call input%report(group, 'response', 'response is for scheme=''neumann''; '//name// &
+                        ' forms the dense compliances that it needs: remove response')
     end subroutine check_response
 
     !> The tolerance of the rule that is in force, and that of the other one.
@@ -90,9 +90,10 @@ contains
         call input%report(group, 'tolerance', 'tolerance is not used by stop_rule=''budget'', which ends at '// &
                           'budget_fraction of the other errors; remove tolerance or change stop_rule')
       if (solver%stop_rule /= stop_budget .and. group%is_given('budget_fraction')) &
-        call input%report(group, 'budget_fraction', 'budget_fraction is for stop_rule=''budget'', and the rule of '// &
-                          'this run is '''//option_name(stop_rule_names, solver%stop_rule)// '''; add '// &
-                          'stop_rule=''budget'' or remove budget_fraction')
+        call input%report(group, 'budget_fraction', &
+                          'budget_fraction is for stop_rule=''budget'', and the rule of this run is '''// &
+                          option_name(stop_rule_names, solver%stop_rule)// &
+                          '''; add stop_rule=''budget'' or remove budget_fraction')
     end subroutine check_tolerances
   end subroutine check_solver_keys
 end module dotyk_input_solver_checks
