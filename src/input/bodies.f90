@@ -2,11 +2,11 @@
 module dotyk_input_bodies
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: counted, join, shown, text_t, to_text
-  use dotyk_input_boundary, only: read_vector
   use dotyk_input_case, only: body_input_t
   use dotyk_input_groups, only: group_t
   use dotyk_input_references, only: find_name, input_t, why_unknown
   use dotyk_input_settings, only: read_mesh_path
+  use dotyk_input_vectors, only: read_vector
   implicit none
   private
   public :: read_body, union_name

@@ -28,13 +28,17 @@ module dotyk_input_case
     integer :: dimension = 3  !! Dimension of space, 2 or 3; 0 where the analysis has a mistake.
   end type scene_input_t
 
-  type, public :: mesh_size_input_t  !! `&mesh_size` of one body.
+  type, public :: action_t  !! What groups about bodies have in common: one for each body that a group names.
     integer :: line = 0  !! Line of the group.
     integer :: body = 0  !! Index of the body.
-    !> Whether wildcards name the body: of these bodies, those without the surface have no such size.
+    !> Whether wildcards name the body: of these bodies, those without the surface have no such support, load or size.
     logical :: any_body = .false.
-    !> Physical group of the face that has the size, maybe with wildcards; empty for the whole body.
+    !> Physical group of the surface; with wildcards, the union of those that the body has; empty for the whole body.
     character(:), allocatable :: surface
+    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
+  end type action_t
+
+  type, public, extends(action_t) :: mesh_size_input_t  !! `&mesh_size` of one body.
     !> Size of the elements of the body or face, and of those at its contact pairs; 0 where it is not given [length].
     real(dp) :: size = 0, contact = 0
   end type mesh_size_input_t
@@ -113,13 +117,7 @@ module dotyk_input_case
     procedure :: has_shape_of => body_input_has_shape_of
   end type body_input_t
 
-  type, public :: support_input_t  !! `&support`, or `&spring`: an elastic one.
-    integer :: line = 0  !! Line of the group.
-    integer :: body = 0  !! Index of the body.
-    !> Whether wildcards name the body: of these bodies, those without the surface have no such support.
-    logical :: any_body = .false.
-    !> Physical group of the surface; with wildcards, the union of those that the body has.
-    character(:), allocatable :: surface
+  type, public, extends(action_t) :: support_input_t  !! `&support`, or `&spring`: an elastic one.
     type(directions_t) :: fix  !! Directions of prescribed displacements.
     real(dp) :: value(3) = 0  !! Prescribed displacement in the axes of `fix` (3) [length]; zero in other directions.
     type(text_t), allocatable :: value_formula(:)  !! Formulas of the given displacement (3), or none.
@@ -127,17 +125,9 @@ module dotyk_input_case
     !> [force/length] is not 0 then.
     logical :: is_spring = .false.
     real(dp) :: modulus = 0, stiffness = 0
-    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type support_input_t
 
-  type, public :: load_input_t  !! `&load`.
-    integer :: line = 0  !! Line of the group.
-    integer :: body = 0  !! Index of the body.
-    !> Whether wildcards name the body: of these bodies, those without the surface have no such load.
-    logical :: any_body = .false.
-    !> Physical group of the surface, as in `support_input_t`; empty for a force density and an angular
-    !> velocity.
-    character(:), allocatable :: surface
+  type, public, extends(action_t) :: load_input_t  !! `&load`.
     integer :: kind = load_traction  !! One of `load_*`.
     !> Constant value, a pressure in the first component or a vector (3) [pressure, force/volume, 1/time, force/mass, or
     !> force of `load_total`].
@@ -150,23 +140,16 @@ module dotyk_input_case
     type(text_t), allocatable :: formula(:)  !! Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     !> Whether it is the force of a `&mass` under an acceleration or a rotation of its body.
     logical :: of_mass = .false.
-    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type load_input_t
 
-  type, public :: rigid_input_t  !! `&rigid_body`.
-    integer :: line = 0  !! Line of the group.
-    integer :: body = 0  !! Index of the body.
+  type, public, extends(action_t) :: rigid_input_t  !! `&rigid_body`.
     !> Whether the displacements x, y, z of the point and the rotations about it are held (6).
     logical :: held(6) = .false.
     real(dp) :: motion(6) = 0  !! Their values (6) [length, radian].
     real(dp) :: point(3) = 0  !! The point (3) [length].
-    logical, allocatable :: in_case(:)  !! Load cases with these values; not allocated where these are all (n_cases).
   end type rigid_input_t
 
-  type, public :: field_input_t  !! `&temperature` or `&initial_stress`.
-    integer :: line = 0  !! Line of the group.
-    integer :: body = 0  !! Index of the body.
-    logical :: any_body = .false.  !! Whether wildcards name it, maybe among others.
+  type, public, extends(action_t) :: field_input_t  !! `&temperature` or `&initial_stress`.
     !> Constant value: a temperature in the first component [temperature], or stresses in the order xx yy zz xy yz xz
     !> [pressure] (6).
     real(dp) :: value(6) = 0
@@ -175,7 +158,6 @@ module dotyk_input_case
     !> none [temperature].
     character(:), allocatable :: array
     real(dp) :: reference = 0
-    logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type field_input_t
 
   type, public :: exclusion_t  !! Pairs of bodies that no contact pair is found for.
@@ -341,7 +323,7 @@ module dotyk_input_case
     procedure :: in_case_text => case_in_case_text
   end type case_t
 
-  public :: applies_in
+  public :: applies_in, share_a_case
 
 contains
 
@@ -414,4 +396,17 @@ contains
     text = ''
     if (self%has_cases()) text = ' in case '//quoted(self%load_case(k)%name)
   end function case_in_case_text
+
+  !> Whether two groups belong to the same load case.
+  pure logical function share_a_case(one, other) result(share)
+    logical, allocatable, intent(in) :: one(:), other(:)  !! Their components `in_case`.
+    share = .true.
+    if (allocated(one) .and. allocated(other)) then
+      share = any(one .and. other)
+    else if (allocated(one)) then
+      share = any(one)
+    else if (allocated(other)) then
+      share = any(other)
+    end if
+  end function share_a_case
 end module dotyk_input_case

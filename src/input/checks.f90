@@ -77,6 +77,7 @@ contains
         associate (entry => group%entry(i))
           k = find_key(known, entry%key)
           if (k == 0) then
+            entry%usable = .false.
             call report_unknown_key(known, entry, table, problems)
             cycle
           end if

@@ -2,15 +2,15 @@
 module dotyk_input_load_cases
   use dotyk_base_options, only: gap_constant, gap_formula, option_name, scheme_auto, scheme_dual, scheme_names, &
     theta_formula, theta_names
-  use dotyk_base_text, only: shown, text_t
+  use dotyk_base_text, only: shown
   use dotyk_base_wildcard, only: matches
   use dotyk_input_case, only: contact_case_input_t, contact_input_t, load_case_input_t
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_references, only: find_named, input_t
+  use dotyk_input_references, only: input_t
   use dotyk_input_settings, only: read_theta
   implicit none
   private
-  public :: cases_of, read_contact_cases, read_load_cases
+  public :: read_contact_cases, read_load_cases
 
 contains
 
@@ -38,32 +38,6 @@ contains
     end do
   end subroutine read_load_cases
 
-  !> The cases that the key `case` names.
-  subroutine cases_of(group, input, in_case)
-    type(group_t), intent(in) :: group  !! Checked group.
-    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> Whether the group belongs to each case; not allocated where it belongs to all (n_cases).
-    logical, allocatable, intent(out) :: in_case(:)
-    type(text_t), allocatable :: texts(:)
-    character(:), allocatable :: message
-    integer, allocatable :: matched(:)
-    integer :: i
-    if (.not. group%is_given('case')) return
-    allocate (in_case(max(1, size(input%cases%name))), source=.false.)
-    if (size(input%cases%name) == 0) then
-      if (.not. input%cases%incomplete) &
-        call input%report(group, 'case', 'case names load cases, and the file has no &case: add &case name=''...'' '// &
-                          '/ for each of them')
-      return
-    end if
-    call group%texts_of('case', texts)
-    do i = 1, size(texts)
-      call find_named(input%cases, texts(i)%s, matched, message)
-      in_case(matched) = .true.
-      if (len(message) > 0) call input%report(group, 'case', 'case: '//message)
-    end do
-  end subroutine cases_of
-
   !> Read all `&contact_case`.
   subroutine read_contact_cases(groups, input, contact, contact_case)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
@@ -76,7 +50,7 @@ contains
     call pick_groups(groups, 'contact_case', picked)
     allocate (contact_case(size(picked)))
     do i = 1, size(picked)
-      call cases_of(groups(picked(i)), input, contact_case(i)%in_case)
+      call input%cases_of(groups(picked(i)), contact_case(i)%in_case)
       call read_contact_case(groups(picked(i)), input, contact, contact_case(i))
     end do
   end subroutine read_contact_cases

@@ -3,15 +3,16 @@ module dotyk_input_parse
   use dotyk_base_error, only: error_t
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
-  use dotyk_input_actions, only: read_actions
   use dotyk_input_body_list, only: read_bodies
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
+  use dotyk_input_fields, only: read_initial_stresses, read_temperatures
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: find_group, group_keyword_t
   use dotyk_input_load_cases, only: read_contact_cases, read_load_cases
+  use dotyk_input_loads, only: read_loads
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line
   use dotyk_input_quantities, only: read_quantities
@@ -21,6 +22,7 @@ module dotyk_input_parse
   use dotyk_input_rigid_bodies, only: read_rigid_bodies
   use dotyk_input_settings, only: read_accuracy, read_mesh_sizes, read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
+  use dotyk_input_supports, only: read_supports
   use dotyk_input_ties, only: read_ties
   implicit none
   private
@@ -121,7 +123,10 @@ contains
     end if
     call read_quantities(output, input, .false., case%quantity)
     if (case%accuracy%is_given .or. size(case%quantity) > 0) case%output%error_discretization = .true.
-    call read_actions(groups, input, case)
+    call read_supports(groups, input, case%support)
+    call read_loads(groups, input, case%body, case%material, case%load)
+    call read_temperatures(groups, input, case%body, case%material, case%temperature)
+    call read_initial_stresses(groups, input, case%initial_stress)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)

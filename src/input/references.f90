@@ -3,7 +3,7 @@
 module dotyk_input_references
   use dotyk_base_text, only: shown, suggestion, text_t, to_text, visible
   use dotyk_base_wildcard, only: has_wildcard, matches
-  use dotyk_input_case, only: scene_input_t, solver_input_t
+  use dotyk_input_case, only: action_t, scene_input_t, solver_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_problems, only: problems_t
   implicit none
@@ -24,7 +24,7 @@ module dotyk_input_references
     type(scene_input_t) :: scene  !! `&scene`.
     type(solver_input_t) :: solver  !! `&solver`.
   contains
-    procedure :: gather_names, refer_to_bodies, refuse, refuse_both, report
+    procedure :: begin_action, cases_of, gather_names, refer_to_bodies, refuse, refuse_both, report
   end type input_t
 
   public :: append_places, bodies_named, find_name, find_named, first_names, names_several, why_unknown
@@ -189,6 +189,45 @@ contains
     call find_named(self%bodies, name, matched, message)
     if (len(message) > 0) call self%report(group, key, key//': '//message)
   end subroutine refer_to_bodies
+
+  !> The cases that the key `case` names.
+  subroutine cases_of(self, group, in_case)
+    class(input_t), intent(inout) :: self
+    type(group_t), intent(in) :: group  !! Checked group.
+    !> Whether the group belongs to each case; not allocated where it belongs to all (n_cases).
+    logical, allocatable, intent(out) :: in_case(:)
+    type(text_t), allocatable :: texts(:)
+    character(:), allocatable :: message
+    integer, allocatable :: matched(:)
+    integer :: i
+    if (.not. group%is_given('case')) return
+    allocate (in_case(max(1, size(self%cases%name))), source=.false.)
+    if (size(self%cases%name) == 0) then
+      if (group%is_usable('case') .and. .not. self%cases%incomplete) &
+        call self%report(group, 'case', 'case names load cases, and the file has no &case: add &case name=''...'' '// &
+                          '/ for each of them')
+      return
+    end if
+    call group%texts_of('case', texts)
+    do i = 1, size(texts)
+      call find_named(self%cases, texts(i)%s, matched, message)
+      in_case(matched) = .true.
+      if (len(message) > 0) call self%report(group, 'case', 'case: '//message)
+    end do
+  end subroutine cases_of
+
+  !> What a group about bodies has in common with others.
+  subroutine begin_action(self, group, action, matched)
+    class(input_t), intent(inout) :: self
+    type(group_t), intent(in) :: group  !! Checked group.
+    class(action_t), intent(inout) :: action  !! Gets all but its body.
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that it names, ascending (n_matched).
+    call self%refer_to_bodies(group, 'body', group%text_of('body'), matched)
+    call self%cases_of(group, action%in_case)
+    action%line = group%line
+    action%any_body = names_several(group%text_of('body'), self%bodies)
+    action%surface = group%text_of('surface')
+  end subroutine begin_action
 
   !> Append what one group stands for: itself, once for each body that it names.
   pure subroutine append_places(group, matched, group_of, body_of)

@@ -2,7 +2,7 @@
 !> the log.
 module dotyk_input_remarks
   use dotyk_base_text, only: counted, shown, text_t, to_text
-  use dotyk_input_case, only: applies_in, case_t, load_input_t
+  use dotyk_input_case, only: case_t, load_input_t, share_a_case
   implicit none
   private
   public :: add_remarks, add_spared
@@ -43,7 +43,7 @@ contains
   subroutine compare_loads(case)
     type(case_t), intent(inout) :: case  !! The case.
     integer, allocatable :: first(:)
-    integer :: i, j, k, n
+    integer :: i, j, n
     associate (load => case%load)
       first = pack([(i, i=1, size(load))], [(is_first(i), i=1, size(load))])
       if (size(first) > most_compared) return
@@ -53,7 +53,7 @@ contains
       do i = 1, j - 1
         associate (one => case%load(first(i)), other => case%load(first(j)))
           if (.not. (is_same(one, other) .and. n < most_lines)) cycle
-          if (.not. any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, case%n_cases())])) cycle
+          if (.not. share_a_case(one%in_case, other%in_case)) cycle
           if (.not. share_a_body(case%load(first(i):last_of(first(i)))%body, &
                                  case%load(first(j):last_of(first(j)))%body)) cycle
           n = n + 1

@@ -4,12 +4,11 @@ module dotyk_input_rigid_bodies
   use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
     load_names, option_name
   use dotyk_base_text, only: lower, shown, to_text
-  use dotyk_input_boundary, only: read_vector
-  use dotyk_input_case, only: applies_in, case_t, rigid_input_t
+  use dotyk_input_case, only: case_t, rigid_input_t, share_a_case
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_load_cases, only: cases_of
   use dotyk_input_references, only: append_places, input_t
   use dotyk_input_remarks, only: add_spared
+  use dotyk_input_vectors, only: read_vector
   implicit none
   private
   public :: read_rigid_bodies
@@ -33,9 +32,7 @@ contains
     call pick_groups(groups, 'rigid_body', picked)
     allocate (rigid(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call input%refer_to_bodies(groups(picked(i)), 'body', groups(picked(i))%text_of('body'), matched)
-      call read_rigid(groups(picked(i)), input, rigid(i))
-      call cases_of(groups(picked(i)), input, rigid(i)%in_case)
+      call read_rigid(groups(picked(i)), input, rigid(i), matched)
       call append_places(i, matched, group_of, body_of)
     end do
     allocate (case%rigid(size(group_of)))
@@ -97,11 +94,10 @@ contains
     subroutine compare(own, others)
       type(rigid_input_t), intent(in) :: own  !! The group.
       type(rigid_input_t), intent(in) :: others(:)  !! The groups before it.
-      integer :: j, k
+      integer :: j
       do j = 1, size(others)
         if (others(j)%body /= own%body) cycle
-        if (any([(applies_in(own%in_case, k) .and. applies_in(others(j)%in_case, k), &
-                  k=1, max(1, size(input%cases%name)))])) then
+        if (share_a_case(own%in_case, others(j)%in_case)) then
           call input%add(own%line, '&rigid_body: body '//shown(input%bodies%name(own%body)%s)// &
                          ' is rigid already: one group per body'// &
                          trim(merge(' and load case', '              ', size(input%cases%name) > 0)))
@@ -139,15 +135,16 @@ contains
   end subroutine read_rigid_bodies
 
   !> Read one `&rigid_body`.
-  subroutine read_rigid(group, input, rigid)
+  subroutine read_rigid(group, input, rigid, matched)
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(rigid_input_t), intent(out) :: rigid  !! The motions; incomplete where the group has mistakes.
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
     real(dp), allocatable :: rotation(:)
     character(:), allocatable :: key
     logical :: exists(6)
     integer :: k
-    rigid%line = group%line
+    call input%begin_action(group, rigid, matched)
     exists = .true.
     if (input%scene%dimension == 2) exists = [.true., .true., .false., .false., .false., .true.]
     if (input%scene%analysis == analysis_axisymmetric) exists = [.false., .true., .false., .false., .false., .false.]

@@ -13,7 +13,7 @@ module dotyk_input_settings
     solver_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_paths, only: is_directory, resolve_path, why_not_readable, without_extension
-  use dotyk_input_references, only: input_t, names_several
+  use dotyk_input_references, only: input_t
   implicit none
   private
   public :: read_accuracy, read_mesh_sizes, read_scene, read_solver, read_output, read_theta, read_mesh_path
@@ -37,7 +37,7 @@ contains
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
     call read_mesh_path(group, input, directory_of(file), scene%mesh)
-    if (group%is_given('mesh_size')) scene%mesh_size = group%real_of('mesh_size')
+    scene%mesh_size = group%real_of('mesh_size')
     scene%mesh_order = group%integer_of('mesh_order')
     if (group%is_usable('mesh_order') .and. scene%mesh_order > 2) &
       call input%report(group, 'mesh_order', 'mesh_order must be 1 or 2')
@@ -83,7 +83,7 @@ contains
     integer :: b
     accuracy%line = group%line
     accuracy%is_given = .true.
-    if (group%is_usable('error')) accuracy%error = group%real_of('error')
+    accuracy%error = group%real_of('error')
     if (group%is_usable('error') .and. .not. accuracy%error < 1) &
       call input%report(group, 'error', 'error is a fraction of the energy norm below 1, 0.05 for 5 %, got '// &
                         to_text(accuracy%error))
@@ -91,7 +91,7 @@ contains
     if (group%is_given('quantity')) call input%refuse(group, 'aim', 'quantity')
     accuracy%max_meshes = group%integer_of('max_meshes')
     accuracy%max_unknowns = group%integer_of('max_unknowns')
-    if (group%is_given('max_seconds')) accuracy%max_seconds = group%real_of('max_seconds')
+    accuracy%max_seconds = group%real_of('max_seconds')
     do b = 1, size(body)
       if (is_meshed(group, input, body(b))) cycle
       return
@@ -111,14 +111,9 @@ contains
     call pick_groups(groups, 'mesh_size', picked)
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        call input%refer_to_bodies(group, 'body', group%text_of('body'), matched)
-        new%line = group%line
-        new%any_body = names_several(group%text_of('body'), input%bodies)
-        new%surface = group%text_of('surface')
-        new%size = 0
-        if (group%is_usable('size')) new%size = group%real_of('size')
-        new%contact = 0
-        if (group%is_usable('contact')) new%contact = group%real_of('contact')
+        call input%begin_action(group, new, matched)
+        new%size = group%real_of('size')
+        new%contact = group%real_of('contact')
         if (.not. (group%is_given('size') .or. group%is_given('contact'))) &
           call input%add(group%line, '&mesh_size: one of size (of the body, or of its surface) and contact (at its '// &
                          'contact pairs) is needed')

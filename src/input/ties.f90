@@ -7,7 +7,6 @@ module dotyk_input_ties
   use dotyk_input_contacts, only: read_side
   use dotyk_input_cut, only: cut_surface
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_load_cases, only: cases_of
   use dotyk_input_references, only: input_t, names_t
   implicit none
   private
@@ -260,7 +259,7 @@ contains
     end if
     if (group%is_given('case') .and. .not. bolt%has_force) &
       call input%report(group, 'case', 'case is for a bolt with a force: a shortening is the same in all cases')
-    call cases_of(group, input, bolt%in_case)
+    call input%cases_of(group, bolt%in_case)
     ! Tightened first, then locked.
     if (.not. allocated(bolt%in_case) .and. size(input%cases%name) > 0) &
       bolt%in_case = [(k == 1, k=1, size(input%cases%name))]

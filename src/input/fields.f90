@@ -1,62 +1,15 @@
-!> What acts on the bodies of a namelist file: supports, springs, loads, masses, temperatures and initial stresses.
-module dotyk_input_actions
-  use dotyk_base_kinds, only: dp
+!> Reads `&temperature` and `&initial_stress` from checked groups.
+module dotyk_input_fields
   use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: shown, to_text
-  use dotyk_input_attachments, only: read_masses, read_springs
-  use dotyk_input_boundary, only: check_densities, read_load, read_support
-  use dotyk_input_case, only: applies_in, body_input_t, case_t, field_input_t, load_input_t, material_input_t, &
-    support_input_t
+  use dotyk_input_case, only: body_input_t, field_input_t, material_input_t, share_a_case
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_load_cases, only: cases_of
-  use dotyk_input_references, only: append_places, input_t, names_several
+  use dotyk_input_references, only: append_places, input_t
   implicit none
   private
-  public :: read_actions
+  public :: read_initial_stresses, read_temperatures
 
 contains
-
-  !> Read them, for each body that a group names.
-  subroutine read_actions(groups, input, case)
-    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
-    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    type(case_t), intent(inout) :: case  !! The case with scene, materials and bodies; all else here is set.
-    type(support_input_t), allocatable :: support(:)
-    type(load_input_t), allocatable :: load(:)
-    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
-    integer :: i
-    call pick_groups(groups, 'support', picked)
-    allocate (support(size(picked)), group_of(0), body_of(0))
-    do i = 1, size(picked)
-      call read_support(groups(picked(i)), input, support(i), matched)
-      call cases_of(groups(picked(i)), input, support(i)%in_case)
-      call append_places(i, matched, group_of, body_of)
-    end do
-    allocate (case%support(size(group_of)))
-    do i = 1, size(group_of)
-      case%support(i) = support(group_of(i))
-      case%support(i)%body = body_of(i)
-    end do
-    deallocate (group_of, body_of)
-    call read_springs(groups, input, case%support)
-    call pick_groups(groups, 'load', picked)
-    allocate (load(size(picked)), group_of(0), body_of(0))
-    do i = 1, size(picked)
-      call read_load(groups(picked(i)), input, load(i), matched)
-      call cases_of(groups(picked(i)), input, load(i)%in_case)
-      call append_places(i, matched, group_of, body_of)
-    end do
-    allocate (case%load(size(group_of)))
-    do i = 1, size(group_of)
-      case%load(i) = load(group_of(i))
-      case%load(i)%body = body_of(i)
-    end do
-    call read_masses(groups, input, case%load)
-    call check_densities(input, case%load, case%body, case%material)
-    deallocate (group_of, body_of)
-    call read_temperatures(groups, input, case%body, case%material, case%temperature)
-    call read_initial_stresses(groups, input, case%initial_stress)
-  end subroutine read_actions
 
   !> Read all `&temperature`.
   subroutine read_temperatures(groups, input, body, material, temperature)
@@ -122,14 +75,11 @@ contains
     allocate (of_group(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
       associate (group => groups(picked(i)))
-        call input%refer_to_bodies(group, 'body', group%text_of('body'), matched)
-        call read_field(group, input, of_group(i))
-        of_group(i)%any_body = names_several(group%text_of('body'), input%bodies)
-        call cases_of(group, input, of_group(i)%in_case)
+        call read_field(group, input, of_group(i), matched)
         twice: do k = 1, size(matched)
           do j = 1, size(body_of)
             if (body_of(j) /= matched(k)) cycle
-            if (.not. share_a_case(of_group(i), of_group(group_of(j)), max(1, size(input%cases%name)))) cycle
+            if (.not. share_a_case(of_group(i)%in_case, of_group(group_of(j))%in_case)) cycle
             call input%report(group, 'body', 'a second &'//name//' of body '//shown(input%bodies%name(matched(k))%s)// &
                               trim(merge(' in one load case', '                 ', size(input%cases%name) > 0))// &
                               ' (the first is in line '//to_text(of_group(group_of(j))%line)//')')
@@ -146,22 +96,13 @@ contains
     end do
   end subroutine read_fields
 
-  !> Whether two groups belong to the same load case.
-  pure logical function share_a_case(one, other, n_cases) result(share)
-    type(field_input_t), intent(in) :: one  !! A group.
-    type(field_input_t), intent(in) :: other  !! Another group.
-    integer, intent(in) :: n_cases  !! Number of load cases.
-    integer :: k
-    share = any([(applies_in(one%in_case, k) .and. applies_in(other%in_case, k), k=1, n_cases)])
-  end function share_a_case
-
   !> Read value or formula of one group.
-  subroutine read_field(group, input, field)
+  subroutine read_field(group, input, field, matched)
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(field_input_t), intent(out) :: field  !! The field, without a body; incomplete where the group has mistakes.
-    real(dp), allocatable :: numbers(:)
-    field%line = group%line
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
+    call input%begin_action(group, field, matched)
     field%array = group%text_of('field')
     field%reference = group%real_of('reference')
     if (len(field%array) > 0) then
@@ -171,13 +112,10 @@ contains
       call input%report(group, 'reference', 'reference is for a field: value and formula are above that of the '// &
                         'unstressed body')
     end if
-    if (group%is_given('value') .and. group%is_given('formula')) then
-      call input%report(group, 'value', 'value and formula are both given: only one can be meant')
-    else if (.not. (group%is_given('value') .or. group%is_given('formula') .or. len(field%array) > 0)) then
+    call input%refuse_both(group, 'value', 'formula')
+    if (.not. (group%is_given('value') .or. group%is_given('formula') .or. len(field%array) > 0)) &
       call input%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
-    end if
-    call group%reals_of('value', numbers)
-    field%value(:size(numbers)) = numbers
+    call group%read_numbers('value', field%value)
     call group%texts_of('formula', field%formula)
   end subroutine read_field
-end module dotyk_input_actions
+end module dotyk_input_fields
