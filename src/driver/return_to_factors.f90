@@ -6,7 +6,7 @@ module dotyk_driver_return_to_factors
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t, set_stage
   use dotyk_base_options, only: response_auto
-  use dotyk_contact_operator, only: build_operator
+  use dotyk_control_contact_problem, only: build_rows
   use dotyk_control_factorization, only: analyze_bodies, check_memory, factor_size_t
   use dotyk_control_response_choice, only: form_direct, form_multigrid, operator_slot_t
   use dotyk_control_slow_multigrid, only: find_slow_ones
@@ -17,6 +17,7 @@ module dotyk_driver_return_to_factors
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies
+  use dotyk_scheme_linear_solver_choice, only: work_of_ties
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
@@ -67,8 +68,7 @@ contains
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('ordering the equations')
-      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
-                          problem%surface_b, scene%operator)
+      call build_rows(problem, case%scene%dimension, scene%operator, divided=.false.)
       call analyze_bodies(problem%body, modes, stiffness, problem%classes, problem%ranks, &
                           scene%operator%block, case%solver%response, scheme%expected_products(), slot, size_of, error)
       call monitor%watch%lap(monitor%timing%order)
@@ -77,7 +77,12 @@ contains
       else
         call check_memory(memory_now(), size_of, warning, error)
         fits = .not. allocated(error)
-        scene%size_of%whole_flops = size_of%flops
+        ! Rows of ties are all active; how many contact rows will be is not known.
+        do b = 1, size(slot)
+          scene%size_of(b)%whole_flops = size_of(b)%flops + work_of_ties( &
+            count(scene%operator%block(b)%row > sum(problem%pair%n_rows)), size_of(b)%path_entries, &
+            real(size_of(b)%class_entries, dp))
+        end do
         ! Not yet solved, the factors are for their cost, which is known now.
         if (any([(allocated(scene%slot(b)%multigrid), b=1, size(slot))])) then
           call find_slow_ones(problem%classes, case%n_cases(), scene%slot, scene%size_of)

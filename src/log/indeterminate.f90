@@ -92,7 +92,7 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
     type(mode_columns_t), intent(in) :: amplitude  !! The motions, as in `note_undetermined`.
     type(mode_columns_t), intent(out) :: columns  !! The same.
-    real(dp) :: part(size(problem%body))
+    real(dp) :: part(size(problem%body)), least
     real(dp), allocatable :: x(:)
     integer :: b, k, first(size(problem%body) + 1)
     first = first_mode(problem%modes, problem%tie)
@@ -102,8 +102,9 @@ contains
       do b = 1, size(part)
         part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_nodes(), dp))
       end do
+      least = least_part*maxval(part)
       do b = 1, size(part)
-        if (part(b) < least_part*maxval(part)) x(first(b):first(b + 1) - 1) = 0
+        if (part(b) < least) x(first(b):first(b + 1) - 1) = 0
       end do
       call columns%add(x)
     end do

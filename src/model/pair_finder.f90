@@ -146,11 +146,16 @@ contains
       patch = pack(patch, .not. inside%has(b, patch))
     end subroutine find_patch
 
-    !> Bodies of the pairs so far (2, n_pairs).
+    !> Bodies of the pairs so far, and those that are tied to each other (2, n).
     function named_bodies() result(bodies)
-      integer :: bodies(2, list%n)
-      bodies(1, :) = list%contact(:list%n)%body_a
-      bodies(2, :) = list%contact(:list%n)%body_b
+      integer, allocatable :: bodies(:, :), a(:), b(:)
+      a = list%contact(:list%n)%body_a
+      b = list%contact(:list%n)%body_b
+      if (allocated(case%tie)) then
+        a = [a, case%tie%body_a]
+        b = [b, case%tie%body_b]
+      end if
+      bodies = transpose(reshape([a, b], [size(a), 2]))
     end function named_bodies
 
     !> Report that wildcards find no pair, and why.

@@ -15,7 +15,7 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: add_costs, choose_coupling, is_heap, entries_fit, room_for_matrices, takes_products
+  public :: add_costs, choose_coupling, is_heap, entries_fit, room_for_matrices, takes_products, work_of_ties
 
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set, 470
   !> to 575 for ties between blocks.
@@ -131,6 +131,17 @@ contains
     cost(2) = cost(2) + 4*solve*typical_solves
     bytes = bytes + 8*numbers_of_entry*n**2 + 8*n*sqrt(2*path)
   end subroutine add_costs
+
+  !> Operations that the tied rows of a body take of its factor, at the speed of a factorization.
+  pure real(dp) function work_of_ties(n_rows, path, solve) result(work)
+    integer, intent(in) :: n_rows  !! Tied rows of the body.
+    real(dp), intent(in) :: path, solve  !! As in `compliance_t`.
+    real(dp) :: cost(2), bytes
+    cost = 0
+    bytes = 0
+    if (n_rows > 0) call add_costs(n_rows, path, solve, .true., .true., cost, bytes)
+    work = gain_of_ties*minval(cost)
+  end function work_of_ties
 
   !> Whether products are taken: by the cost where both ways fit into the memory, else by the memory.
   pure logical function takes_products(cost, bytes, room) result(takes)
