@@ -122,9 +122,7 @@ contains
       do k = 2, n_written
         names = names//new_line('a')//case%load_case(k)%name
       end do
-      call file%end_cases(names, n_written, case%n_cases(), error)
-      if (allocated(error)) call file%discard()
-      if (allocated(error)) return
+      call file%end_cases(names, n_written, case%n_cases())
     end if
     call write_provenance(file, case, threads, monitor%watch%date)
     call monitor%watch%lap(monitor%timing%write)

@@ -4,6 +4,8 @@ module dotyk_driver_results_fields
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: field_contact, field_displacement, field_error, field_nodal_stress, field_reaction, &
+    field_stress
   use dotyk_control_balance, only: balance_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_body_solution, only: body_solution_t
@@ -17,7 +19,7 @@ module dotyk_driver_results_fields
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_nodal_stress, only: principal_stresses
   use dotyk_elasticity_stress, only: von_mises
-  use dotyk_input_case, only: case_t
+  use dotyk_input_case, only: case_t, output_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_output_results_file, only: connectivity_length, results_file_t
   use dotyk_ranks_communication, only: this_rank
@@ -49,6 +51,7 @@ contains
     type(whole_body_fields_t) :: fields
     type(body_mesh_t) :: mesh
     real(dp), allocatable :: values(:, :), vectors(:, :), nodal(:), status(:), mises(:)
+    logical :: writes
     integer :: b, e, k
     do b = 1, size(body)
       n_points(b) = body(b)%mesh%n_whole_nodes()
@@ -61,12 +64,11 @@ contains
       n_cells(b) = mesh%n_elements()
       n_connectivity(b) = connectivity_length(mesh)
     end do
-    if (this_rank() == 0 .and. step == 1) &
-      call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
-                       case%output%stress, case%output%contact, case%output%error, &
-                       case%output%reaction, case%output%nodal_stress, error, &
-                       merge(case%n_cases(), 0, case%has_cases()))
-    if (may_write() .and. case%has_cases()) call file%begin_case(step, case%load_case(step)%name, error)
+    writes = this_rank() == 0
+    if (writes .and. step == 1) &
+      call file%begin(case%scene%output, n_points, n_cells, n_connectivity, wanted_fields(case%output), &
+                      merge(case%n_cases(), 0, case%has_cases()))
+    if (writes .and. case%has_cases()) call file%begin_case(step, case%load_case(step)%name)
     ! All ranks take part to the end, even where the first one cannot write.
     do b = 1, size(body)
       call fields%init(body(b), ranks, b)
@@ -76,62 +78,60 @@ contains
         do k = 1, size(mesh%block)
           mesh%block(k)%material = case%body(b)%material(mesh%block(k)%material)
         end do
-        if (may_write()) call file%write_part(b, mesh, error)
+        if (writes) call file%write_part(b, mesh)
       end if
       if (case%output%displacement) then
         call fields%of_nodes(solution(b)%displacement, values)
-        if (may_write()) call file%write_displacement(b, values, error)
+        if (writes) call file%write_field(b, 'PointData/displacement', values)
       end if
       if (case%output%contact) then
         call fields%of_surface(contact_pressure(b)%value, nodal)
-        if (may_write()) call file%write_nodal_field(b, 'contact_pressure', nodal, error)
+        if (writes) call file%write_field(b, 'PointData/contact_pressure', nodal)
         if (penetration%is_done) call fields%of_surface(penetration%depth(b)%value, nodal)
-        if (penetration%is_done .and. may_write()) call file%write_nodal_field(b, 'penetration', nodal, error)
+        if (penetration%is_done .and. writes) call file%write_field(b, 'PointData/penetration', nodal)
         allocate (vectors(size(contact(b)%traction, 1), size(nodal)))
         do k = 1, size(vectors, 1)
           call fields%of_surface(contact(b)%traction(k, :), nodal)
           vectors(k, :) = nodal
         end do
-        if (may_write()) call file%write_nodal_field(b, 'contact_traction', vectors, error)
+        if (writes) call file%write_field(b, 'PointData/contact_traction', vectors)
         deallocate (vectors)
         call fields%of_surface(contact(b)%gap, nodal)
         call fields%of_surface(real(contact(b)%status, dp), status)
         ! Of bodies of other ranks the surface alone is known.
         where (nint(status) == status_none) nodal = ieee_value(0.0_dp, ieee_quiet_nan)
-        if (may_write()) call file%write_nodal_field(b, 'contact_gap', nodal, error)
-        if (may_write()) call file%write_nodal_field(b, 'contact_status', nint(status), error)
+        if (writes) call file%write_field(b, 'PointData/contact_gap', nodal)
+        if (writes) call file%write_field(b, 'PointData/contact_status', nint(status))
       end if
       if (case%output%reaction) then
         call fields%of_nodes(reactions_of(b), values)
-        if (may_write()) call file%write_nodal_field(b, 'reaction_force', values, error)
+        if (writes) call file%write_field(b, 'PointData/reaction_force', values)
       end if
       if (case%output%nodal_stress) then
         call fields%of_nodes(nodal_stress_of(b), values)
         mises = [(von_mises(values(:, k)), k=1, size(values, 2))]
         vectors = reshape([(principal_stresses(values(:, k)), k=1, size(values, 2))], [3, size(values, 2)])
-        if (may_write()) call file%write_nodal_stress(b, values, mises, vectors, error)
+        if (writes) call file%write_field(b, 'PointData/nodal_stress', values)
+        if (writes) call file%write_field(b, 'PointData/nodal_von_mises', mises)
+        if (writes) call file%write_field(b, 'PointData/nodal_principal_stress', vectors)
         deallocate (vectors)
       end if
       if (case%output%stress) then
         call fields%of_elements(stress_of(solution(b)), values)
         if (allocated(body(b)%mesh%face)) values = spread([(0.0_dp, k=1, 6)], 2, int(n_cells(b)))
         mises = [(von_mises(values(:, e)), e=1, size(values, 2))]
-        if (may_write()) call file%write_stress(b, values, mises, error)
+        if (writes) call file%write_field(b, 'CellData/stress', values)
+        if (writes) call file%write_field(b, 'CellData/von_mises', mises)
       end if
       if (case%output%error) then
         call fields%of_elements(errors_of(budget%of_element(b)), values)
         if (allocated(body(b)%mesh%face)) values = spread([0.0_dp], 2, int(n_cells(b)))
-        if (may_write()) call file%write_discretization_error(b, reshape(values, [size(values)]), error)
+        if (writes) call file%write_field(b, 'CellData/discretization_error', [values])
       end if
     end do
-    if (allocated(error)) call file%discard()
+    if (writes) call file%raise(error)
 
   contains
-
-    !> Whether this rank writes, and could do so until now.
-    logical function may_write()
-      may_write = this_rank() == 0 .and. .not. allocated(error)
-    end function may_write
 
     !> Reactions at the nodes that this rank holds; 0 where other ranks compute the body (dim, n_nodes) [force].
     function reactions_of(b) result(reaction)
@@ -150,6 +150,18 @@ contains
       if (allocated(nodal_stress(b)%value)) stress = nodal_stress(b)%value
     end function nodal_stress_of
   end subroutine write_fields
+
+  !> The fields of a file, by the `field_*` of `dotyk_base_options`.
+  pure function wanted_fields(output) result(wanted)
+    type(output_input_t), intent(in) :: output  !! `&output`.
+    logical :: wanted(6)
+    wanted(field_displacement) = output%displacement
+    wanted(field_stress) = output%stress
+    wanted(field_contact) = output%contact
+    wanted(field_error) = output%error
+    wanted(field_reaction) = output%reaction
+    wanted(field_nodal_stress) = output%nodal_stress
+  end function wanted_fields
 
   !> Stresses that this rank has (6, n_elements) [pressure].
   pure function stress_of(solution) result(stress)

@@ -9,9 +9,8 @@ module dotyk_output_fields_file
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_output_file_system, only: temporary_name
-  use dotyk_output_hdf5, only: hdf5_file_t
-  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, create_steps, &
-    with_three_components
+  use dotyk_output_hdf5, only: hdf5_file_t, with_three_components
+  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, create_steps
   implicit none
   private
 
@@ -25,29 +24,23 @@ module dotyk_output_fields_file
     integer(int32), allocatable :: material(:)  !! Numbers of their materials (n_cells).
   end type cells_t
 
-  type, public :: fields_file_t  !! Meshes and fields being written.
+  type, public, extends(hdf5_file_t) :: fields_file_t  !! Meshes and fields being written.
     character(:), allocatable :: path  !! Path of the finished file.
     character(:), allocatable :: temporary  !! Its path until it is finished.
-    type(hdf5_file_t) :: file  !! The open file.
     integer(int64), allocatable :: first_point(:)  !! Points before each part (n_parts + 1).
     integer(int64), allocatable :: first_cell(:)  !! Cells before each part (n_parts + 1).
     integer(int64), allocatable :: first_id(:)  !! Connectivity entries before each part (n_parts + 1).
     integer :: n_steps = 0  !! Steps of time for VTK, the load cases; 0: none.
     integer :: step = 1  !! The step that is written.
-    !> The first failure of a `put_...` of the results file, kept for its `commit`.
-    type(error_t), allocatable :: failure
   contains
-    procedure :: create => fields_create
+    procedure :: begin => fields_begin
     procedure :: finish_steps => fields_finish_steps
     procedure :: write_part => fields_write_part
-    procedure :: write_displacement => fields_write_displacement
-    procedure, private :: write_nodal_reals, write_nodal_integers, write_nodal_vectors
-    !> write_nodal_field(part, name, values, error): a field of the nodes of one body, but for the displacement: reals
-    !> or integers (n_nodes), or vectors (2 or 3, n_nodes); it is 0 where it is not written.
-    generic :: write_nodal_field => write_nodal_reals, write_nodal_integers, write_nodal_vectors
-    procedure :: write_stress => fields_write_stress
-    procedure :: write_nodal_stress => fields_write_nodal_stress
-    procedure :: write_discretization_error => fields_write_discretization_error
+    procedure, private :: write_reals, write_integers, write_vectors
+    !> write_field(part, name, values): a field of the nodes or elements of one body, 'PointData/...' or
+    !> 'CellData/...': reals or integers (n), vectors (2 or 3, n) or tensors (6, n); it is 0 where it is not written.
+    generic :: write_field => write_reals, write_integers, write_vectors
+    procedure :: raise => fields_raise
     procedure :: discard => fields_discard
   end type fields_file_t
 
@@ -56,66 +49,50 @@ module dotyk_output_fields_file
 contains
 
   !> Create the file with the layout of all parts, under a temporary name.
-  subroutine fields_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-                           want_contact, want_error, want_reaction, want_nodal_stress, error, n_steps)
+  subroutine fields_begin(self, path, n_points, n_cells, n_connectivity, wanted, n_steps)
     class(fields_file_t), intent(inout) :: self
     character(*), intent(in) :: path  !! Path of the file.
     integer(int64), intent(in), contiguous :: n_points(:)  !! Nodes of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_cells(:)  !! Elements of each body (n_parts).
     !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
     integer(int64), intent(in), contiguous :: n_connectivity(:)
-    logical, intent(in) :: want_displacement  !! Whether displacements will be written.
-    logical, intent(in) :: want_stress  !! Whether stresses will be written.
-    logical, intent(in) :: want_contact  !! Whether the fields of contact will be written.
-    logical, intent(in) :: want_error  !! Whether discretization errors of the elements will be written.
-    logical, intent(in) :: want_reaction  !! Whether reactions at nodes will be written.
-    logical, intent(in) :: want_nodal_stress  !! Whether stresses at nodes will be written.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    !> Steps of time, all with fields of their own on the same meshes; 0 or absent: fields without time.
-    integer, intent(in), optional :: n_steps
-    if (allocated(self%failure)) deallocate (self%failure)
+    logical, intent(in) :: wanted(:)  !! Which fields will be written, by the `field_*` of `dotyk_base_options`.
+    !> Steps of time, all with fields of their own on the same meshes; 0: fields without time.
+    integer, intent(in) :: n_steps
     self%path = path
     self%temporary = temporary_name(path)
-    self%n_steps = 0
-    if (present(n_steps)) self%n_steps = n_steps
+    self%root = '/dotyk'
+    self%n_steps = n_steps
     self%step = 1
     self%first_point = running_sum(n_points)
     self%first_cell = running_sum(n_cells)
     self%first_id = running_sum(n_connectivity)
-    call self%file%create(self%temporary, error, label=path)
-    if (.not. allocated(error)) call create_groups(self%file, self%n_steps > 0, error)
-    if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
-    if (.not. allocated(error)) &
-      call create_fields(self%file, max(1, self%n_steps)*sum(n_points), max(1, self%n_steps)*sum(n_cells), &
-                         want_displacement, want_stress, want_contact, want_error, want_reaction, want_nodal_stress, &
-                         error)
-    if (allocated(error)) call self%discard()
-  end subroutine fields_create
+    call self%create(self%temporary, label=path)
+    call create_groups(self, n_steps > 0)
+    call create_geometry(self, n_points, n_cells, n_connectivity)
+    call create_fields(self, max(1, n_steps)*sum(n_points), max(1, n_steps)*sum(n_cells), wanted)
+  end subroutine fields_begin
 
   !> Write what VTK needs to know of the steps of time: meshes and tags are those of the first one.
-  subroutine fields_finish_steps(self, n_written, error)
-    class(fields_file_t), intent(in) :: self
+  subroutine fields_finish_steps(self, n_written)
+    class(fields_file_t), intent(inout) :: self
     integer, intent(in) :: n_written  !! Steps that were written.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     associate (n_parts => size(self%first_point) - 1)
-      call create_steps(self%file, n_written, n_parts, self%first_point(n_parts + 1), self%first_cell(n_parts + 1), &
-                        error)
+      call create_steps(self, n_written, n_parts, self%first_point(n_parts + 1), self%first_cell(n_parts + 1))
     end associate
   end subroutine fields_finish_steps
 
-  !> First value of a part in the fields of the nodes.
-  pure integer(int64) function point_of(self, part) result(point)
+  !> First value of a part in a field.
+  pure integer(int64) function first_of(self, part, name) result(first)
     class(fields_file_t), intent(in) :: self
     integer, intent(in) :: part  !! Index of the body.
-    point = (self%step - 1)*self%first_point(size(self%first_point)) + self%first_point(part)
-  end function point_of
-
-  !> First value of a part in the fields of the elements.
-  pure integer(int64) function cell_of(self, part) result(cell)
-    class(fields_file_t), intent(in) :: self
-    integer, intent(in) :: part  !! Index of the body.
-    cell = (self%step - 1)*self%first_cell(size(self%first_cell)) + self%first_cell(part)
-  end function cell_of
+    character(*), intent(in) :: name  !! 'PointData/...' or 'CellData/...'.
+    if (index(name, 'PointData') == 1) then
+      first = (self%step - 1)*self%first_point(size(self%first_point)) + self%first_point(part)
+    else
+      first = (self%step - 1)*self%first_cell(size(self%first_cell)) + self%first_cell(part)
+    end if
+  end function first_of
 
   !> Offsets of parts: 0, n(1), n(1) + n(2), ...
   pure function running_sum(n) result(total)
@@ -129,112 +106,69 @@ contains
   end function running_sum
 
   !> Write the geometry of one body.
-  subroutine fields_write_part(self, part, mesh, error)
-    class(fields_file_t), intent(in) :: self
+  subroutine fields_write_part(self, part, mesh)
+    class(fields_file_t), intent(inout) :: self
     integer, intent(in) :: part  !! Index of the body.
     type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body; its blocks tell their materials, by numbers in the file.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     type(cells_t) :: cells
-    integer(int64) :: point, cell, id
     call cells_of_body(mesh, cells)
-    point = self%first_point(part)
-    cell = self%first_cell(part)
-    id = self%first_id(part)
-    associate (file => self%file)
-      call file%put_part('/VTKHDF/Points', point, with_three_components(mesh%x), error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/PointData/node_tag', point, mesh%node_tag, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/Connectivity', id, cells%connectivity, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/Offsets', cell + part - 1, cells%offset, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/Types', cell, cells%vtk_type, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/body', cell, 0*cells%material + part, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/material', cell, cells%material, error)
-      if (.not. allocated(error)) call file%put_part('/VTKHDF/CellData/element_tag', cell, cells%tag, error)
+    associate (point => self%first_point(part), cell => self%first_cell(part))
+      call self%put_part('/VTKHDF/Points', point, with_three_components(mesh%x))
+      call self%put_part('/VTKHDF/PointData/node_tag', point, mesh%node_tag)
+      call self%put_part('/VTKHDF/Connectivity', self%first_id(part), cells%connectivity)
+      call self%put_part('/VTKHDF/Offsets', cell + part - 1, cells%offset)
+      call self%put_part('/VTKHDF/Types', cell, cells%vtk_type)
+      call self%put_part('/VTKHDF/CellData/body', cell, 0*cells%material + part)
+      call self%put_part('/VTKHDF/CellData/material', cell, cells%material)
+      call self%put_part('/VTKHDF/CellData/element_tag', cell, cells%tag)
     end associate
   end subroutine fields_write_part
 
-  !> Write the displacements of one body.
-  subroutine fields_write_displacement(self, part, displacement, error)
-    class(fields_file_t), intent(in) :: self
-    integer, intent(in) :: part  !! Index of the body.
-    real(dp), intent(in), contiguous :: displacement(:, :)  !! Displacements of the nodes (dimension, n_nodes) [length].
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/PointData/displacement', point_of(self, part), &
-                            with_three_components(displacement), error)
-  end subroutine fields_write_displacement
-
-  !> Write numbers at the nodes of one body.
-  subroutine write_nodal_reals(self, part, name, values, error)
-    class(fields_file_t), intent(in) :: self
+  !> Write numbers of one body.
+  subroutine write_reals(self, part, name, values)
+    class(fields_file_t), intent(inout) :: self
     integer, intent(in) :: part  !! Index of the body.
     character(*), intent(in) :: name  !! Name of the field.
-    real(dp), intent(in), contiguous :: values(:)  !! Values at the nodes (n_nodes) [any].
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
-  end subroutine write_nodal_reals
+    real(dp), intent(in), contiguous :: values(:)  !! Values (n) [any].
+    call self%put_part('/VTKHDF/'//name, first_of(self, part, name), values)
+  end subroutine write_reals
 
-  !> Write integers at the nodes of one body.
-  subroutine write_nodal_integers(self, part, name, values, error)
-    class(fields_file_t), intent(in) :: self
+  !> Write integers of one body.
+  subroutine write_integers(self, part, name, values)
+    class(fields_file_t), intent(inout) :: self
     integer, intent(in) :: part  !! Index of the body.
     character(*), intent(in) :: name  !! Name of the field.
-    integer(int32), intent(in), contiguous :: values(:)  !! Values at the nodes (n_nodes).
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), values, error)
-  end subroutine write_nodal_integers
+    integer(int32), intent(in), contiguous :: values(:)  !! Values (n).
+    call self%put_part('/VTKHDF/'//name, first_of(self, part, name), values)
+  end subroutine write_integers
 
-  !> Write vectors at the nodes of one body.
-  subroutine write_nodal_vectors(self, part, name, values, error)
-    class(fields_file_t), intent(in) :: self
+  !> Write vectors or tensors of one body.
+  subroutine write_vectors(self, part, name, values)
+    class(fields_file_t), intent(inout) :: self
     integer, intent(in) :: part  !! Index of the body.
     character(*), intent(in) :: name  !! Name of the field.
-    real(dp), intent(in), contiguous :: values(:, :)  !! Values at the nodes (dimension, n_nodes) [any].
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/PointData/'//name, point_of(self, part), with_three_components(values), error)
-  end subroutine write_nodal_vectors
+    real(dp), intent(in), contiguous :: values(:, :)  !! Values (2, 3 or 6, n) [any].
+    if (size(values, 1) > 3) then
+      call self%put_part('/VTKHDF/'//name, first_of(self, part, name), values)
+    else
+      call self%put_part('/VTKHDF/'//name, first_of(self, part, name), with_three_components(values))
+    end if
+  end subroutine write_vectors
 
-  !> Write the stresses of one body.
-  subroutine fields_write_stress(self, part, stress, von_mises, error)
-    class(fields_file_t), intent(in) :: self
-    integer, intent(in) :: part  !! Index of the body.
-    !> Mean stresses xx yy zz xy yz xz of the elements, in the order of the blocks (6, n_elements) [pressure].
-    real(dp), intent(in), contiguous :: stress(:, :)
-    real(dp), intent(in), contiguous :: von_mises(:)  !! Von Mises stresses of the means (n_elements) [pressure].
+  !> Where a write has failed, say so, and delete the file.
+  subroutine fields_raise(self, error)
+    class(fields_file_t), intent(inout) :: self
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    integer(int64) :: cell
-    cell = cell_of(self, part)
-    call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
-    if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
-  end subroutine fields_write_stress
-
-  !> Write the stresses at the nodes of one body.
-  subroutine fields_write_nodal_stress(self, part, stress, von_mises, principal, error)
-    class(fields_file_t), intent(in) :: self
-    integer, intent(in) :: part  !! Index of the body.
-    real(dp), intent(in), contiguous :: stress(:, :)  !! Stresses xx yy zz xy yz xz (6, n_nodes) [pressure].
-    real(dp), intent(in), contiguous :: von_mises(:)  !! Von Mises stresses (n_nodes) [pressure].
-    !> Principal stresses, the greatest first (3, n_nodes) [pressure].
-    real(dp), intent(in), contiguous :: principal(:, :)
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/PointData/nodal_stress', point_of(self, part), stress, error)
-    if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_von_mises', von_mises, error)
-    if (.not. allocated(error)) call self%write_nodal_field(part, 'nodal_principal_stress', principal, error)
-  end subroutine fields_write_nodal_stress
-
-  !> Write the discretization errors of the elements of one body.
-  subroutine fields_write_discretization_error(self, part, value, error)
-    class(fields_file_t), intent(in) :: self
-    integer, intent(in) :: part  !! Index of the body.
-    !> Relative errors in the energy norm, elements in the order of the blocks (n_elements) [].
-    real(dp), intent(in), contiguous :: value(:)
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%file%put_part('/VTKHDF/CellData/discretization_error', cell_of(self, part), value, error)
-  end subroutine fields_write_discretization_error
+    if (.not. allocated(self%failure)) return
+    error = self%failure
+    call self%discard()
+  end subroutine fields_raise
 
   !> Delete an unfinished file; nothing happens where there is none.
   subroutine fields_discard(self)
     class(fields_file_t), intent(inout) :: self
     type(error_t), allocatable :: ignored
-    call self%file%close(ignored)
+    call self%close(ignored)
     if (allocated(self%temporary)) call remove_file(self%temporary)
   end subroutine fields_discard
 

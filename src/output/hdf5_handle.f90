@@ -1,5 +1,5 @@
 !> An open HDF5 file and its untyped writes, by addresses and types; dotyk_output_hdf5 adds the interface of Fortran
-!> arrays.
+!> arrays. The first write that fails is kept, and those after it do nothing: `close` reports it.
 module dotyk_output_hdf5_handle
   use, intrinsic :: iso_c_binding, only: c_ptr
   use hdf5, only: h5acreate_by_name_f, h5awrite_f, h5aclose_f, h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, &
@@ -26,6 +26,9 @@ module dotyk_output_hdf5_handle
     character(:), allocatable :: label  !! Name of the file in messages.
     integer(hid_t) :: id = -1  !! Handle of HDF5.
     logical :: is_open = .false.  !! Whether the file is open.
+    !> Group that names without a slash at their beginning are in; not allocated for that of the whole file.
+    character(:), allocatable :: root
+    type(error_t), allocatable :: failure  !! The first write that failed.
   contains
     procedure :: create => file_create
     procedure :: close => file_close
@@ -36,30 +39,41 @@ module dotyk_output_hdf5_handle
     procedure :: new_dataset => file_new_dataset
   end type hdf5_handle_t
 
-  public :: write_rows, write_dataset, write_attribute
+  public :: path_of, write_rows, write_dataset, write_attribute
 
 contains
 
-  !> Make the error of a failed call.
-  subroutine fail(self, what, error)
-    class(hdf5_handle_t), intent(in) :: self
+  !> Keep the error of a failed call, where it is the first one.
+  subroutine fail(self, what)
+    class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: what  !! Name of what is written, or empty.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(:), allocatable :: reason
+    if (allocated(self%failure)) return
     reason = hdf5_reason()
     if (len(what) > 0) reason = reason//' (at '//what//')'
-    call set_error(error, quoted(self%label)//' cannot be written: '//reason, exit_not_written)
+    call set_error(self%failure, quoted(self%label)//' cannot be written: '//reason, exit_not_written)
   end subroutine fail
 
+  !> Path of a group or dataset in the file.
+  pure function path_of(self, name) result(path)
+    class(hdf5_handle_t), intent(in) :: self
+    character(*), intent(in) :: name  !! Its name, relative to `root` where it does not begin with a slash.
+    character(:), allocatable :: path
+    path = name
+    if (.not. allocated(self%root) .or. index(name, '/') == 1) return
+    path = self%root
+    if (len(name) > 0) path = path//'/'//name
+  end function path_of
+
   !> Create a file, in place of one of the same name.
-  subroutine file_create(self, path, error, label)
+  subroutine file_create(self, path, label)
     class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: path  !! Path of the file.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     character(*), intent(in), optional :: label  !! Name of the file in messages; `path` if absent.
     integer(hid_t) :: access
     integer :: status
     call start_hdf5()
+    if (allocated(self%failure)) deallocate (self%failure)
     self%label = path
     if (present(label)) self%label = label
     call h5pcreate_f(h5p_file_access_f, access, status)
@@ -69,19 +83,21 @@ contains
     call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
     call h5fcreate_f(path, h5f_acc_trunc_f, self%id, status, access_prp=access)
     self%is_open = status >= 0
-    if (.not. self%is_open) call fail(self, '', error)
+    if (.not. self%is_open) call fail(self, '')
     call h5pclose_f(access, status)
   end subroutine file_create
 
   !> Flush and close the file.
   subroutine file_close(self, error)
     class(hdf5_handle_t), intent(inout) :: self
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where this, or a write before it, failed.
     integer :: status
-    if (.not. self%is_open) return
-    call h5fclose_f(self%id, status)
-    self%is_open = .false.
-    if (status < 0) call fail(self, '', error)
+    if (self%is_open) then
+      call h5fclose_f(self%id, status)
+      self%is_open = .false.
+      if (status < 0) call fail(self, '')
+    end if
+    if (allocated(self%failure)) error = self%failure
   end subroutine file_close
 
   !> Whether the file has an object.
@@ -116,31 +132,31 @@ contains
   end function file_member
 
   !> Add a group to an existing one.
-  subroutine file_add_group(self, name, error)
-    class(hdf5_handle_t), intent(in) :: self
-    character(*), intent(in) :: name  !! Path in the file.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
+  subroutine file_add_group(self, name)
+    class(hdf5_handle_t), intent(inout) :: self
+    character(*), intent(in) :: name  !! As in `path_of`.
     integer(hid_t) :: group
     integer :: status
-    call h5gcreate_f(self%id, name, group, status)
+    if (allocated(self%failure)) return
+    call h5gcreate_f(self%id, path_of(self, name), group, status)
     if (status < 0) then
-      call fail(self, name, error)
-      return
+      call fail(self, path_of(self, name))
+    else
+      call h5gclose_f(group, status)
     end if
-    call h5gclose_f(group, status)
   end subroutine file_add_group
 
   !> Make a dataset of full size, which is filled by parts.
-  subroutine file_new_dataset(self, name, number_kind, extent, error, zero)
-    class(hdf5_handle_t), intent(in) :: self
+  subroutine file_new_dataset(self, name, number_kind, extent, zero)
+    class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: name  !! Path in the file.
     integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     !> Fortran shape of the dataset; the last extent is filled by parts (1 or 2).
     integer(int64), intent(in) :: extent(:)
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     logical, intent(in), optional :: zero  !! Whether rows that are not written are zero; undefined if absent.
     integer(hid_t) :: space, dataset, creation
     integer :: status
+    if (allocated(self%failure)) return
     call h5screate_simple_f(size(extent), int(extent, hsize_t), space, status)
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
     if (present(zero)) then
@@ -148,10 +164,10 @@ contains
     end if
     call h5dcreate_f(self%id, name, file_type(number_kind), space, dataset, status, creation)
     if (status < 0) then
-      call fail(self, name, error)
+      call fail(self, name)
     else
       call h5dclose_f(dataset, status)
-      if (status < 0) call fail(self, name, error)
+      if (status < 0) call fail(self, name)
     end if
     call h5pclose_f(creation, status)
     call h5sclose_f(space, status)
@@ -173,21 +189,20 @@ contains
   end function file_type
 
   !> Write rows of a dataset. Memory has the types of the file: all machines are little-endian.
-  subroutine write_rows(self, name, number_kind, first, extent, values, error)
-    class(hdf5_handle_t), intent(in) :: self
+  subroutine write_rows(self, name, number_kind, first, extent, values)
+    class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
     integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     integer(int64), intent(in) :: first  !! Number of rows before the first one.
     integer(int64), intent(in) :: extent(:)  !! Shape of the values (1 or 2).
     type(c_ptr), intent(in) :: values  !! Address of the first value.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(hid_t) :: dataset, space, memory
     integer(hsize_t) :: offset(size(extent))
     integer :: status, ignored
-    if (product(extent) == 0) return
+    if (product(extent) == 0 .or. allocated(self%failure)) return
     call h5dopen_f(self%id, name, dataset, status)
     if (status < 0) then
-      call fail(self, name, error)
+      call fail(self, name)
       return
     end if
     offset = 0
@@ -196,37 +211,35 @@ contains
     call h5screate_simple_f(size(extent), int(extent, hsize_t), memory, status)
     call h5sselect_hyperslab_f(space, h5s_select_set_f, offset, int(extent, hsize_t), status)
     if (status >= 0) call h5dwrite_f(dataset, file_type(number_kind), values, status, memory, space)
-    if (status < 0) call fail(self, name, error)
+    if (status < 0) call fail(self, name)
     call h5sclose_f(memory, ignored)
     call h5sclose_f(space, ignored)
     call h5dclose_f(dataset, ignored)
-    if (ignored < 0 .and. status >= 0) call fail(self, name, error)
+    if (ignored < 0 .and. status >= 0) call fail(self, name)
   end subroutine write_rows
 
   !> Write a whole dataset.
-  subroutine write_dataset(self, name, number_kind, extent, values, error)
-    class(hdf5_handle_t), intent(in) :: self
+  subroutine write_dataset(self, name, number_kind, extent, values)
+    class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: name  !! Name of the dataset or attribute, with its path.
     integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     integer(int64), intent(in) :: extent(:)  !! Shape of the values (1 or 2).
     type(c_ptr), intent(in) :: values  !! Address of the first value.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
-    call self%new_dataset(name, number_kind, extent, error)
-    if (allocated(error)) return
-    call write_rows(self, name, number_kind, 0_int64, extent, values, error)
+    call self%new_dataset(name, number_kind, extent)
+    call write_rows(self, name, number_kind, 0_int64, extent, values)
   end subroutine write_dataset
 
   !> Write an attribute.
-  subroutine write_attribute(self, object, name, type_id, extent, values, error)
-    class(hdf5_handle_t), intent(in) :: self
+  subroutine write_attribute(self, object, name, type_id, extent, values)
+    class(hdf5_handle_t), intent(inout) :: self
     character(*), intent(in) :: object  !! Path of the group or dataset.
     character(*), intent(in) :: name  !! Name of the attribute.
     integer(hid_t), intent(in) :: type_id  !! Type in memory and in the file.
     integer(hsize_t), intent(in) :: extent(:)  !! Shape of the values (0 for a scalar, 1 for a vector).
     type(c_ptr), intent(in) :: values  !! Address of the first value.
-    type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written.
     integer(hid_t) :: space, attribute
     integer :: status, ignored
+    if (allocated(self%failure)) return
     if (size(extent) == 0) then
       call h5screate_f(h5s_scalar_f, space, status)
     else
@@ -235,10 +248,10 @@ contains
     call h5acreate_by_name_f(self%id, object, name, type_id, space, attribute, status)
     if (status >= 0) then
       if (product(extent) > 0) call h5awrite_f(attribute, type_id, values, status)
-      if (status < 0) call fail(self, object//'@'//name, error)
+      if (status < 0) call fail(self, object//'@'//name)
       call h5aclose_f(attribute, ignored)
     else
-      call fail(self, object//'@'//name, error)
+      call fail(self, object//'@'//name)
     end if
     call h5sclose_f(space, ignored)
   end subroutine write_attribute
