@@ -9,7 +9,7 @@
 #   package   the Python package of tools/python installs by pip, and its tests pass with the h5py and numpy that pip finds
 #   slurm     tools/batch.slurm under a Slurm of its own on this machine (tests/slurm); skipped where Slurm is absent
 #   quick     small examples of inputs/ under debug, built without tests: a second build for each push
-#   scenes    all examples of inputs/ under debug and under asan, likewise: no trap, no bad access, no leak
+#   scenes    all examples of inputs/ under debug, asan and tsan, likewise: no trap, no bad access, no leak, no race
 #   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
 #   asan      all tests with the address and undefined-behaviour sanitizers
 #   coverage  lines of src/ that the tests reach: build/coverage/coverage.html
@@ -77,17 +77,19 @@ slurm() {
   PYTHONPATH=tests/support OMP_WAIT_POLICY=passive "$tools/python.sh" tests/slurm/jobs.py
 }
 
-# run_examples PRESET NAME...: examples in copies of their folders, as many at once as there are cores.
+# run_examples PRESET NAME...: examples in copies of their folders, as many at once as there are cores; under tsan with two
+# threads each.
 run_examples() {
   "$tools/setup.sh" --run || return
-  local preset=$1 build=$PWD/build/$1_scenes
+  local preset=$1 build=$PWD/build/$1_scenes threads=1
+  [[ $preset != tsan ]] || threads=2
   shift
   cmake --preset "$preset" -B "$build" -DDOTYK_TESTS=OFF > "$build.log" 2>&1 || { tail -n 20 "$build.log"; return 1; }
   cmake --build "$build" > "$build.log" 2>&1 || { tail -n 50 "$build.log"; return 1; }
   rm -rf "$build/inputs" && cp -r inputs "$build"
   find "${@/#/$build/inputs/}" -name '*.nml' -print0 | sanitized xargs -0 -n 1 -P "$(nproc)" bash -c '
-    timeout 900 "$0" --quiet --threads 1 "$1" > "$1.log" 2>&1 && exit
-    echo "check: $1: exit code $?" >&2; tail -n 30 "$1.log" >&2; exit 1' "$build/dotyk"
+    timeout 900 "$0" --quiet --threads "$1" "$2" > "$2.log" 2>&1 && exit
+    echo "check: $2: exit code $?" >&2; tail -n 30 "$2.log" >&2; exit 1' "$build/dotyk" "$threads"
 }
 
 quick() {
@@ -95,12 +97,13 @@ quick() {
 }
 
 scenes() {
-  run_examples debug . && run_examples asan .
+  run_examples debug . && run_examples asan . && run_examples tsan .
 }
 
 sanitized() {
   ASAN_OPTIONS=allocator_may_return_null=1 UBSAN_OPTIONS=halt_on_error=1 \
-    LSAN_OPTIONS=print_suppressions=0:suppressions=$PWD/tests/support/lsan.supp "$@"
+    LSAN_OPTIONS=print_suppressions=0:suppressions=$PWD/tests/support/lsan.supp \
+    TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.supp "$@"
 }
 
 debug() {
