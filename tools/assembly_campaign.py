@@ -204,10 +204,12 @@ def stated_depths(assembly, log):
     for line in log.splitlines():
         words = re.search(r"warning +'part (\d+)' is inside 'part (\d+)' by ([-\d.eE+]+)", line)
         if words:
-            found[tuple(sorted((int(words[1]), int(words[2]))))] = float(words[3])
+            pair = tuple(sorted((int(words[1]), int(words[2]))))
+            found[pair] = max(found.get(pair, 0.0), float(words[3]))
         words = re.search(r"gaps of '(.+)' are known to .* normal displacements uncertain by ([-\d.eE+]+)", line)
         if words:
-            found[tuple(sorted(k + 1 for k in sides_of(assembly, words[1])))] = float(words[2])
+            pair = tuple(sorted(k + 1 for k in sides_of(assembly, words[1])))
+            found[pair] = max(found.get(pair, 0.0), float(words[2]))
     return found
 
 

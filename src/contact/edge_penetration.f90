@@ -45,14 +45,14 @@ contains
     real(dp), intent(inout) :: depth(:)
     type(penetration_t), intent(inout) :: worst  !! The deepest point.
     type(inside_point_t), allocatable, intent(inout) :: inside(:)  !! Points that are too deep are added (n).
-    real(dp), allocatable :: found(:, :)
+    real(dp), allocatable :: found(:, :), all_between(:, :)
     integer :: f, e, n, other, corners, ends(3), n_found, first, last
     n = a%set%n
     n_found = 0
     allocate (found(segment_length, first_room))
     call division%portion([(merge(distant_cost, 1.0_dp, is_far(f)), f=1, n)], first, last)
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, tolerance, is_below, near, clear, n, n_found, found, first, last) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, is_below, near, clear, n, n_found, found, first, last, worst) if (n > least_shared)
     do f = first, last
       if (is_far(f)) cycle
       corners = a%set%corners(f)
@@ -78,6 +78,11 @@ contains
     !$omp end parallel do
     found = found(:, :n_found)
     call division%append(found)
+    all_between = reshape([worst%between_rows, worst%between_at], [4, 1])
+    call division%append(all_between)
+    f = maxloc(all_between(1, :), 1)
+    worst%between_rows = all_between(1, f)
+    worst%between_at = all_between(2:, f)
     call keep_segments(found, depth, worst, inside)
 
   contains
@@ -173,14 +178,21 @@ contains
       real(dp), intent(out) :: raw  !! Depth, negative outside [length].
       real(dp), intent(out) :: own  !! Depth that is not allowed [length].
       integer, intent(inout) :: facet  !! Facet of the closest point; on entry one that is probably near, or 0.
-      real(dp) :: x(3), u(3), xi(2)
+      real(dp) :: x(3), u(3), xi(2), between
       integer :: hint
       x = matmul(a%x(:, nodes), edge_shape(size(nodes), place))
       u = x - matmul(a%x0(:, nodes), edge_shape(size(nodes), place))
       hint = facet
       call b%depth_of(x, hint, raw, facet, xi)
       own = raw
-      call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own)
+      call tolerance%judge(a, nodes(:2), b, facet, xi, x, u, own, between)
+      if (.not. between > 0) return
+      !$omp critical (penetration)
+      if (between > worst%between_rows) then
+        worst%between_rows = between
+        worst%between_at = x
+      end if
+      !$omp end critical (penetration)
     end subroutine segment_depth
   end subroutine find_edges
 

@@ -11,6 +11,9 @@ module dotyk_contact_penetration
     !> Nodes of the part that are too deep, and edges that are without a node so deep.
     integer :: n_nodes = 0, n_edges = 0
     integer :: n_passed = 0  !! Nodes that have passed through the other part and are outside again.
+    !> The deepest point that is allowed for the bending of facets between contact rows: depth, 0 where there is none, and
+    !> position after deformation (3) [length].
+    real(dp) :: between_rows = 0, between_at(3) = 0
   contains
     procedure :: add => penetration_add
     procedure :: outweighs => penetration_outweighs
@@ -30,6 +33,8 @@ contains
     call parcel%carry(self%n_nodes)
     call parcel%carry(self%n_edges)
     call parcel%carry(self%n_passed)
+    call parcel%carry(self%between_rows)
+    call parcel%carry_fixed(size(self%between_at), self%between_at)
   end subroutine penetration_carry
 
   !> Add the points of another one.
@@ -39,6 +44,10 @@ contains
     self%n_nodes = self%n_nodes + other%n_nodes
     self%n_edges = self%n_edges + other%n_edges
     self%n_passed = self%n_passed + other%n_passed
+    if (other%between_rows > (1 + same_depth)*self%between_rows) then
+      self%between_rows = other%between_rows
+      self%between_at = other%between_at
+    end if
     if (.not. other%depth > (1 + same_depth)*self%depth) return
     self%depth = other%depth
     self%position = other%position

@@ -35,17 +35,19 @@ contains
     real(dp), allocatable, intent(out) :: clear(:)
     type(inside_point_t), allocatable, intent(out) :: inside(:)  !! Points that are too deep (n).
     logical :: is_below(a%n_nodes)
+    real(dp) :: between(a%n_nodes)
     integer :: near(a%n_nodes), i, hint, known, first, last
     allocate (depth(a%n_nodes), source=0.0_dp)
     allocate (inside(0))
     is_below = .false.
+    between = 0
     near = 0
     allocate (clear(a%n_nodes), source=0.0_dp)
     associate (box => b%tree%volume(1))
       call division%portion([(merge(distant_cost, 1.0_dp, any(a%x(:, i) < box%lo .or. a%x(:, i) > box%hi)), &
                               i=1, a%n_nodes)], first, last)
     end associate
-    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, near, clear, first, last) &
+    !$omp parallel default(none) shared(a, b, tolerance, depth, between, is_below, near, clear, first, last) &
     !$omp& private(hint, known) if (a%n_nodes > least_shared)
     hint = 0
     known = 0
@@ -54,13 +56,19 @@ contains
       ! A node that is nearer to another one than that to b is outside as well.
       if (known > 0) clear(i) = clear(known) - norm2(a%x(:, i) - a%x(:, known))
       if (clear(i) > tolerance%slack) cycle
-      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i))
+      call find_node_depth(a, b, i, tolerance, hint, clear(i), is_below(i), depth(i), between(i))
       near(i) = hint
       known = i
     end do
     !$omp end do
     !$omp end parallel
     call division%fill(clear, first, last)
+    call division%fill(between, first, last)
+    i = maxloc(between, 1)
+    if (between(i) > 0) then
+      worst%between_rows = between(i)
+      worst%between_at = a%x(:, i)
+    end if
     if (division%is_divided) call share_depths(division, is_below, depth)
     do i = 1, a%n_nodes
       if (.not. depth(i) > 0) cycle
@@ -106,12 +114,12 @@ contains
     type(penetration_t), intent(inout) :: worst  !! The deepest point; nodes are added.
     type(inside_point_t), allocatable, intent(inout) :: inside(:)  !! Points that have passed through are added (n).
     type(passage_t) :: passage
-    real(dp) :: allowed, left, centre(2), passed(a%n_nodes)
+    real(dp) :: allowed, left, certain, centre(2), passed(a%n_nodes)
     integer :: entered(a%n_nodes), i, first, last
     passed = 0
     entered = 0
     call division%portion(a%n_nodes, first, last)
-    !$omp parallel do default(none) private(passage, allowed, left, centre) schedule(dynamic, chunk) &
+    !$omp parallel do default(none) private(passage, allowed, left, certain, centre) schedule(dynamic, chunk) &
     !$omp& shared(a, b, swept, tolerance, clear, depth, passed, entered, first, last) if (a%n_nodes > least_shared)
     do i = first, last
       if (depth(i) > 0) cycle
@@ -121,7 +129,7 @@ contains
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
       call tolerance%find_allowed(a, [i], b, passage%facet, centre, &
-                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left)
+                                  a%x(:, i), a%x(:, i) - a%x0(:, i), allowed, left, certain)
       ! Penalty moves nothing to the other side, a given gap may.
       if (.not. passage%through > allowed - left + max(tolerance%left_a%given, tolerance%left_b%given)) cycle
       passed(i) = -passage%depth
@@ -142,7 +150,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that is not allowed; 0 where it is [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, clear, is_below, depth, between)
     type(solid_t), intent(in) :: a  !! The part.
     type(solid_t), intent(in) :: b  !! The other part.
     integer, intent(in) :: i  !! Node of the part.
@@ -151,10 +159,12 @@ contains
     real(dp), intent(out) :: clear  !! Least distance from the other part, 0 where it is not outside [length].
     logical, intent(out) :: is_below  !! Whether the node is below the boundary, allowed or not.
     real(dp), intent(out) :: depth  !! Depth [length].
+    real(dp), intent(out) :: between  !! As of `judge` [length].
     real(dp) :: xi(2), reach
     integer :: facet, other
     is_below = .false.
     depth = 0
+    between = 0
     associate (box => b%tree%volume(1))
       clear = norm2(max(0.0_dp, box%lo - a%x(:, i), a%x(:, i) - box%hi))
     end associate
@@ -178,6 +188,6 @@ contains
       if (other > 0) facet = other
     end if
     is_below = depth > tolerance%slack
-    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth)
+    call tolerance%judge(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth, between)
   end subroutine find_node_depth
 end module dotyk_contact_penetration_search

@@ -62,7 +62,7 @@ contains
   end function tolerance_swapped
 
   !> Judge a depth: 0 on return if it is allowed.
-  pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth)
+  pure subroutine tolerance_judge(self, a, nodes, b, facet, xi, x, displacement, depth, between)
     class(penetration_tolerance_t), intent(in) :: self
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
@@ -72,17 +72,23 @@ contains
     real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
-    real(dp) :: allowed, left, below, there(2)
+    real(dp), intent(out) :: between  !! The depth where only the bending of facets between rows allows it, or 0 [length].
+    real(dp) :: allowed, left, certain, below, there(2)
     integer :: facing
+    between = 0
     if (depth > self%slack) then
-      call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left)
-      if (depth > allowed) then
+      call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, certain)
+      if (depth <= allowed) then
+        if (depth > certain) between = depth
+      else
         ! Near the side of b, that is not what the point came through.
         call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
         if (facing == 0) below = -1
-        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left)
+        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, certain)
         if (below < 0 .or. below > allowed) then
           if (.not. is_allowed_beside()) return
+        else if (below > certain) then
+          between = below
         end if
       end if
     end if
@@ -93,7 +99,7 @@ contains
     !> Whether the depth below a facet that shares a corner with the nearest one is allowed, as that of a bore below its
     !> rim.
     pure logical function is_allowed_beside()
-      real(dp) :: at(2), square, of_facet, of_pairs
+      real(dp) :: at(2), square, of_facet, of_pairs, at_rest
       integer :: i, k, g
       is_allowed_beside = .false.
       do i = 1, b%set%corners(facet)
@@ -104,7 +110,7 @@ contains
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
             if (sqrt(square) < (1 - same)*depth) cycle
-            call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs)
+            call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs, at_rest)
             is_allowed_beside = is_allowed_beside .or. sqrt(square) <= of_facet
           end do
         end associate
@@ -113,7 +119,7 @@ contains
   end subroutine tolerance_judge
 
   !> Depth of a point of a below b that is allowed [length].
-  pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left)
+  pure subroutine tolerance_find_allowed(self, a, nodes, b, facet, xi, x, displacement, allowed, left, certain)
     class(penetration_tolerance_t), intent(in) :: self
     type(solid_t), intent(in) :: a  !! The part of the point.
     integer, intent(in) :: nodes(:)  !! The node, or the nodes that the point lies between (n).
@@ -124,6 +130,7 @@ contains
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
+    real(dp), intent(out) :: certain  !! The part that is not the bending of facets between rows [length].
     real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, facing, tilt
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
@@ -143,12 +150,14 @@ contains
       ! Rows at some points of an edge leave it bent between them.
       is_averaged = size(nodes) > 1 .or. all(self%left_a%is_averaged(nodes)) .or. all(self%left_b%is_averaged(of_b))
     end associate
-    allowed = self%slack + left + slip*turn + slip**2*curvature/2 + &
-              along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d) + uncertainty
+    certain = self%slack + left + slip*turn + slip**2*curvature/2 + uncertainty
+    allowed = certain + along(b, shared, merge(b%roughness(shared), b%roughness0(shared), is_averaged), d)
+    certain = certain + along(b, shared, b%roughness0(shared), d)
     is_linear = all(kind_nodes(a%surface%kind(around)) == a%set%corners(around))
     if (size(nodes) > 1 .or. .not. (is_linear .and. all(a%set%affine(around)))) then
       allowed = allowed + maxval(self%left_a%uncertainty(nodes)) + &
                 along(a, around, merge(a%roughness(around), a%roughness0(around), is_averaged .or. is_linear), d)
+      certain = certain + maxval(self%left_a%uncertainty(nodes)) + along(a, around, a%roughness0(around), d)
       width = max(width, maxval(self%left_a%width(nodes)))
     end if
     if (.not. width > 0) return

@@ -47,6 +47,8 @@ module dotyk_control_couple_penetration
   real(dp), parameter :: least_fraction = 1.0e-3_dp
   !> Error bounds above this leave nothing to check: the slack grows no further.
   real(dp), parameter :: largest_bound = 0.01_dp
+  !> Depths between contact rows are told from this part of what the two bodies move on.
+  real(dp), parameter :: told_part = 0.25_dp
   real(dp), parameter :: coordinate_rounding = 1.0e-13_dp  !! Rounding of coordinates relative to the largest.
 
 contains
@@ -173,10 +175,12 @@ contains
       end do
     end do
     found = a_in_b
-    if (b_in_a%worst%outweighs(a_in_b%worst)) then
+    if (b_in_a%worst%outweighs(a_in_b%worst) .or. (.not. a_in_b%worst%depth > 0 .and. &
+        b_in_a%worst%between_rows > a_in_b%worst%between_rows)) then
       found = b_in_a
       call move_alloc(met_b, met)
     end if
+    if (found%worst%between_rows < told_part*tolerance%moved) found%worst%between_rows = 0
     if (found%worst%depth > 0) then
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
       if (.not. all(is_meant(problem, list, met))) met = met(:0)

@@ -33,6 +33,8 @@ module dotyk_control_penetration_check
   type, public :: penetration_check_t  !! Outcome of the check.
     logical :: is_done = .false.  !! Whether it was done: it needs displacements.
     type(body_penetration_t), allocatable :: found(:)  !! Pairs of bodies that penetrate each other, the deepest first.
+    !> Bodies in each other between contact rows, where facets bend, by a part of what they move.
+    type(body_penetration_t), allocatable :: between_rows(:)
     type(body_penetration_t), allocatable :: touching(:)  !! Pairs of bodies that touch, and are in no contact pair.
     !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
     type(nodal_field_t), allocatable :: depth(:)
@@ -198,6 +200,7 @@ contains
       if (any([(found(k)%worst%depth > 0 .and. size(met(k)%of) == 0, k=1, size(found))])) check%met = check%met(:0)
     end if
     check%found = pack(found, found%worst%depth > 0)
+    check%between_rows = pack(found, found%worst%between_rows > 0 .and. .not. found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     allocate (order(size(check%found)))
     call sort_order(-check%found%worst%depth, order)

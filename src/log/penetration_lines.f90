@@ -27,6 +27,16 @@ contains
     end do
     if (size(check%found) > most_shown) &
       call log%line('  penetration      '//counted(size(check%found) - most_shown, 'more couple')//' of bodies')
+    do k = 1, min(most_touching, size(check%between_rows))
+      associate (found => check%between_rows(k))
+        call log%line('  warning          '//quoted(body(found%body)%name)//' is inside '// &
+                      quoted(body(found%other)%name)//' by '//to_text(found%worst%between_rows, 4)//' at '// &
+                      place_of(found%worst%between_at)//', between contact rows: facets bend there; refine them')
+      end associate
+    end do
+    if (size(check%between_rows) > most_touching) &
+      call log%line('  warning          '//counted(size(check%between_rows) - most_touching, 'more couple')// &
+                    ' of bodies in each other between contact rows')
     do k = 1, min(most_touching, size(check%touching))
       associate (found => check%touching(k))
         call log%line('  no pair          '//quoted(body(found%body)%name)//' and '// &
