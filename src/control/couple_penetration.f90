@@ -1,5 +1,6 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
 module dotyk_control_couple_penetration
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_contact_met_points, only: add_met_points, inside_point_t, met_point_t
@@ -152,8 +153,11 @@ contains
     integer :: i, j
     allocate (met(0), met_b(0))
     if (a == b .and. size(parts_a%part) == 1) return
-    call find_left(problem, pairs, first_row, penetration, uncertainty, a, b, left_a)
-    call find_left(problem, pairs, first_row, penetration, uncertainty, b, a, left_b)
+    call find_left(problem, pairs, first_row, penetration, a, b, left_a)
+    call find_left(problem, pairs, first_row, penetration, b, a, left_b)
+    ! Uncertain displacements are those of two bodies against each other: they count once, not on both sides.
+    list = pairs%linking(problem%pair, a, b)
+    left_a%depth = left_a%depth + maxval([0.0_dp, pack(uncertainty(list), .not. ieee_is_nan(uncertainty(list)))])
     list = pairs%between(problem%pair, a, b)
     only_corners = size(list) == 0
     a_in_b = body_penetration_t(a, b)

@@ -1,7 +1,6 @@
-!> What contact pairs leave between two bodies: penetration by penalty, where a given gap is larger than the distance of
-!> the surfaces, and by normal displacements that the gaps leave uncertain.
+!> What contact pairs leave between two bodies: penetration by penalty, and where a given gap is larger than the distance
+!> of the surfaces.
 module dotyk_control_explained_penetration
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
   use dotyk_base_thresholds, only: largest_square
@@ -21,12 +20,11 @@ contains
 
   !> What contact pairs leave at the nodes of a body against another one: their own pairs, or, where they have none
   !> and only meet at edges, those with other bodies.
-  subroutine find_left(problem, pairs, first_row, penetration, uncertainty, body, other, left)
+  subroutine find_left(problem, pairs, first_row, penetration, body, other, left)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
-    real(dp), intent(in) :: uncertainty(:)  !! Of the normal displacements of each pair (n_pairs) [length].
     integer, intent(in) :: body  !! The body.
     integer, intent(in) :: other  !! The other body.
     type(left_by_pairs_t), intent(out) :: left  !! Penetration at the nodes of the body.
@@ -61,7 +59,6 @@ contains
       end associate
     end do
     where (.not. is_known) left%depth = beside
-    left%depth = left%depth + maxval([0.0_dp, pack(uncertainty(list), .not. ieee_is_nan(uncertainty(list)))])
     left%given = beside
   end subroutine find_left
 

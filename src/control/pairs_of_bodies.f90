@@ -11,6 +11,7 @@ module dotyk_control_pairs_of_bodies
     procedure :: init => pairs_of_bodies_init
     procedure :: of => pairs_of_bodies_of
     procedure :: between => pairs_of_bodies_between
+    procedure :: linking => pairs_of_bodies_linking
   end type pairs_of_bodies_t
 
 contains
@@ -65,4 +66,21 @@ contains
     list = pack(list, (pair(list)%body_a == a .and. pair(list)%body_b == b) .or. &
                 (pair(list)%body_b == a .and. pair(list)%body_a == b))
   end function pairs_of_bodies_between
+
+  !> Pairs that push two bodies against each other: their own, or else those with the bodies that touch both.
+  pure function pairs_of_bodies_linking(self, pair, a, b) result(list)
+    class(pairs_of_bodies_t), intent(in) :: self
+    type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
+    integer, intent(in) :: a  !! One body.
+    integer, intent(in) :: b  !! The other body; may be the same.
+    integer, allocatable :: list(:), of_a(:), of_b(:)
+    integer :: k
+    list = self%between(pair, a, b)
+    if (size(list) > 0) return
+    of_a = self%of(a)
+    do k = 1, size(of_a)
+      of_b = self%between(pair, pair(of_a(k))%body_a + pair(of_a(k))%body_b - a, b)
+      if (size(of_b) > 0) list = [list, of_a(k), of_b]
+    end do
+  end function pairs_of_bodies_linking
 end module dotyk_control_pairs_of_bodies
