@@ -122,6 +122,7 @@ module dotyk_base_options
   integer, parameter, public :: field_error = 4         !< discretization error of the elements
   integer, parameter, public :: field_reaction = 5      !< reactions of supports at their nodes
   integer, parameter, public :: field_nodal_stress = 6  !< stresses at the nodes
+  integer, parameter, public :: n_fields = 6
 
   character(*), parameter, public :: error_part_names = 'penalty discretization'  !! `&output error_parts`.
   integer, parameter, public :: error_part_penalty = 1         !< distance to the solution with theta = 0

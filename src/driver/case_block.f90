@@ -26,6 +26,7 @@ module dotyk_driver_case_block
   use dotyk_log_outcome, only: refuse_unsolvable
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_factorization
+  use dotyk_log_timing, only: stage_factorize, stage_iterate
   use dotyk_model_contact_cases, only: contacts_of_case
   use dotyk_model_ties, only: tightens
   use dotyk_ranks_communication, only: n_local_ranks
@@ -123,7 +124,7 @@ contains
     type(error_t), allocatable :: error
     logical, allocatable :: is_changed(:)
     real(dp) :: began
-    began = monitor%timing%iterate%wall
+    began = monitor%timing%stage(stage_iterate)%wall
     associate (solved => self%solved(self%last - self%first + 1), k => self%last)
       if (k == 1) self%now = input
       call begin_case(input, k, scene, monitor, error)
@@ -134,7 +135,7 @@ contains
       end if
       if (.not. allocated(error)) call begin_solution(self%now, run, scene, monitor, solved, error)
       call move_alloc(error, solved%error)
-      solved%seconds = monitor%timing%iterate%wall - began
+      solved%seconds = monitor%timing%stage(stage_iterate)%wall - began
       self%before = solved%solution%state
     end associate
   end subroutine solve_one
@@ -154,7 +155,7 @@ contains
     real(dp) :: began
     associate (solved => self%solved(k - self%first + 1), displacements => self%displacements(k - self%first + 1))
       if (len(solved%told) > 0) call monitor%log%line(solved%told)
-      began = monitor%timing%iterate%wall
+      began = monitor%timing%stage(stage_iterate)%wall
       if (.not. allocated(solved%error)) then
         call resume_case(input, k, scene, monitor, solved, error)
         call move_alloc(error, solved%error)
@@ -163,7 +164,7 @@ contains
       if (allocated(displacements%body)) solved%solution%displacements = displacements
       displacements = nothing
       call complete_solution(self%now, run, scene, threads, monitor, solved, error)
-      solved%seconds = solved%seconds + monitor%timing%iterate%wall - began
+      solved%seconds = solved%seconds + monitor%timing%stage(stage_iterate)%wall - began
       self%before = solved%solution%state
     end associate
   end subroutine block_complete
@@ -216,12 +217,12 @@ contains
     type(contact_solution_t) :: nothing
     real(dp) :: before
     if (.not. scene%is_factorized) then
-      before = monitor%timing%factorize%wall
+      before = monitor%timing%stage(stage_factorize)%wall
       call factorize_scene(case, run%scheme, scene, monitor, error)
       if (allocated(error)) return
       call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
                               case%solver%response == response_auto .and. may_use_multigrid(case), &
-                              monitor%timing%factorize%wall - before)
+                              monitor%timing%stage(stage_factorize)%wall - before)
     end if
     if (solved%engine == engine_none) solved%engine = first_engine(scene)
     solved%run = run

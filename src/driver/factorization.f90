@@ -16,6 +16,7 @@ module dotyk_driver_factorization
   use dotyk_input_case, only: case_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_factorize, stage_iterate
   use dotyk_model_pairs, only: foundation_compliance
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_operator_t
@@ -78,7 +79,7 @@ contains
     end associate
     scene%is_factorized = .true.
     call stop_if_interrupted(error)
-    call monitor%watch%lap(monitor%timing%iterate)
+    call monitor%lap(stage_iterate)
   end subroutine factorize_scene
 
   !> Factorize the bodies. Where p-multigrid would converge slowly, factors take its place if the memory suffices: of
@@ -106,13 +107,13 @@ contains
                               scene%size_of, scene%stiffness, scene%slot, problem%report, error)
         call stop_if_interrupted(error)
         if (allocated(error)) return
-        call monitor%watch%lap(monitor%timing%factorize)
+        call monitor%lap(stage_factorize)
         if (is_refused) exit
         call use_factors(case, scheme, scene, monitor, all_again, error)
         if (all_again) cycle
         if (allocated(error) .or. .not. may_return_to_factors(case, scene) .or. .not. any(scene%size_of%is_slow)) exit
         call replace_slow_ones(problem%body, problem%modes, scene%slot, scene%size_of, problem%report, error)
-        call monitor%watch%lap(monitor%timing%factorize)
+        call monitor%lap(stage_factorize)
       end associate
       exit
     end do

@@ -17,6 +17,7 @@ module dotyk_driver_load_case
   use dotyk_elasticity_load_cases, only: take_case
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_assemble, stage_iterate
   use dotyk_model_contact_cases, only: set_contact_case
   use dotyk_model_ties, only: set_bolts
   use dotyk_ranks_communication, only: n_ranks
@@ -69,7 +70,7 @@ contains
     scene%compliance%n_sweeps = 0
     call solve_free(scene, error)
     if (.not. allocated(error)) call stop_if_interrupted(error)
-    call monitor%watch%lap(monitor%timing%iterate)
+    call monitor%lap(stage_iterate)
   end subroutine begin_case
 
   !> Another load case is next: keep what the scene has of this one.
@@ -119,7 +120,7 @@ contains
     if (allocated(error)) return
     if (scene%problem%n_ties() > 0) call set_bolts(case%tie, k, scene%problem%tie)
     scene%case = k
-    call monitor%watch%lap(monitor%timing%assemble)
+    call monitor%lap(stage_assemble)
   end subroutine act
 
   !> Right-hand sides of the bodies, and resultants of the loads on their modes.

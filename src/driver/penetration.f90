@@ -8,6 +8,7 @@ module dotyk_driver_penetration
   use dotyk_log_large_motion, only: show_large_motion
   use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_met_points, show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_check
   use dotyk_scheme_solver_state, only: ended_penetration
   implicit none
   private
@@ -23,7 +24,7 @@ contains
     call set_stage('checking for overlaps')
     call find_initial_overlap(scene%problem, found)
     call show_initial_overlap(monitor%log, scene%problem%body, found)
-    call monitor%watch%lap(monitor%timing%check)
+    call monitor%lap(stage_check)
   end subroutine check_placement
 
   !> Check the solution. Where bodies penetrate each other it is none.
@@ -42,7 +43,7 @@ contains
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, &
                            solution%state%penetration, solution%gap_doubt%moved_change, &
                            solution%state%error_bound, solution%penetration)
-    call monitor%watch%lap(monitor%timing%check)
+    call monitor%lap(stage_check)
     ! A point that has been added before has its row, or is excluded.
     associate (new => solution%penetration%met)
       new = pack(new, [(.not. any([(is_same(new(i), met(k)), k=1, size(met))]), i=1, size(new))])

@@ -5,6 +5,7 @@ module dotyk_driver_results
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: set_stage
+  use dotyk_base_options, only: field_nodal_stress, field_reaction
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_balance, only: balance_t, find_balance
   use dotyk_control_body_solution, only: body_solution_t
@@ -21,6 +22,7 @@ module dotyk_driver_results
   use dotyk_log_force_tables, only: show_balance, show_pair_results
   use dotyk_log_quantity_table, only: show_quantities
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_recover, stage_write
   use dotyk_output_results_file, only: results_file_t
   use dotyk_ranks_communication, only: this_rank
   use dotyk_scheme_solver_state, only: ended_time, solver_state_t
@@ -64,7 +66,7 @@ contains
       is_known = all([(allocated(displacements(b)%displacement), b=1, size(displacements))])
       if (is_known) &
         call find_balance(problem, qp, solution%state%pressure, solution%state%penetration, displacements, &
-                          case%output%reaction, balance, error)
+                          case%output%field(field_reaction), balance, error)
       if (allocated(error)) return
       if (allocated(balance%body)) then
         allocate (forgotten(size(problem%pair)))
@@ -86,12 +88,12 @@ contains
         call show_balance(monitor%log, problem, balance)
       end if
       allocate (nodal_stress(size(problem%body)))
-      if (case%output%nodal_stress .and. is_known) then
+      if (case%output%field(field_nodal_stress) .and. is_known) then
         call set_stage('recovering stresses at nodes')
         call recover_nodal_stresses(problem, solution%displacements, scene%kept, nodal_stress, error)
         if (allocated(error)) return
       end if
-      call monitor%watch%lap(monitor%timing%recover)
+      call monitor%lap(stage_recover)
       monitor%timing%total = monitor%watch%since_start()
       call set_stage('writing results')
       call write_fields(file, case, step, problem%body, problem%ranks, displacements, nodal_stress, contact_pressure, &
@@ -102,7 +104,7 @@ contains
       call write_forces(file, problem, balance)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)
-      call monitor%watch%lap(monitor%timing%write)
+      call monitor%lap(stage_write)
     end associate
   end subroutine write_results
 
@@ -125,7 +127,7 @@ contains
       call file%end_cases(names, n_written, case%n_cases())
     end if
     call write_provenance(file, case, threads, monitor%watch%date)
-    call monitor%watch%lap(monitor%timing%write)
+    call monitor%lap(stage_write)
     monitor%timing%total = monitor%watch%since_start()
     call write_timing(file, monitor%timing)
     call file%commit(error)

@@ -19,7 +19,7 @@ module dotyk_driver_results_fields
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_nodal_stress, only: principal_stresses
   use dotyk_elasticity_stress, only: von_mises
-  use dotyk_input_case, only: case_t, output_input_t
+  use dotyk_input_case, only: case_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_output_results_file, only: connectivity_length, results_file_t
   use dotyk_ranks_communication, only: this_rank
@@ -66,7 +66,7 @@ contains
     end do
     writes = this_rank() == 0
     if (writes .and. step == 1) &
-      call file%begin(case%scene%output, n_points, n_cells, n_connectivity, wanted_fields(case%output), &
+      call file%begin(case%scene%output, n_points, n_cells, n_connectivity, case%output%field, &
                       merge(case%n_cases(), 0, case%has_cases()))
     if (writes .and. case%has_cases()) call file%begin_case(step, case%load_case(step)%name)
     ! All ranks take part to the end, even where the first one cannot write.
@@ -80,11 +80,11 @@ contains
         end do
         if (writes) call file%write_part(b, mesh)
       end if
-      if (case%output%displacement) then
+      if (case%output%field(field_displacement)) then
         call fields%of_nodes(solution(b)%displacement, values)
         if (writes) call file%write_field(b, 'PointData/displacement', values)
       end if
-      if (case%output%contact) then
+      if (case%output%field(field_contact)) then
         call fields%of_surface(contact_pressure(b)%value, nodal)
         if (writes) call file%write_field(b, 'PointData/contact_pressure', nodal)
         if (penetration%is_done) call fields%of_surface(penetration%depth(b)%value, nodal)
@@ -103,11 +103,11 @@ contains
         if (writes) call file%write_field(b, 'PointData/contact_gap', nodal)
         if (writes) call file%write_field(b, 'PointData/contact_status', nint(status))
       end if
-      if (case%output%reaction) then
+      if (case%output%field(field_reaction)) then
         call fields%of_nodes(reactions_of(b), values)
         if (writes) call file%write_field(b, 'PointData/reaction_force', values)
       end if
-      if (case%output%nodal_stress) then
+      if (case%output%field(field_nodal_stress)) then
         call fields%of_nodes(nodal_stress_of(b), values)
         mises = [(von_mises(values(:, k)), k=1, size(values, 2))]
         vectors = reshape([(principal_stresses(values(:, k)), k=1, size(values, 2))], [3, size(values, 2)])
@@ -116,14 +116,14 @@ contains
         if (writes) call file%write_field(b, 'PointData/nodal_principal_stress', vectors)
         deallocate (vectors)
       end if
-      if (case%output%stress) then
+      if (case%output%field(field_stress)) then
         call fields%of_elements(stress_of(solution(b)), values)
         if (allocated(body(b)%mesh%face)) values = spread([(0.0_dp, k=1, 6)], 2, int(n_cells(b)))
         mises = [(von_mises(values(:, e)), e=1, size(values, 2))]
         if (writes) call file%write_field(b, 'CellData/stress', values)
         if (writes) call file%write_field(b, 'CellData/von_mises', mises)
       end if
-      if (case%output%error) then
+      if (case%output%field(field_error)) then
         call fields%of_elements(errors_of(budget%of_element(b)), values)
         if (allocated(body(b)%mesh%face)) values = spread([0.0_dp], 2, int(n_cells(b)))
         if (writes) call file%write_field(b, 'CellData/discretization_error', [values])
@@ -150,18 +150,6 @@ contains
       if (allocated(nodal_stress(b)%value)) stress = nodal_stress(b)%value
     end function nodal_stress_of
   end subroutine write_fields
-
-  !> The fields of a file, by the `field_*` of `dotyk_base_options`.
-  pure function wanted_fields(output) result(wanted)
-    type(output_input_t), intent(in) :: output  !! `&output`.
-    logical :: wanted(6)
-    wanted(field_displacement) = output%displacement
-    wanted(field_stress) = output%stress
-    wanted(field_contact) = output%contact
-    wanted(field_error) = output%error
-    wanted(field_reaction) = output%reaction
-    wanted(field_nodal_stress) = output%nodal_stress
-  end function wanted_fields
 
   !> Stresses that this rank has (6, n_elements) [pressure].
   pure function stress_of(solution) result(stress)

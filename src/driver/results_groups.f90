@@ -15,7 +15,7 @@ module dotyk_driver_results_groups
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
-  use dotyk_log_timing, only: timing_t
+  use dotyk_log_timing, only: n_stages, stage_names, timing_t
   use dotyk_output_results_file, only: results_file_t, contact_group
   use dotyk_ranks_communication, only: n_ranks
   implicit none
@@ -271,16 +271,10 @@ contains
   subroutine write_timing(file, timing)
     type(results_file_t), intent(inout) :: file  !! Results file, open.
     type(timing_t), intent(in) :: timing  !! Wall times of the phases.
-    call file%put_attribute('timing', 'read', timing%read%wall)
-    call file%put_attribute('timing', 'assemble', timing%assemble%wall)
-    call file%put_attribute('timing', 'order', timing%order%wall)
-    call file%put_attribute('timing', 'factorize', timing%factorize%wall)
-    call file%put_attribute('timing', 'search', timing%search%wall)
-    call file%put_attribute('timing', 'iterate', timing%iterate%wall)
-    call file%put_attribute('timing', 'recover', timing%recover%wall)
-    call file%put_attribute('timing', 'estimate', timing%estimate%wall)
-    call file%put_attribute('timing', 'check', timing%check%wall)
-    call file%put_attribute('timing', 'write', timing%write%wall)
+    integer :: k
+    do k = 1, n_stages
+      call file%put_attribute('timing', trim(stage_names(k)), timing%stage(k)%wall)
+    end do
     call file%put_attribute('timing', 'total', timing%total%wall)
   end subroutine write_timing
 end module dotyk_driver_results_groups

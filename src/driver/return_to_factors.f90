@@ -16,6 +16,7 @@ module dotyk_driver_return_to_factors
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_assemble, stage_order
   use dotyk_model_assembly, only: assemble_bodies
   use dotyk_scheme_linear_solver_choice, only: work_of_ties
   use dotyk_scheme_scheme, only: scheme_t
@@ -66,12 +67,12 @@ contains
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, modes, stiffness, slot, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%assemble)
+      call monitor%lap(stage_assemble)
       call set_stage('ordering the equations')
       call build_rows(problem, case%scene%dimension, scene%operator, divided=.false.)
       call analyze_bodies(problem%body, modes, stiffness, problem%classes, problem%ranks, &
                           scene%operator%block, case%solver%response, scheme%expected_products(), slot, size_of, error)
-      call monitor%watch%lap(monitor%timing%order)
+      call monitor%lap(stage_order)
       if (allocated(error)) then
         fits = error%code /= exit_machine
       else

@@ -13,6 +13,7 @@ module dotyk_driver_scene_building
   use dotyk_driver_split_choice, only: choose_solution
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_assemble, stage_order, stage_read, stage_search
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
@@ -60,7 +61,7 @@ contains
       call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%read)
+      call monitor%lap(stage_read)
       if (in_parts) call problem%classes%init(size(problem%body))
       if (.not. (in_parts .or. are_dealt)) call problem%classes%find(problem%body)
       if (scheme%is_iteration()) call check_held(case, problem%body, problem%classes, problem%ranks, error)
@@ -80,13 +81,13 @@ contains
       if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, problem%modes, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%assemble)
+      call monitor%lap(stage_assemble)
       call set_stage('searching for contact')
       call build_contact(case, surfaces, met, scene, error)
       if (allocated(error)) return
       call find_quantities(case, surfaces, problem, scene%quantity, error)
       if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%search)
+      call monitor%lap(stage_search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &
                           scene%operator%block, case%solver%response, scheme%expected_products(), scene%slot, &
@@ -94,7 +95,7 @@ contains
       if (splits .and. allocated(scene%size_of)) scene%size_of%form = form_split
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%order)
+      call monitor%lap(stage_order)
     end associate
   end subroutine build_scene
 end module dotyk_driver_scene_building

@@ -34,7 +34,6 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: init => rigid_body_modes_init
     procedure :: move => rigid_body_modes_move
     procedure :: rotate => rigid_body_modes_rotate
-    procedure :: motions => rigid_body_modes_motions
     procedure :: amplitudes => rigid_body_modes_amplitudes
     procedure :: translations => rigid_body_modes_translations
     procedure :: combination_text => rigid_body_modes_combination_text
@@ -145,20 +144,6 @@ contains
     call move_alloc(rotated, self%coefficient)
     self%component = [(self%component(maxloc(abs(basis(:, k)), 1)), k=1, self%n)]
   end subroutine rigid_body_modes_rotate
-
-  !> Combinations of the modes of a body of one component as motions of space.
-  pure function rigid_body_modes_motions(self, amplitude) result(motion)
-    class(rigid_body_modes_t), intent(in) :: self
-    real(dp), intent(in) :: amplitude(:, :)  !! Amplitudes as columns (n, n_motions) [length].
-    !> Translation of the origin, and rotation (6, n_motions) [length, radian].
-    real(dp) :: motion(6, size(amplitude, 2))
-    integer :: k
-    motion = matmul(self%coefficient, amplitude)
-    motion(4:6, :) = motion(4:6, :)/self%radius(1)
-    do k = 1, size(motion, 2)
-      motion(1:3, k) = motion(1:3, k) - cross(motion(4:6, k), self%centre(:, 1))
-    end do
-  end function rigid_body_modes_motions
 
   !> Motions of space as combinations of the modes of a body of one component.
   subroutine rigid_body_modes_amplitudes(self, motion, amplitude, are_free)

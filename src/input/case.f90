@@ -11,7 +11,7 @@ module dotyk_input_case
   use dotyk_base_options, only: aim_energy, default_analysis, default_budget_fraction, default_discretization, &
     default_gamma_rule, default_gap, default_geometry, default_linear_solver, default_locking, &
     default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
-    default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, quantity_force
+    default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, n_fields, quantity_force
   use dotyk_base_text, only: quoted, text_t
   use dotyk_input_cut, only: cut_input_t
   implicit none
@@ -274,12 +274,7 @@ module dotyk_input_case
 
   type, public :: output_input_t  !! `&output`.
     integer :: line = 0  !! Line of the group; 0 where it is not in the file.
-    logical :: displacement = .false.  !! Whether the displacement is written.
-    logical :: stress = .false.  !! Whether the stress is written.
-    logical :: contact = .false.  !! Whether contact pressure, traction, gap and status are written.
-    logical :: reaction = .false.  !! Whether reactions of supports are written.
-    logical :: nodal_stress = .false.  !! Whether stresses at the nodes are written.
-    logical :: error = .false.  !! Whether the discretization error of the elements is written.
+    logical :: field(n_fields) = .false.  !! Which fields are written, by `field_*` (n_fields).
     logical :: error_penalty = .false.  !! Whether the penalty error is estimated.
     logical :: error_discretization = .false.  !! Whether the discretization error is estimated.
     real(dp) :: interval = 0  !! Iteration time between intermediate results [s]; 0: results are written at the end.

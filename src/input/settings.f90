@@ -4,10 +4,9 @@ module dotyk_input_settings
   use dotyk_base_files, only: is_cad_file, is_foreign_mesh, is_geo_file, is_msh_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: directory_of
-  use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
-    field_displacement, field_error, field_nodal_stress, field_reaction, field_stress, gamma_fixed, gamma_theory, &
-    option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, &
-    theta_names
+  use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_error, gamma_fixed, &
+    gamma_theory, n_fields, option_name, scheme_auto, scheme_dual, scheme_neumann, stop_paper, theta_absolute, &
+    theta_formula, theta_mesh, theta_names
   use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_input_case, only: accuracy_input_t, body_input_t, mesh_size_input_t, output_input_t, scene_input_t, &
     solver_input_t
@@ -212,18 +211,14 @@ contains
   subroutine read_output(group, output)
     type(group_t), intent(in) :: group  !! Checked group; only defaults where the file has none.
     type(output_input_t), intent(out) :: output  !! Contents of the results file.
+    integer :: k
     output%line = group%line
-    output%displacement = group%has_option('fields', field_displacement)
-    output%stress = group%has_option('fields', field_stress)
-    output%contact = group%has_option('fields', field_contact)
-    output%error = group%has_option('fields', field_error)
-    output%reaction = group%has_option('fields', field_reaction)
-    output%nodal_stress = group%has_option('fields', field_nodal_stress)
+    output%field = [(group%has_option('fields', k), k=1, n_fields)]
     output%error_penalty = group%has_option('error_parts', error_part_penalty)
     ! Who asks for the field asks for the estimate.
     output%error_discretization = group%has_option('error_parts', error_part_discretization) .or. &
-                                  (output%error .and. group%is_given('fields'))
-    output%error = output%error .and. output%error_discretization
+                                  (output%field(field_error) .and. group%is_given('fields'))
+    output%field(field_error) = output%field(field_error) .and. output%error_discretization
     output%interval = group%real_of('interval')
   end subroutine read_output
 end module dotyk_input_settings

@@ -10,7 +10,7 @@ module dotyk_linalg_cholesky
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
     dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_factorize, dotyk_cholmod_solve, &
-    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, statistics_t
+    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, statistics_t
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
@@ -65,7 +65,6 @@ module dotyk_linalg_cholesky
     procedure :: solve_back => cholesky_solve_back
     procedure :: trailing => cholesky_trailing
     procedure :: supernodes => cholesky_supernodes
-    procedure :: solve_trailing => cholesky_solve_trailing
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
 
@@ -349,20 +348,6 @@ contains
       list(0:n - 1) => numbers
     end subroutine take
   end subroutine cholesky_supernodes
-
-  !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement),
-  !> whose Cholesky factor are the last rows and columns of L. NaN as in `solve`.
-  subroutine cholesky_solve_trailing(self, x)
-    class(cholesky_t), intent(in) :: self
-    !> Right-hand sides [any], then solutions [those over K], in the order that `trailing` gives (m, number of them).
-    real(dp), intent(inout), contiguous :: x(:, :)
-    integer(c_int) :: code
-    if (size(x) == 0) return
-    code = code_out_of_memory
-    if (self%factorized) &
-      code = dotyk_cholmod_solve_trailing(self%handle, size(x, 1, c_int64_t), size(x, 2, c_int64_t), x)
-    if (code /= code_ok) x = not_a_number()
-  end subroutine cholesky_solve_trailing
 
   !> Free all memory.
   subroutine cholesky_destroy(self)

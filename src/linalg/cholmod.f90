@@ -5,8 +5,7 @@ module dotyk_linalg_cholmod
   implicit none
   private
   public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, &
-    dotyk_cholmod_factorize, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, &
-    dotyk_cholmod_solve_trailing
+    dotyk_cholmod_factorize, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing
 
   integer(c_int), parameter, public :: code_ok = 0  !! No error.
   integer(c_int), parameter, public :: code_out_of_memory = 1  !! CHOLMOD has no memory.
@@ -90,14 +89,5 @@ module dotyk_linalg_cholmod
       integer(c_int64_t), value :: m  !! Number of columns.
       integer(c_int64_t), intent(out) :: equation(*)  !! Equations of the last m columns (m).
     end subroutine dotyk_cholmod_trailing
-
-    !> Solve with the last rows and columns of L.
-    integer(c_int) function dotyk_cholmod_solve_trailing(handle, m, columns, x) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
-      type(c_ptr), value :: handle  !! Handle of the factor.
-      integer(c_int64_t), value :: m  !! Number of rows and columns of L.
-      integer(c_int64_t), value :: columns  !! Number of right-hand sides.
-      real(c_double), intent(inout) :: x(*)  !! Right-hand sides [any], then solutions (m, columns) [those over K].
-    end function dotyk_cholmod_solve_trailing
   end interface
 end module dotyk_linalg_cholmod

@@ -200,54 +200,6 @@ void dotyk_cholmod_supernodes(const void *handle, int64_t *counts, void **pointe
   pointers[5] = L->x;
 }
 
-void dtrsm_(const char *, const char *, const char *, const char *, const int *, const int *, const double *,
-            const double *, const int *, double *, const int *);
-void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *,
-            const int *, const double *, const int *, const double *, double *, const int *);
-
-/* In place on x (m,columns): x <- (L L^T)^-1 x with the last m rows and columns of L, supernode by supernode. */
-int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns, double *x) {
-  const handle_t *h = handle;
-  const cholmod_factor *L = h->L;
-  const int64_t *super = L->super, *pi = L->pi, *px = L->px, *row = L->s;
-  const double *value = L->x, one = 1, minus = -1, zero = 0;
-  int64_t front = h->n - m, last = (int64_t)L->nsuper - 1, first = last;
-  while (first > 0 && super[first] > front) first--;
-  double *work = malloc(sizeof *work * (size_t)(L->maxesize + 1) * (size_t)columns);
-  if (!work) return OUT_OF_MEMORY;
-  int lead = (int)m, count = (int)columns;
-  for (int pass = 0; pass < 2; pass++) {
-    for (int64_t i = 0; i <= last - first; i++) {
-      int64_t s = pass ? last - i : first + i;
-      int64_t skip = super[s] < front ? front - super[s] : 0; /* columns before the trailing ones */
-      int own = (int)(super[s + 1] - super[s] - skip), rows = (int)(pi[s + 1] - pi[s]);
-      int below = rows - own - (int)skip;
-      const double *diagonal = value + px[s] + skip * rows + skip;
-      const double *under = diagonal + own;
-      const int64_t *position = row + pi[s] + skip + own;
-      double *part = x + super[s] + skip - front;
-      if (pass == 0) {
-        dtrsm_("L", "L", "N", "N", &own, &count, &one, diagonal, &rows, part, &lead);
-        if (below == 0) continue;
-        dgemm_("N", "N", &below, &count, &own, &one, under, &rows, part, &lead, &zero, work, &below);
-        for (int j = 0; j < count; j++) {
-          for (int k = 0; k < below; k++) x[position[k] - front + (int64_t)j * m] -= work[k + (int64_t)j * below];
-        }
-      } else {
-        if (below > 0) {
-          for (int j = 0; j < count; j++) {
-            for (int k = 0; k < below; k++) work[k + (int64_t)j * below] = x[position[k] - front + (int64_t)j * m];
-          }
-          dgemm_("T", "N", &own, &count, &below, &minus, under, &rows, work, &below, &one, part, &lead);
-        }
-        dtrsm_("L", "L", "T", "N", &own, &count, &one, diagonal, &rows, part, &lead);
-      }
-    }
-  }
-  free(work);
-  return OK;
-}
-
 /* Solve K X = B by forward and back substitution, or by one of both alone, P^T L P X = B or P^T L^T P X = B; in place
  * on x (n,m). */
 int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, int forward, int back, double *x) {

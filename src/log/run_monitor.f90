@@ -5,8 +5,7 @@ module dotyk_log_run_monitor
   use dotyk_base_memory, only: set_stage
   use dotyk_base_progress, only: start_progress
   use dotyk_log_progress, only: progress_line
-  use dotyk_log_timing, only: timing_t, stopwatch_t
-  use dotyk_log_timing_lines, only: show_timing
+  use dotyk_log_timing, only: show_timing, stage_estimate, stage_iterate, stage_recover, stopwatch_t, timing_t
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
@@ -23,6 +22,7 @@ module dotyk_log_run_monitor
     procedure :: step => log_monitor_step
     procedure :: note => log_monitor_note
     procedure :: finish => log_monitor_finish
+    procedure :: lap => log_monitor_lap
     procedure :: begin_phase => log_monitor_begin_phase
     procedure :: end_phase => log_monitor_end_phase
     procedure :: show_timing => log_monitor_show_timing
@@ -66,6 +66,13 @@ contains
     call self%log%end_progress()
   end subroutine log_monitor_finish
 
+  !> A stage ends: the time since the end of the last one is added to it.
+  subroutine log_monitor_lap(self, stage)
+    class(log_monitor_t), intent(inout) :: self
+    integer, intent(in) :: stage  !! One of `stage_*`.
+    call self%watch%lap(self%timing%stage(stage))
+  end subroutine log_monitor_lap
+
   !> Another phase begins: the time since the last one is added to that.
   subroutine log_monitor_begin_phase(self, phase)
     class(log_monitor_t), intent(inout) :: self
@@ -87,11 +94,11 @@ contains
     class(log_monitor_t), intent(inout) :: self
     select case (self%phase)
     case (phase_iterate)
-      call self%watch%lap(self%timing%iterate)
+      call self%lap(stage_iterate)
     case (phase_recover)
-      call self%watch%lap(self%timing%recover)
+      call self%lap(stage_recover)
     case (phase_estimate)
-      call self%watch%lap(self%timing%estimate)
+      call self%lap(stage_estimate)
     end select
     self%phase = 0
   end subroutine log_monitor_end_phase

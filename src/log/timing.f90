@@ -1,10 +1,16 @@
-!> Wall time and processor time of the stages of a run.
+!> Wall time and processor time of the stages of a run, and their lines in the log.
 module dotyk_log_timing
   use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: memory_text, peak_memory
+  use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: processor_time, wall_time
-  use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t
+  use dotyk_log_progress, only: duration
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t, greatest, share
   implicit none
   private
+  public :: show_timing
 
   type, public :: stage_time_t  !! Time of a stage.
     real(dp) :: wall = 0  !! Wall time [s].
@@ -12,17 +18,26 @@ module dotyk_log_timing
     real(dp) :: processor = 0
   end type stage_time_t
 
-  type, public :: timing_t  !! Times; the names are those of `/dotyk/timing` in the results file.
-    type(stage_time_t) :: read  !! Input and meshes.
-    type(stage_time_t) :: assemble  !! Stiffness and loads.
-    type(stage_time_t) :: order  !! Fill-reducing ordering and symbolic analysis.
-    type(stage_time_t) :: factorize  !! Factorization.
-    type(stage_time_t) :: search  !! Contact search.
-    type(stage_time_t) :: iterate  !! The scheme, its estimate of L, and the solution without contact.
-    type(stage_time_t) :: recover  !! Displacements and stresses.
-    type(stage_time_t) :: check  !! Check of the deformed bodies against each other.
-    type(stage_time_t) :: write  !! Results file.
-    type(stage_time_t) :: estimate  !! Penalty error and discretization error.
+  !> Stages of a run.
+  integer, parameter, public :: stage_read = 1       !< input and meshes
+  integer, parameter, public :: stage_assemble = 2   !< stiffness and loads
+  integer, parameter, public :: stage_order = 3      !< fill-reducing ordering and symbolic analysis
+  integer, parameter, public :: stage_factorize = 4  !< factorization
+  integer, parameter, public :: stage_search = 5     !< contact search
+  integer, parameter, public :: stage_iterate = 6    !< the scheme, its estimate of L, and the solution without contact
+  integer, parameter, public :: stage_recover = 7    !< displacements and stresses
+  integer, parameter, public :: stage_estimate = 8   !< penalty error and discretization error
+  integer, parameter, public :: stage_check = 9      !< check of the deformed bodies against each other
+  integer, parameter, public :: stage_write = 10     !< results file
+  integer, parameter, public :: n_stages = 10
+  !> Their names in the results file (`/dotyk/timing`), and in the log.
+  character(9), parameter, public :: stage_names(n_stages) = [character(9) :: 'read', 'assemble', 'order', &
+    'factorize', 'search', 'iterate', 'recover', 'estimate', 'check', 'write']
+  character(17), parameter :: names_in_log(n_stages) = [character(17) :: 'read', 'assemble', 'order', 'factorize', &
+    'search', 'iterate', 'recover', 'estimate errors', 'check penetration', 'write']
+
+  type, public :: timing_t  !! Times of a run.
+    type(stage_time_t) :: stage(n_stages)  !! Times of the stages (n_stages).
     type(stage_time_t) :: total  !! The whole run.
     real(dp) :: memory_of_bodies = 0  !! Peak memory of this rank until bodies were read and shared out [bytes].
   end type timing_t
@@ -81,4 +96,56 @@ contains
     call date_and_time(date, time, zone)
     text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//trim(zone)
   end function date_and_time_text
+
+  !> Times of the stages, and how the ranks shared the work. All ranks call it.
+  subroutine show_timing(log, timing)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(timing_t), intent(in) :: timing  !! The times.
+    real(dp) :: processor(n_stages + 1)
+    processor = [timing%stage%processor, timing%total%processor]
+    call greatest(processor)
+    call log%line('  time             '//times_text([timing%stage%wall, timing%total%wall]))
+    call log%line('  processor time   '//times_text(processor))
+    call show_ranks(log, timing%total, timing%memory_of_bodies)
+  end subroutine show_timing
+
+  !> Names and times of the stages.
+  function times_text(seconds) result(text)
+    real(dp), intent(in) :: seconds(n_stages + 1)  !! The times, the last one of the whole run (n_stages + 1) [s].
+    character(:), allocatable :: text
+    integer :: k
+    text = ''
+    do k = 1, n_stages
+      text = text//trim(names_in_log(k))//' '//duration(seconds(k))//trim(merge(', ', '; ', k < n_stages))//' '
+    end do
+    text = text//'total '//duration(seconds(n_stages + 1))
+  end function times_text
+
+  !> How well the ranks shared the work; nothing on one rank. All ranks call it.
+  subroutine show_ranks(log, total, memory_of_bodies)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(stage_time_t), intent(in) :: total  !! Time of the run, of this rank.
+    real(dp), intent(in) :: memory_of_bodies  !! Peak memory of this rank until bodies were read and shared out [bytes].
+    type(exchange_cost_t) :: cost
+    real(dp), dimension(n_ranks()) :: work, waited, memory, of_bodies, seconds
+    integer :: r, own
+    if (n_ranks() == 1) return
+    cost = exchange_cost()
+    own = this_rank() + 1
+    work(own) = total%processor
+    seconds(own) = total%wall
+    waited(own) = cost%waited
+    memory(own) = peak_memory()
+    of_bodies(own) = memory_of_bodies
+    call share([(r, r=0, n_ranks() - 1)], work)
+    call share([(r, r=0, n_ranks() - 1)], seconds)
+    call share([(r, r=0, n_ranks() - 1)], waited)
+    call share([(r, r=0, n_ranks() - 1)], memory)
+    call share([(r, r=0, n_ranks() - 1)], of_bodies)
+    call log%line('  ranks            largest over mean work '//to_text(maxval(work)*n_ranks()/sum(work), 3)// &
+                  ', waiting '//to_text(100*sum(waited)/sum(seconds), 2)//' % of the time, '// &
+                  to_text(int(cost%n))//' exchanges of '//memory_text(cost%bytes)//' in all, peak memory '// &
+                  memory_text(minval(memory))//' to '//memory_text(maxval(memory))//', sum '// &
+                  memory_text(sum(memory))//'; until bodies were read '//memory_text(maxval(of_bodies)))
+  end subroutine show_ranks
 end module dotyk_log_timing

@@ -6,7 +6,7 @@ module dotyk_mesh_facet
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
   implicit none
   private
-  public :: area_vector, facet_geometry, facet_frame, frame_of_normal, facet_tangents, cross
+  public :: area_vector, facet_geometry, facet_frame, frame_of_normal, cross
 
   !> The projection of the unit vector x on the surface vanishes where it is shorter than this [].
   real(dp), parameter :: min_projection = 1.0e-6_dp
@@ -31,22 +31,6 @@ contains
     normal = n(:dimension)
     if (jacobian > 0) normal = normal/jacobian
   end subroutine facet_geometry
-
-  !> Position and its derivatives with respect to the reference coordinates.
-  pure subroutine facet_tangents(kind, dimension, x, xi, position, tangent)
-    integer, intent(in) :: kind  !! Element kind of the facet.
-    integer, intent(in) :: dimension  !! Dimension of space.
-    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
-    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
-    !> Column k is the derivative with respect to xi(k) (dimension, dimension-1) [length].
-    real(dp), intent(out) :: tangent(dimension, kind_dimension(kind))
-    real(dp) :: a(3), b(3)
-    call tangents(kind, dimension, x, xi, position, a, b)
-    tangent(:, 1) = a(:dimension)
-    if (dimension == 3) tangent(:, 2) = b(:dimension)
-  end subroutine facet_tangents
 
   !> Position and tangents in three components: in two dimensions the second tangent is the unit vector z, so that a x b
   !> is a normal in both.

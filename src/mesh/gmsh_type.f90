@@ -3,7 +3,7 @@
 module dotyk_mesh_gmsh_type
   implicit none
   private
-  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name
+  public :: gmsh_type_nodes, gmsh_type_name
 
   integer, parameter, public :: gmsh_point = 15  !! Type number of a point, which is never kept.
 
@@ -69,15 +69,6 @@ contains
     n_nodes = 0
     if (index > 0) n_nodes = types(index)%n_nodes
   end function gmsh_type_nodes
-
-  !> Dimension of a type, -1 if it is unknown.
-  pure integer function gmsh_type_dimension(number) result(dimension)
-    integer, intent(in) :: number  !! Type number of gmsh.
-    integer :: index
-    index = index_of(number)
-    dimension = -1
-    if (index > 0) dimension = types(index)%dimension
-  end function gmsh_type_dimension
 
   !> Name of a type.
   pure function gmsh_type_name(number) result(name)
