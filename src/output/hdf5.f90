@@ -19,7 +19,8 @@ module dotyk_output_hdf5
   contains
     procedure, private :: put_text, put_integer, put_long, put_real, put_logical, put_integers, put_longs, put_reals
     !> put_attribute(object, name, value): a text, a number, a logical (0 or 1) or a 1-d vector at a group or dataset.
-    generic :: put_attribute => put_text, put_integer, put_long, put_real, put_logical, put_integers, put_longs, put_reals
+    generic :: put_attribute => put_text, put_integer, put_long, put_real, put_logical, put_integers, put_longs, &
+      put_reals
     procedure, private :: part_real_1d, part_real_2d, part_int8, part_int32, part_int64
     !> put_part(name, first, values): rows first+1.. of a dataset made by `new_dataset`.
     generic :: put_part => part_real_1d, part_real_2d, part_int8, part_int32, part_int64
