@@ -35,6 +35,7 @@ contains
     ! A wrong analysis leaves the dimension unknown: nothing is checked against it.
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
+    input%scene%dimension = scene%dimension
     call read_mesh_path(group, input, directory_of(file), scene%mesh)
     scene%mesh_size = group%real_of('mesh_size')
     scene%mesh_order = group%integer_of('mesh_order')
