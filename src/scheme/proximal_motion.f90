@@ -37,6 +37,7 @@ module dotyk_scheme_proximal_motion
     !> Imbalance of each body as a fraction of the forces on it, where it is more than rounding, and without what the
     !> uncertainty of the normals explains (n_bodies) [].
     real(dp), allocatable :: rest(:), excess(:)
+    real(dp) :: most = 0  !! Greatest force of all steps: what is rounding of it is none [force].
     integer :: n_steps = 0  !! Number of steps so far.
     logical :: has_changed = .true.  !! Whether T is another one than in the last step.
     !> Motions that are held, by bodies: rows resist them by no more than they are uncertain.
@@ -236,6 +237,7 @@ contains
     self%centre = alpha
     self%n_steps = self%n_steps + 1
     greatest = maxval([0.0_dp, abs(lambda), abs(qp%coarse%resultant)])
+    self%most = max(self%most, greatest)
     self%rest = 0
     self%excess = 0
     call find_forces()
@@ -255,7 +257,7 @@ contains
         goes_on = self%last(b) >= 0 .and. .not. size_now < least_gain*self%last(b)
         self%last(b) = size_now
         n_active = count(active(row))
-        if (size_now > rounding*greatest .and. .not. (goes_on .and. size_now <= half_digits*greatest)) then
+        if (size_now > rounding*self%most .and. .not. (goes_on .and. size_now <= half_digits*greatest)) then
           associate (g => self%group(b))
             self%rest(b) = max(self%rest(b), size_now/on_group(g))
             self%excess(b) = max(self%excess(b), size_now/on_group(g))
