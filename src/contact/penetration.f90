@@ -11,8 +11,8 @@ module dotyk_contact_penetration
     !> Nodes of the part that are too deep, and edges that are without a node so deep.
     integer :: n_nodes = 0, n_edges = 0
     integer :: n_passed = 0  !! Nodes that have passed through the other part and are outside again.
-    !> The deepest point that is allowed for the bending of facets between contact rows: depth, 0 where there is none, and
-    !> position after deformation (3) [length].
+    !> The deepest point that is allowed for the bending of facets between contact rows: depth, 0 where there is
+    !> none, and position after deformation (3) [length].
     real(dp) :: between_rows = 0, between_at(3) = 0
   contains
     procedure :: add => penetration_add

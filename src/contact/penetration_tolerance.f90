@@ -72,7 +72,7 @@ contains
     real(dp), intent(in) :: x(3)  !! The point after deformation (3) [length].
     real(dp), intent(in) :: displacement(3)  !! Its displacement (3) [length].
     real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
-    real(dp), intent(out) :: between  !! The depth where only the bending of facets between rows allows it, or 0 [length].
+    real(dp), intent(out) :: between  !! The depth where only bending between rows allows it, or 0 [length].
     real(dp) :: allowed, left, certain, below, there(2)
     integer :: facing
     between = 0

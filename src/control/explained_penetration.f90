@@ -1,5 +1,5 @@
-!> What contact pairs leave between two bodies: penetration by penalty, and where a given gap is larger than the distance
-!> of the surfaces.
+!> What contact pairs leave between two bodies: penetration by penalty, and where a given gap is larger than the
+!> distance of the surfaces.
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
