@@ -108,8 +108,9 @@ contains
               if (attempt == 1 .and. norm2(cross(along, normal)) < sideways*norm2(along)) cycle
               gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
               gap = max(0.0_dp, -gap - b%roughness0(g) - in_front*b%set%size(g))
-              ! Deeper than they overlap: the point started beside this facet.
-              if (gap > most_ratio*max(0.0_dp, overlap)) cycle
+              ! Deeper than they overlap: the point started beside this facet. Near the side of b the overlap at rest is
+              ! less than that along the normal.
+              if (gap > most_ratio*merge(max(overlap, depth), 0.0_dp, overlap > 0)) cycle
               if (gap > behind .or. (gap >= behind .and. square >= least)) cycle
               behind = gap
               least = square
