@@ -158,11 +158,7 @@ contains
     end do
     allocate (list(point_length, size(weight)))
     do i = 1, size(weight)
-      associate (p => projection(i))
-        ! Another component changes the length on both sides, which does not compile before `point_length` fits.
-        list(:, i) = [x(:, i), xi(:, i), weight(i), p%xi, p%normal, p%distance, real(p%status, dp), real(p%facet, dp), &
-                      p%bend, p%curved, p%uncertainty]
-      end associate
+      list(:, i) = numbers_of(x(:, i), xi(:, i), weight(i), projection(i))
     end do
     call division%append(list)
     n = size(list, 2)
@@ -182,6 +178,19 @@ contains
       projection(i)%uncertainty = list(17, i)
     end do
   end subroutine collect_points
+
+  !> All numbers of a point: another one does not compile before `point_length` is as great.
+  pure function numbers_of(x, xi, weight, projection) result(list)
+    real(dp), intent(in) :: x(3)  !! Position (3) [length].
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
+    real(dp), intent(in) :: weight  !! Weight [length^2; length in two dimensions].
+    type(projection_t), intent(in) :: projection  !! Its projection.
+    real(dp) :: list(point_length)
+    associate (p => projection)
+      list = [x, xi, weight, p%xi, p%normal, p%distance, real(p%status, dp), real(p%facet, dp), p%bend, p%curved, &
+              p%uncertainty]
+    end associate
+  end function numbers_of
 
   !> Keep the integration points that have a projection and count the others.
   pure subroutine keep_projected(d, whole, offset, x, xi, weight, projection, sheet_b, pair)

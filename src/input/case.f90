@@ -325,14 +325,7 @@ contains
   !> Exchange slave and master side.
   subroutine contact_exchange(self)
     class(contact_input_t), intent(inout) :: self
-    character(:), allocatable :: surface
-    integer :: body
-    body = self%body_a
-    self%body_a = self%body_b
-    self%body_b = body
-    call move_alloc(self%surface_a, surface)
-    call move_alloc(self%surface_b, self%surface_a)
-    call move_alloc(surface, self%surface_b)
+    call exchange_sides(self%body_a, self%body_b, self%surface_a, self%surface_b)
   end subroutine contact_exchange
 
   !> Whether two bodies of one mesh file are the same part of it.
@@ -351,15 +344,22 @@ contains
   !> Exchange slave and master side; of ties without rotation.
   subroutine tie_exchange(self)
     class(tie_input_t), intent(inout) :: self
+    call exchange_sides(self%body_a, self%body_b, self%surface_a, self%surface_b)
+  end subroutine tie_exchange
+
+  !> Exchange bodies and surfaces of two sides.
+  subroutine exchange_sides(body_a, body_b, surface_a, surface_b)
+    integer, intent(inout) :: body_a, body_b  !! Bodies.
+    character(:), allocatable, intent(inout) :: surface_a, surface_b  !! Names of surfaces.
     character(:), allocatable :: surface
     integer :: body
-    body = self%body_a
-    self%body_a = self%body_b
-    self%body_b = body
-    call move_alloc(self%surface_a, surface)
-    call move_alloc(self%surface_b, self%surface_a)
-    call move_alloc(surface, self%surface_b)
-  end subroutine tie_exchange
+    body = body_a
+    body_a = body_b
+    body_b = body
+    call move_alloc(surface_a, surface)
+    call move_alloc(surface_b, surface_a)
+    call move_alloc(surface, surface_b)
+  end subroutine exchange_sides
 
   !> Whether a group belongs to a load case.
   pure logical function applies_in(in_case, k) result(applies)

@@ -100,7 +100,7 @@ contains
     do k = 1, amplitude%n
       call amplitude%get(k, x)
       do b = 1, size(part)
-        part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_nodes(), dp))
+        part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_whole_nodes(), dp))
       end do
       least = least_part*maxval(part)
       do b = 1, size(part)

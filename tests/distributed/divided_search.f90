@@ -118,6 +118,7 @@ contains
     call compare(name//': position', [pair(1)%position], [pair(2)%position])
     call compare(name//': normal', [pair(1)%normal], [pair(2)%normal])
     call compare(name//': gap', pair(1)%gap, pair(2)%gap)
+    call compare(name//': uncertainty', pair(1)%uncertainty, pair(2)%uncertainty)
     call compare(name//': weight', pair(1)%weight, pair(2)%weight)
     call compare(name//': row gap', pair(1)%row_gap, pair(2)%row_gap)
     call compare(name//': row weight', pair(1)%row_weight, pair(2)%row_weight)

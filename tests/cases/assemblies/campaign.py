@@ -46,6 +46,22 @@ class Campaign(dotyk_case.Case):
         entries, _ = self.run_seeds(seeds="211:212")
         self.assertEqual([entry["outcome"] for entry in entries], ["balances"])
 
+    def test_corners_that_overlap(self):
+        """A corner with a meant interference is pushed out, where mean gaps of its pair are positive (207), beside a pair
+        that has the interference (460), and near the side of the other part (455)."""
+        for seed in (207, 455, 460):
+            entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
+        self.assertEqual({entry["seed"]: entry["outcome"] for entry in entries},
+                         {seed: "balances" for seed in (207, 455, 460)})
+
+    def test_overlaps_that_are_told(self):
+        """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156)."""
+        for seed in (89, 156):
+            entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
+        self.assertEqual([entry["outcome"] for entry in entries], ["says why not"] * 2)
+        self.assertIn("penetrate", entries[0]["reason"])
+        self.assertIn("warning", entries[1]["reason"])
+
     def test_depth(self):
         """Cubes in each other, beside each other, displaced into each other, and an edge that has no node inside."""
         one = box("tet4", 2, (0, 0, 0), (1, 1, 1))
