@@ -79,13 +79,18 @@ contains
     type(inside_point_t), intent(in) :: inside  !! The point.
     type(penetration_tolerance_t), intent(in) :: tolerance  !! What is known of the two.
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
-    real(dp) :: x0(3), xi(2), least, square, depth, overlap, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
+    real(dp) :: x0(3), xi(2), least, square, depth, overlap, of_end, gap, behind, at(3), normal(3), xu(3), xv(3), along(3)
     integer :: near, i, j, k, g, attempt
     logical :: counts
     associate (x => inside%x, nodes => inside%node)
       call closest_point_on_facet(a%set, inside%facet, x, new%xi_a, square)
       x0 = x - a%displacement_at(inside%facet, new%xi_a)
+      ! That of an edge is the deeper one of its ends, too: where it leaves b at a side, the point is next to it.
       call at_rest%depth_of(x0, 0, overlap, near, xi)
+      do j = 1, 2
+        call at_rest%depth_of(a%x0(:, nodes(j)), near, of_end, near, xi)
+        overlap = max(overlap, of_end)
+      end do
       call b%depth_of(x, 0, depth, near, xi)
       counts = .not. only_corners
       ! Each of the two may move by as much, against the other.
