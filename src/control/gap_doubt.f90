@@ -62,7 +62,7 @@ contains
     type(displacements_t), intent(in) :: displacements  !! Displacements, where they are known.
     type(solver_state_t), intent(in) :: state  !! The solution.
     type(gap_doubt_t), allocatable, intent(out) :: doubt(:)  !! (n_pairs)
-    real(dp) :: shift(qp%n_rows), sign, moved
+    real(dp) :: shift(qp%n_rows), sign, moved, least
     class(scheme_t), allocatable :: solver
     integer :: k, pattern
     allocate (doubt(size(problem%pair)))
@@ -84,7 +84,9 @@ contains
       doubt%moved_change = 0
       return
     end if
-    call find_parts(moved, doubt)
+    ! Forces that are rounding of what the gaps would make of bodies at rest are none.
+    least = rounding*maxval([0.0_dp, doubt%force_change])
+    call find_parts(moved, least, doubt)
     if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
     doubt%force_change = 0
     doubt%moved_change = 0
@@ -104,7 +106,7 @@ contains
       end do
       call compare(problem, qp, compliance, linear_solver, solver, state, shift, doubt)
     end do
-    call find_parts(moved, doubt)
+    call find_parts(moved, least, doubt)
   end subroutine find_gap_doubt
 
   !> Greatest component of all displacements, or else what is given [length].
@@ -126,10 +128,11 @@ contains
   end function greatest_displacement
 
   !> Uncertainties as parts of the greatest values.
-  pure subroutine find_parts(moved, doubt)
+  pure subroutine find_parts(moved, least, doubt)
     real(dp), intent(in) :: moved  !! Greatest displacement [length].
+    real(dp), intent(in) :: least  !! Forces are compared with at least this one [force].
     type(gap_doubt_t), intent(inout) :: doubt(:)  !! (n_pairs)
-    doubt%force_part = doubt%force_change/max(tiny(moved), maxval(doubt%force))
+    doubt%force_part = doubt%force_change/max(tiny(moved), least, maxval(doubt%force))
     doubt%moved_part = doubt%moved_change/max(tiny(moved), moved)
   end subroutine find_parts
 

@@ -62,6 +62,11 @@ class Campaign(dotyk_case.Case):
         self.assertIn("penetrate", entries[0]["reason"])
         self.assertIn("warning", entries[1]["reason"])
 
+    def test_rounding_is_no_force(self):
+        """A floating part that another one has left behind: forces of rounding are not called uncertain."""
+        entries, _ = self.run_seeds(seeds="345:346")
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"])
+
     def test_depth(self):
         """Cubes in each other, beside each other, displaced into each other, and an edge that has no node inside."""
         one = box("tet4", 2, (0, 0, 0), (1, 1, 1))
