@@ -132,19 +132,33 @@ module dotyk_base_options
   integer, parameter, public :: aim_energy = 1   !< the error in the energy norm
   integer, parameter, public :: aim_contact = 2  !< the same, errors far from the contact count less
 
-  character(*), parameter, public :: quantity_names = 'force displacement reaction'  !! Kinds of `quantity`.
+  !> Kinds of `quantity`. The first ones are linear in displacements and contact forces.
+  character(*), parameter, public :: quantity_names = 'force displacement reaction mean_pressure peak area mises'
   integer, parameter, public :: quantity_force = 1         !< contact force of a pair
   integer, parameter, public :: quantity_displacement = 2  !< mean displacement of a face along an axis
   integer, parameter, public :: quantity_reaction = 3      !< reaction of a support along an axis
+  integer, parameter, public :: last_linear_quantity = quantity_reaction
+  integer, parameter, public :: quantity_mean_pressure = 4  !< normal force of a pair over its contact area
+  integer, parameter, public :: quantity_peak = 5           !< greatest contact pressure of a pair
+  integer, parameter, public :: quantity_area = 6           !< contact area of a pair
+  integer, parameter, public :: quantity_mises = 7          !< greatest von Mises stress at the nodes of a body or face
+  !> Greatest displacement of the nodes of a body or face: a displacement without an axis.
+  integer, parameter, public :: quantity_travel = 8
 
   real(dp), parameter, public :: default_tolerance = 1.0e-6_dp  !! Default of `&solver tolerance` [].
   real(dp), parameter, public :: default_budget_fraction = 0.1_dp  !! Default of `&solver budget_fraction` [].
   real(dp), parameter, public :: default_max_unbalanced = 0.01_dp  !! Default of `&solver max_unbalanced` [].
   integer, parameter, public :: default_max_iterations = 100000  !! Default of `&solver max_iterations`.
 
-  public :: find_option, option_name
+  public :: find_option, option_name, quantity_of_pair
 
 contains
+
+  !> Whether a kind of quantity belongs to a contact pair, the others to a body.
+  pure logical function quantity_of_pair(kind)
+    integer, intent(in) :: kind  !! One of `quantity_*`.
+    quantity_of_pair = any(kind == [quantity_force, quantity_mean_pressure, quantity_peak, quantity_area])
+  end function quantity_of_pair
 
   !> Name of an option; empty where the list has no such option.
   pure function option_name(names, option) result(name)

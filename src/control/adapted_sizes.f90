@@ -4,6 +4,7 @@
 !> An element of the error eta and the size h gets the size `h (c n/eta^2)^(1/(2 p + d))`, n the number of its copies in
 !> the scene, p the order of the elements, d the dimension, and one c for all.
 module dotyk_control_adapted_sizes
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_axisymmetric
@@ -12,6 +13,8 @@ module dotyk_control_adapted_sizes
   use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_mesh_quantities, only: quantity_history_t
+  use dotyk_control_quantity_error, only: quantity_errors_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_element, only: element_tet10, element_tet4, element_tri3, element_tri6
   use dotyk_mesh_placement, only: placement_t
@@ -45,6 +48,7 @@ module dotyk_control_adapted_sizes
     real(dp) :: error = 0
     logical :: is_known = .true.  !! Whether it is known in all load cases.
     logical :: has_goal = .false.  !! Whether quantities that meshes are made for have a value.
+    character(:), allocatable :: without_limit  !! Name of a quantity that has no limit.
     real(dp) :: contact = 0  !! Greatest error of the contact conditions of all load cases [].
     integer :: n_elements = 0  !! Elements of the scene.
     real(dp) :: expected = 0  !! Expected number of elements of the next mesh in the scene [].
@@ -72,16 +76,19 @@ module dotyk_control_adapted_sizes
 contains
 
   !> Take the errors and the contact of a load case; the first one brings the meshes.
-  subroutine sizes_observe(self, file, placement, problem, solution, near_contact, error)
+  subroutine sizes_observe(self, file, placement, problem, near_contact, case, history, solution, error)
     class(adapted_sizes_t), intent(inout) :: self
     type(text_t), intent(in) :: file(:)  !! Geometry of each body (n_bodies).
     type(placement_t), intent(in) :: placement(:)  !! Placement of each body (n_bodies).
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
-    type(contact_solution_t), intent(in) :: solution  !! With its errors.
     logical, intent(in) :: near_contact  !! Whether errors far from the contact count less.
+    integer, intent(in) :: case  !! The load case.
+    type(quantity_history_t), intent(inout) :: history  !! Quantities on the meshes so far; gets those of this one.
+    type(contact_solution_t), intent(inout) :: solution  !! With its errors; quantities get error bars.
     !> Allocated where a body has other elements than triangles or tetrahedra.
     type(error_t), allocatable, intent(out) :: error
     type(element_field_t), allocatable :: square(:)
+    character(:), allocatable :: name
     real(dp) :: reached
     integer :: b, e, first, k, v
     if (.not. allocated(self%view)) call find_views(self, file, placement, problem, error)
@@ -95,8 +102,20 @@ contains
         call add_patches(self, problem, k, solution%state%pressure(first_row:last_row) > 0)
       end associate
     end do
-    call find_errors(solution, reached, square)
+    reached = solution%budget%discretization
+    allocate (square(size(problem%body)))
+    if (allocated(solution%budget%of_element)) then
+      do b = 1, size(square)
+        if (allocated(solution%budget%of_element(b)%value)) square(b)%value = solution%budget%of_element(b)%value**2
+      end do
+    end if
     if (near_contact) call weigh(problem, self%patch(first:), reached, square)
+    if (allocated(solution%quantities%of)) then
+      call history%compare(case, norm2([reached, solution%budget%contact]), solution%quantities)
+      if (solution%quantities%has_goal()) call take_goals(solution%quantities, reached, square)
+      name = solution%quantities%name_without_limit()
+      if (len(name) > 0) call move_alloc(name, self%without_limit)
+    end if
     do b = 1, size(problem%body)
       if (.not. allocated(square(b)%value)) cycle
       do e = 1, size(self%of_body(b)%view)
@@ -110,7 +129,7 @@ contains
     end do
     if (.not. reached >= 0) self%is_known = .false.
     self%error = max(self%error, reached)
-    self%has_goal = self%has_goal .or. solution%quantities%has_goal
+    self%has_goal = self%has_goal .or. solution%quantities%has_goal()
     self%contact = max(self%contact, solution%budget%contact)
   end subroutine sizes_observe
 
@@ -149,31 +168,27 @@ contains
     reached = sqrt(total)
   end subroutine weigh
 
-  !> Errors of a load case: those of the quantities that meshes are made for, and those in the energy norm where there
-  !> are none, or where contact that the mesh does not have yet gives them no value.
-  subroutine find_errors(solution, reached, square)
-    type(contact_solution_t), intent(in) :: solution  !! With its errors.
-    real(dp), intent(out) :: reached  !! As `error` of `adapted_sizes_t`; NaN where it is not known [].
-    !> Squares of what elements contribute; not allocated where they are not known (n_bodies) [].
-    type(element_field_t), allocatable, intent(out) :: square(:)
-    real(dp) :: total
+  !> Errors of the quantities that meshes are made for, in place of that in the energy norm, to which those of
+  !> quantities without dual solutions are proportional.
+  subroutine take_goals(goal, reached, square)
+    type(quantity_errors_t), intent(in) :: goal  !! The quantities, with error bars.
+    real(dp), intent(inout) :: reached  !! As `error` of `adapted_sizes_t`; NaN where it is not known [].
+    type(element_field_t), intent(inout) :: square(:)  !! Squares of what elements contribute (n_bodies) [].
+    real(dp) :: linear, other, of_goal, of_energy
     integer :: b
-    allocate (square(size(solution%displacements%body)))
-    associate (goal => solution%quantities, budget => solution%budget)
-      reached = budget%discretization
-      if (goal%has_goal) reached = sqrt(goal%greatest())
-      if (goal%has_goal .and. allocated(goal%of_element)) then
-        total = sum([(sum(goal%of_element(b)%value), b=1, size(square))])
-        do b = 1, size(square)
-          square(b)%value = reached**2/max(tiny(total), total)*goal%of_element(b)%value
-        end do
-      else if (.not. goal%has_goal .and. allocated(budget%of_element)) then
-        do b = 1, size(square)
-          if (allocated(budget%of_element(b)%value)) square(b)%value = budget%of_element(b)%value**2
-        end do
-      end if
-    end associate
-  end subroutine find_errors
+    linear = goal%greatest(.true.)
+    other = goal%greatest(.false.)
+    of_goal = 0
+    if (allocated(goal%of_element)) of_goal = sum([(sum(goal%of_element(b)%value), b=1, size(square))])
+    of_energy = sum([(sum(square(b)%value), b=1, size(square))])
+    reached = sqrt(merge(linear + other, max(linear, other), ieee_is_nan(linear + other)))
+    do b = 1, size(square)
+      square(b)%value = other/max(tiny(of_energy), of_energy)*square(b)%value
+      if (linear > 0 .and. allocated(goal%of_element)) &
+        square(b)%value = square(b)%value + linear/max(tiny(of_goal), of_goal)*goal%of_element(b)%value
+      square(b)%value = max(linear, other)/max(tiny(linear), linear + other)*square(b)%value
+    end do
+  end subroutine take_goals
 
   !> The elements of the bodies by volumes of their geometries.
   subroutine find_views(self, file, placement, problem, error)

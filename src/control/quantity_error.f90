@@ -1,4 +1,5 @@
-!> Errors of the mesh in single numbers: contact forces, mean displacements of faces, reactions of supports.
+!> Errors of the mesh in single numbers: contact forces, mean displacements of faces, reactions of supports; others are
+!> known by several meshes (`dotyk_control_mesh_quantities`).
 !>
 !> A quantity J is a linear functional of displacements and contact forces. Its dual solution z is the response of the
 !> bodies, linearized at the active set of the solution u (`dotyk_scheme_linearized_contact`): to forces that weight the
@@ -10,7 +11,8 @@ module dotyk_control_quantity_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, quantity_displacement, quantity_force, quantity_reaction
+  use dotyk_base_options, only: analysis_axisymmetric, last_linear_quantity, quantity_displacement, quantity_force, &
+    quantity_reaction
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: pair_force
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, element_field_t
@@ -35,10 +37,11 @@ module dotyk_control_quantity_error
     integer :: kind = quantity_force  !! One of `quantity_*`.
     character(:), allocatable :: name  !! Its name, such as `displacement:plate:top z`.
     logical :: is_goal = .false.  !! Whether meshes are made until its error is small enough.
-    integer :: pair = 0  !! The pair of a contact force.
-    integer :: body = 0  !! The body of a displacement or reaction.
+    integer :: pair = 0  !! The contact pair; 0 where it belongs to a body.
+    integer :: body = 0  !! The body; 0 where it belongs to a pair.
     !> Weights of the displacements, or reactions, of its nodes (dim, n_nodes) [].
     real(dp), allocatable :: weight(:, :)
+    logical, allocatable :: node(:)  !! Nodes that it is the greatest value of (n_nodes).
   end type quantity_t
 
   !> Why the error of a quantity is not known.
@@ -49,16 +52,19 @@ module dotyk_control_quantity_error
   integer, parameter, public :: bar_no_factors = 4   !< bodies are solved by p-multigrid
   integer, parameter, public :: bar_soft = 5         !< supports hardly resist motions of bodies
   integer, parameter, public :: bar_singular = 6     !< the linearized contact does not determine its forces
+  integer, parameter, public :: bar_one_mesh = 7     !< it has no dual solution, and no finer mesh to compare with
+  integer, parameter, public :: bar_no_limit = 8     !< it grows from mesh to mesh: it is singular
 
   type, public :: quantity_value_t  !! A quantity in a load case.
     character(:), allocatable :: name  !! Its name.
     logical :: is_goal = .false.  !! As in `quantity_t`.
-    real(dp) :: value = 0  !! What it is [force or length].
+    logical :: is_linear = .true.  !! Whether it is linear in displacements and contact forces.
+    real(dp) :: value = 0  !! What it is [any].
     !> Error bar of the mesh; and the estimated error, which may be added to the value; NaN where they are not known
-    !> [force or length].
+    !> [any].
     real(dp) :: error = 0, estimate = 0
     integer :: why_unknown = bar_is_known  !! One of `bar_*`.
-    real(dp), private :: rounding = 0  !! What rounding leaves of the value [force or length].
+    real(dp), private :: rounding = 0  !! What rounding leaves of the value [any].
   end type quantity_value_t
 
   type, public :: quantity_errors_t  !! The quantities of a load case.
@@ -66,9 +72,10 @@ module dotyk_control_quantity_error
     !> What elements contribute at most to the relative errors of the quantities that meshes are made for, together; not
     !> allocated where no error is known (n_bodies) [].
     type(element_field_t), allocatable :: of_element(:)
-    logical :: has_goal = .false.  !! Whether meshes are made for one of them that has a value.
   contains
     procedure :: greatest => errors_greatest
+    procedure :: has_goal => errors_has_goal
+    procedure :: name_without_limit => errors_name_without_limit
   end type quantity_errors_t
 
   type :: dual_t  !! Dual solutions of a body, and what they begin with.
@@ -89,19 +96,42 @@ contains
 
   !> Greatest error bar of the quantities that meshes are made for, relative to their values; NaN where one of them is
   !> not known, but for those that are zero [].
-  pure real(dp) function errors_greatest(self) result(greatest)
+  pure real(dp) function errors_greatest(self, is_linear) result(greatest)
     class(quantity_errors_t), intent(in) :: self
+    logical, intent(in) :: is_linear  !! Of those that have a dual solution; of the others if false.
     integer :: i
     greatest = 0
+    if (.not. allocated(self%of)) return
     do i = 1, size(self%of)
       associate (of => self%of(i))
-        if (.not. of%is_goal .or. any(of%why_unknown == [bar_no_contact, bar_zero])) cycle
+        if (.not. of%is_goal .or. (of%is_linear .neqv. is_linear)) cycle
+        if (any(of%why_unknown == [bar_no_contact, bar_zero])) cycle
         if (of%why_unknown /= bar_is_known) greatest = of%error
         if (ieee_is_nan(greatest)) return
         greatest = max(greatest, of%error/abs(of%value))
       end associate
     end do
   end function errors_greatest
+
+  !> Whether meshes are made for quantities that have a value, and none of them has to wait for the next mesh.
+  pure logical function errors_has_goal(self) result(has_goal)
+    class(quantity_errors_t), intent(in) :: self
+    has_goal = .false.
+    if (allocated(self%of)) has_goal = any(self%of%is_goal .and. self%of%why_unknown == bar_is_known) .and. &
+      .not. any(self%of%is_goal .and. self%of%why_unknown == bar_one_mesh)
+  end function errors_has_goal
+
+  !> Name of a quantity that meshes are made for and that has no limit; empty where there is none.
+  pure function errors_name_without_limit(self) result(name)
+    class(quantity_errors_t), intent(in) :: self
+    character(:), allocatable :: name
+    integer :: i
+    name = ''
+    if (.not. allocated(self%of)) return
+    do i = 1, size(self%of)
+      if (self%of(i)%is_goal .and. self%of(i)%why_unknown == bar_no_limit) name = self%of(i)%name
+    end do
+  end function errors_name_without_limit
 
   !> Values and errors of quantities. The load case acts on the bodies.
   subroutine find_quantity_errors(problem, qp, compliance, linear_solver, quantity, state, budget, kept, &
@@ -110,7 +140,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(body_compliance_t), intent(inout) :: compliance  !! Its compliance; entries that are formed stay there.
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options.
-    type(quantity_t), intent(in) :: quantity(:)  !! The quantities (n).
+    type(quantity_t), intent(in) :: quantity(:)  !! The quantities, those that are linear first (n).
     type(solver_state_t), intent(in) :: state  !! The solution.
     type(error_budget_t), intent(in) :: budget  !! Its errors.
     type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep.
@@ -119,17 +149,18 @@ contains
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(dual_t), allocatable :: dual(:)
-    integer :: b, first, i, last, why
+    integer :: b, first, i, last, n, why
     allocate (errors%of(size(quantity)))
     if (size(quantity) == 0) return
     do i = 1, size(quantity)
       call find_value(problem, qp, quantity(i), state, displacements%body, errors%of(i), error)
       if (allocated(error)) return
     end do
-    errors%has_goal = any(errors%of%is_goal .and. errors%of%why_unknown == bar_is_known)
+    n = count(errors%of%is_linear)
+    if (n == 0) return
     why = why_unknown(qp, compliance, budget)
     if (why /= bar_is_known) then
-      do i = 1, size(quantity)
+      do i = 1, n
         if (errors%of(i)%why_unknown == bar_is_known) call forget(why, errors%of(i))
       end do
       return
@@ -138,8 +169,8 @@ contains
     do b = 1, size(problem%body)
       allocate (errors%of_element(b)%value(problem%body(b)%mesh%n_elements()), source=0.0_dp)
     end do
-    do first = 1, size(quantity), most_together
-      last = min(first + most_together - 1, size(quantity))
+    do first = 1, n, most_together
+      last = min(first + most_together - 1, n)
       call solve_dual(problem, qp, compliance, linear_solver, quantity(first:last), state, dual, error)
       if (allocated(error)) then
         deallocate (error)
@@ -186,6 +217,8 @@ contains
     real(dp) :: terms
     of%name = quantity%name
     of%is_goal = quantity%is_goal
+    of%is_linear = quantity%kind <= last_linear_quantity
+    terms = 0
     select case (quantity%kind)
     case (quantity_force)
       associate (first => qp%pair_first_row(quantity%pair), last => qp%pair_first_row(quantity%pair + 1) - 1)
@@ -205,6 +238,8 @@ contains
         of%value = sum(quantity%weight*reaction)
         terms = sum(abs(reaction))
       end associate
+    case default
+      call forget(bar_one_mesh, of)
     end select
     of%rounding = rounding*terms
     if (of%why_unknown == bar_is_known .and. .not. abs(of%value) > of%rounding) call forget(bar_zero, of)

@@ -2,13 +2,14 @@
 module dotyk_driver_accuracy
   use dotyk_base_error, only: error_t, exit_converged
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: aim_contact
+  use dotyk_base_options, only: aim_contact, last_linear_quantity, quantity_of_pair
   use dotyk_base_log, only: log_t
-  use dotyk_base_text, only: counted, text_t, to_text
+  use dotyk_base_text, only: counted, quoted, text_t, to_text
   use dotyk_base_timer, only: wall_time
   use dotyk_control_adapted_sizes, only: adapted_sizes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_mesh_quantities, only: quantity_history_t
   use dotyk_driver_mesh_sizes, only: remove_views, write_views
   use dotyk_input_case, only: case_t
   use dotyk_mesh_placement, only: placement_t
@@ -18,6 +19,7 @@ module dotyk_driver_accuracy
   type, public :: accuracy_t  !! The meshes so far.
     integer :: n_meshes = 0  !! Number of meshes, the present one included.
     type(adapted_sizes_t), private :: sizes  !! What is known on the present mesh.
+    type(quantity_history_t), private :: history  !! Quantities on the meshes so far.
     real(dp), private :: began = 0  !! When the first mesh began: wall time [s].
     integer, private :: n_unknowns = 0  !! Unknowns of the present mesh.
     integer, private :: n_before = 0  !! Elements of the mesh before.
@@ -49,26 +51,33 @@ contains
     if (self%n_meshes == 0) self%began = wall_time()
     self%n_before = self%sizes%n_elements
     self%sizes = nothing
+    call self%history%begin_mesh()
     self%n_meshes = self%n_meshes + 1
     case%mesh_number = self%n_meshes
   end subroutine accuracy_begin_mesh
 
   !> Take the errors of a load case, where an error is asked for.
-  subroutine accuracy_observe(self, case, problem, solution, error)
+  subroutine accuracy_observe(self, case, k, problem, solution, error)
     class(accuracy_t), intent(inout) :: self
     type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: k  !! The load case.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
-    type(contact_solution_t), intent(in) :: solution  !! The solution of the load case.
+    type(contact_solution_t), intent(inout) :: solution  !! The solution of the load case; quantities get error bars.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the program cannot choose sizes.
     type(text_t) :: file(size(case%body))
     type(placement_t) :: placement(size(case%body))
+    logical :: near_contact
     integer :: b
     if (.not. case%accuracy%is_given .or. .not. allocated(solution%state%pressure)) return
     do b = 1, size(file)
       file(b)%s = case%body(b)%mesh
       call placement(b)%init(case%body(b)%axis, case%body(b)%angle, case%body(b)%at)
     end do
-    call self%sizes%observe(file, placement, problem, solution, case%accuracy%aim == aim_contact, error)
+    ! The energy does not care for pressures at the rim.
+    near_contact = case%accuracy%aim == aim_contact .or. &
+      any([(case%quantity(b)%is_goal .and. case%quantity(b)%kind > last_linear_quantity .and. &
+            quantity_of_pair(case%quantity(b)%kind), b=1, size(case%quantity))])
+    call self%sizes%observe(file, placement, problem, near_contact, k, self%history, solution, error)
     self%n_unknowns = sum(problem%body%n_unknowns())
   end subroutine accuracy_observe
 
@@ -101,6 +110,8 @@ contains
       if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
         why = 'the geometry, which fixes its mesh (Transfinite, Layers)'
+      if (allocated(sizes%without_limit)) &
+        why = quoted(sizes%without_limit)//', which grows from mesh to mesh and has no limit'
       if (.not. (sizes%error > 0 .and. sizes%is_known) .and. .not. reached) why = 'the lack of an error estimate'
       verdict = ''
       if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'

@@ -7,6 +7,7 @@ module dotyk_driver_load_cases
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_rotations, only: find_rotations
   use dotyk_control_gap_doubt, only: is_doubtful
+  use dotyk_control_mesh_quantities, only: find_mesh_quantities
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_quantity_error, only: find_quantity_errors
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -72,6 +73,9 @@ contains
           call find_quantity_errors(scene%problem, solution%qp, scene%compliance, run%settings%linear_solver, &
                                     scene%quantity, solution%state, solution%budget, scene%kept, &
                                     solution%displacements, solution%quantities, error)
+          if (.not. allocated(error)) &
+            call find_mesh_quantities(scene%problem, solution%qp, scene%quantity, solution%state, scene%kept, &
+                                      solution%displacements, solution%quantities, error)
           call monitor%end_phase()
           if (allocated(error)) exit
         end if
@@ -85,7 +89,7 @@ contains
           return
         end if
         if (solution%state%has_converged() .and. is_doubtful(solution%gap_doubt)) solution%state%ended = ended_gaps
-        call accuracy%observe(case, scene%problem, solution, error)
+        call accuracy%observe(case, k, scene%problem, solution, error)
         if (allocated(error)) exit
         call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, &
                            solution, solved%seconds)

@@ -2,12 +2,13 @@
 !> gmsh reads for a mesh by sizes.
 module dotyk_driver_mesh_sizes
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_files, only: own_mark
+  use dotyk_base_files, only: is_cad_file, own_mark
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_operating_system, only: remove_file
   use dotyk_base_text, only: append_text, quoted, text_t, to_text
   use dotyk_base_wildcard, only: matches
   use dotyk_input_case, only: case_t, mesh_size_input_t
+  use dotyk_input_paths, only: read_text
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_conversion, only: forget_mesh, is_kept, meshing_t
   use dotyk_mesh_element, only: element_tet10, element_tet4, element_tri3, element_tri6
@@ -331,7 +332,8 @@ contains
       end do
       ! What the geometry says of sizes does not count beside these.
       script = 'Mesh.MeshSizeExtendFromBoundary = 0;'//lf//'Mesh.MeshSizeFromPoints = 0;'//lf// &
-        'Mesh.MeshSizeFromCurvature = 8;'//lf//'Mesh.MeshSizeMin = 0;'//lf// &
+        'Mesh.MeshSizeFromCurvature = '//to_text(merge(8, 0, has_curvatures(view(v)%file)))//';'//lf// &
+        'Mesh.MeshSizeMin = 0;'//lf// &
         'Mesh.MeshSizeMax = '//to_text(2*extent, 17)//';'//lf//'Mesh.MeshSizeFactor = 1;'//lf// &
         'Mesh.HighOrderOptimize = 1;'//lf//script
       if (expected > many) script = script//'Mesh.Algorithm3D = 10;'//lf
@@ -343,6 +345,20 @@ contains
     end do
     call move_alloc(files, case%sized_file)
     call move_alloc(scripts, case%size_script)
+
+  contains
+
+    !> Whether gmsh knows the curvatures of the surfaces: its own kernel finds none, and meshes without end, at corners
+    !> where the parameters of a surface are degenerate, such as those of three-sided patches.
+    logical function has_curvatures(file)
+      character(*), intent(in) :: file  !! The geometry.
+      character(:), allocatable :: text
+      type(error_t), allocatable :: failed
+      has_curvatures = is_cad_file(file)
+      if (has_curvatures) return
+      call read_text(file, text, failed)
+      has_curvatures = index(text, 'OpenCASCADE') > 0
+    end function has_curvatures
   end subroutine write_views
 
   !> Remove what gmsh has read for a mesh.

@@ -1,7 +1,7 @@
 !> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
 module dotyk_driver_run_settings
   use dotyk_base_options, only: field_displacement, field_nodal_stress, field_reaction, field_stress, gamma_fixed, &
-    linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
+    last_linear_quantity, linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
   use dotyk_control_contact_solution, only: solution_goal_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
@@ -34,7 +34,8 @@ contains
     type(case_t), intent(in) :: case  !! The case, its automatic choice of the scheme replaced.
     may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
     ! Their error bars take factors.
-    if (may_use_multigrid) may_use_multigrid = .not. any(case%quantity%is_goal)
+    if (may_use_multigrid) &
+      may_use_multigrid = .not. any(case%quantity%is_goal .and. case%quantity%kind <= last_linear_quantity)
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.

@@ -397,11 +397,13 @@ contains
       'contact is resolved; else the exit code is 1')
     call list%add('quantity', kind_text, most=20, &
       meaning="quantities whose relative error is to be below error, in place of that of the energy norm: "// &
-      "'force:PAIR' or 'force:BODY - BODY', the contact force of a pair; 'displacement:BODY:SURFACE x', the mean "// &
-      "displacement of a face along an axis; 'reaction:BODY:SURFACE x', that of a support; names with wildcards")
+      "'force:PAIR' or 'force:BODY - BODY', the contact force of a pair, likewise mean_pressure, peak (its greatest "// &
+      "pressure) and area; 'displacement:BODY:SURFACE x', the mean displacement of a face along an axis; "// &
+      "'reaction:BODY:SURFACE x', that of a support; 'displacement:BODY' or 'displacement:BODY:SURFACE', the "// &
+      "greatest displacement; 'mises:BODY' or 'mises:BODY:SURFACE', the greatest von Mises stress; names with wildcards")
     call list%add('aim', kind_name, names=aim_names, default=option_name(aim_names, aim_energy), &
       meaning='energy: all errors count alike; contact: errors at a distance d from a contact patch of the radius '// &
-      'a count by 1/(1 + d/a)^2, for pressures, peaks and areas; not with quantity')
+      'a count by 1/(1 + d/a)^2, as with the quantities mean_pressure, peak and area; not with quantity')
     call list%add('max_meshes', kind_integer, default='8', positive=.true., &
       meaning='largest number of meshes, the first one included')
     call list%add('max_unknowns', kind_integer, default='1000000', positive=.true., &

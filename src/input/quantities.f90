@@ -1,6 +1,7 @@
 !> Reads the quantities of `&output` and `&accuracy` from checked groups.
 module dotyk_input_quantities
-  use dotyk_base_options, only: option_name, quantity_force, quantity_names, quantity_reaction
+  use dotyk_base_options, only: last_linear_quantity, option_name, quantity_displacement, quantity_mises, &
+    quantity_names, quantity_of_pair, quantity_reaction, quantity_travel
   use dotyk_base_text, only: shown, text_t
   use dotyk_input_case, only: quantity_input_t
   use dotyk_input_groups, only: group_t
@@ -42,32 +43,41 @@ contains
     is_known = .false.
     quantity%line = group%line
     quantity%text = text
+    quantity%surface = ''
     colon = index(text, ':')
     kind = ''
     if (colon > 0) kind = trim(adjustl(text(:colon - 1)))
-    quantity%kind = findloc([(option_name(quantity_names, k) == kind, k=1, quantity_reaction)], .true., 1)
+    quantity%kind = findloc([(option_name(quantity_names, k) == kind, k=1, quantity_mises)], .true., 1)
     place = trim(adjustl(text(colon + 1:)))
-    if (quantity%kind == quantity_force) then
+    if (quantity_of_pair(quantity%kind)) then
       quantity%name = place
       is_known = len(place) > 0
     else if (quantity%kind > 0) then
-      colon = index(place, ':')
       blank = index(place, ' ', back=.true.)
-      if (colon > 1 .and. blank > colon + 1 .and. blank + 1 == len(place)) then
-        quantity%name = trim(place(:colon - 1))
-        quantity%surface = trim(adjustl(place(colon + 1:blank)))
+      colon = index(place, ':')
+      if (any(quantity%kind == [quantity_displacement, quantity_reaction]) .and. blank > colon + 1 .and. colon > 0 .and. &
+          blank + 1 == len(place)) then
         quantity%axis = index('xyz', place(blank + 1:))
-        is_known = quantity%axis > 0 .and. (quantity%axis <= input%scene%dimension .or. &
-          input%scene%dimension == 0) .and. len(quantity%surface) > 0
+        if (quantity%axis > 0) place = trim(place(:blank))
       end if
+      if (quantity%kind == quantity_displacement .and. quantity%axis == 0) quantity%kind = quantity_travel
+      quantity%name = place
+      if (colon > 0) then
+        quantity%name = trim(place(:colon - 1))
+        quantity%surface = trim(adjustl(place(colon + 1:)))
+      end if
+      is_known = len(quantity%name) > 0 .and. (colon == 0 .or. len(quantity%surface) > 0) .and. &
+        (quantity%axis > 0 .eqv. quantity%kind <= last_linear_quantity) .and. &
+        (quantity%axis <= input%scene%dimension .or. input%scene%dimension == 0)
     end if
     if (.not. is_known) then
-      call input%report(group, 'quantity', 'quantity: '//shown(text)//' is none of ''force:NAME OF A CONTACT '// &
-                        'PAIR'', ''force:BODY - BODY'', ''displacement:BODY:SURFACE x'', ''reaction:BODY:SURFACE '// &
-                        'x'', x an axis of the scene')
+      call input%report(group, 'quantity', 'quantity: '//shown(text)//' is none of ''KIND:NAME OF A CONTACT PAIR'' '// &
+                        'or ''KIND:BODY - BODY'' of the kinds force, mean_pressure, peak, area; '// &
+                        '''displacement:BODY:SURFACE x'', ''reaction:BODY:SURFACE x'', x an axis of the scene; '// &
+                        '''displacement:BODY'', ''displacement:BODY:SURFACE'', ''mises:BODY'', ''mises:BODY:SURFACE''')
       return
     end if
-    if (quantity%kind == quantity_force) return
+    if (quantity_of_pair(quantity%kind)) return
     call input%refer_to_bodies(group, 'quantity', quantity%name, matched)
     quantity%any_body = names_several(quantity%name, input%bodies)
     is_known = size(matched) > 0

@@ -4,7 +4,7 @@ module dotyk_log_quantity_table
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, to_text
   use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, &
-    bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
+    bar_no_limit, bar_one_mesh, bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   implicit none
   private
   public :: show_quantities
@@ -62,6 +62,10 @@ contains
       text = 'supports hardly resist motions of bodies'
     case (bar_singular)
       text = 'contact forces are not unique'
+    case (bar_one_mesh)
+      text = 'one mesh only; &accuracy has several'
+    case (bar_no_limit)
+      text = 'it grows from mesh to mesh and has no limit'
     case default
       text = 'unknown'
     end select

@@ -2,7 +2,7 @@
 module dotyk_model_body_setup
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
-  use dotyk_base_options, only: analysis_axisymmetric, quantity_displacement
+  use dotyk_base_options, only: analysis_axisymmetric, quantity_reaction
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t
@@ -206,7 +206,7 @@ contains
     end do
     do k = 1, size(case%quantity)
       associate (given => case%quantity(k))
-        if (given%kind /= quantity_displacement) cycle
+        if (given%kind == quantity_reaction .or. len(given%surface) == 0) cycle
         if (any(given%body == b)) call take_side(given%line, given%surface, given%any_body)
       end associate
     end do

@@ -2,7 +2,8 @@
 module dotyk_model_quantities
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: load_traction, option_name, quantity_displacement, quantity_force, quantity_names
+  use dotyk_base_options, only: last_linear_quantity, load_traction, option_name, quantity_displacement, &
+    quantity_mises, quantity_names, quantity_of_pair, quantity_reaction, quantity_travel
   use dotyk_base_text, only: quoted, shown, to_text
   use dotyk_base_wildcard, only: has_wildcard, matches
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -18,7 +19,7 @@ module dotyk_model_quantities
 
 contains
 
-  !> Find the quantities of a case, each one once.
+  !> Find the quantities of a case, each one once; those that are linear in displacements and contact forces come first.
   subroutine find_quantities(case, surfaces, problem, quantity, error)
     type(case_t), intent(in) :: case  !! The case.
     type(body_surfaces_t), intent(in) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
@@ -38,9 +39,9 @@ contains
         else
           known = ''
           is_found = .false.
-          if (given%kind == quantity_force) then
+          if (quantity_of_pair(given%kind)) then
             call take_pairs(given, problem, quantity, known, is_found)
-            ! Scenes without contact have none of all forces.
+            ! Scenes without contact have none of all pairs.
             if (has_wildcard(given%name) .and. size(problem%pair) == 0) is_found = .true.
           else
             do k = 1, size(given%body)
@@ -70,15 +71,17 @@ contains
     character(:), allocatable, intent(inout) :: known  !! Names of all pairs, added to.
     logical, intent(inout) :: is_found  !! Set where there is one.
     type(quantity_t) :: new
+    character(:), allocatable :: kind
     integer :: k
+    kind = option_name(quantity_names, given%kind)//':'
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k))
-        known = known//' '//quoted('force:'//pair%name)
+        known = known//' '//quoted(kind//pair%name)
         associate (a => problem%body(pair%body_a)%name, b => problem%body(pair%body_b)%name)
           if (.not. any([matches(given%name, pair%name), matches(given%name, a//' - '//b), &
                          matches(given%name, b//' - '//a)])) cycle
         end associate
-        new%name = 'force:'//pair%name
+        new%name = kind//pair%name
         new%pair = k
         call add(given, new, quantity, is_found)
       end associate
@@ -98,21 +101,35 @@ contains
     type(quantity_t) :: new
     integer :: s
     character(:), allocatable :: kind, axis
-    kind = option_name(quantity_names, given%kind)//':'//body%name//':'
-    axis = ' '//given%text(len_trim(given%text):len_trim(given%text))
+    kind = option_name(quantity_names, merge(quantity_displacement, given%kind, given%kind == quantity_travel))
+    kind = kind//':'//body%name
     new%body = b
-    if (given%kind == quantity_displacement) then
+    axis = ''
+    if (given%axis > 0) axis = ' '//given%text(len_trim(given%text):len_trim(given%text))
+    if (given%kind /= quantity_reaction) then
+      if (given%kind == quantity_mises .and. body%constraint%rigid%is_set) return
+      if (len(axis) == 0) known = known//' '//quoted(kind)
       do s = 1, surfaces%n
-        known = known//' '//quoted(kind//surfaces%name(s)%s//axis)
+        known = known//' '//quoted(kind//':'//surfaces%name(s)%s//axis)
       end do
-      s = surfaces%find(given%surface)
-      if (s == 0) return
-      new%name = kind//given%surface//axis
-      allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
-      call weigh_face()
+      new%name = kind
+      s = 0
+      if (len(given%surface) > 0) then
+        s = surfaces%find(given%surface)
+        if (s == 0) return
+        new%name = kind//':'//given%surface//axis
+      end if
+      if (given%kind == quantity_displacement) then
+        allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        call weigh_face()
+      else
+        allocate (new%node(body%mesh%n_nodes()), source=s == 0)
+        if (s > 0) new%node(pack(surfaces%surface(s)%node, surfaces%surface(s)%node > 0)) = .true.
+      end if
       if (.not. allocated(error)) call add(given, new, quantity, is_found)
       return
     end if
+    kind = kind//':'
     do s = 1, body%directions%n_supports()
       associate (place => body%directions%place(s)%s)
         known = known//' '//quoted(kind//place//axis)
@@ -153,9 +170,12 @@ contains
       if (quantity(i)%name == new%name) quantity(i)%is_goal = quantity(i)%is_goal .or. new%is_goal
       if (quantity(i)%name == new%name) return
     end do
+    i = size(quantity)
+    if (new%kind <= last_linear_quantity) i = count(quantity%kind <= last_linear_quantity)
     allocate (more(size(quantity) + 1))
-    more(:size(quantity)) = quantity
-    more(size(more)) = new
+    more(:i) = quantity(:i)
+    more(i + 1) = new
+    more(i + 2:) = quantity(i + 1:)
     call move_alloc(more, quantity)
   end subroutine add
 end module dotyk_model_quantities

@@ -121,6 +121,30 @@ class Accuracy(dotyk_case.Case):
         self.write("both.nml", SPHERE + "&accuracy error=0.02, aim='contact', quantity='force:*' /\n")
         self.assertIn("aim does not go together with quantity", self.dotyk("both.nml", code=2))
 
+    def test_peak_of_a_sphere_reaches_hertz(self):
+        log, _ = self.run_scene(SPHERE + "&accuracy error=0.03, quantity='peak:touch', 'mean_pressure:touch' /", HERTZ)
+        self.assertIn("reached: 3 % were asked for", log)
+        group = self.results("case.vtkhdf")["dotyk/quantities"]
+        (peak, mean), bars = group["value"][:], group["error"][:]
+        self.assertTrue((bars <= 0.03 * group["value"][:]).all(), log)
+        touch = self.results("case.vtkhdf")["dotyk/contact/touch"]
+        modulus, radius, force = 210e9 / (2 * 0.91), 0.01, 4 * touch.attrs["force"][2]
+        a = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+        # Hertz for the force that was found: a/R of 0.05 changes the peak by 0.07 %.
+        self.assertLess(abs(peak - 3 * force / (2 * np.pi * a**2)), 1.2 * bars[0] + 0.001 * peak, log)
+        self.assertLess(abs(mean - force / (np.pi * a**2)), 1.2 * bars[1] + 0.001 * mean, log)
+
+    def test_quantities_without_a_limit_end_the_search(self):
+        """The stress at a re-entrant corner."""
+        log, _ = self.run_scene(STEPS + "&accuracy error=0.01, quantity='mises:a' /", STEP, code=1)
+        self.assertIn("'mises:a', which grows from mesh to mesh and has no limit", log)
+        # That of the loaded face has one, and so has its greatest displacement.
+        log, _ = self.run_scene(STEPS + "&accuracy error=0.01, quantity='mises:a:up', 'displacement:b' /", STEP)
+        self.assertIn("reached", log)
+        group = self.results("case.vtkhdf")["dotyk/quantities"]
+        x = self.results("case.vtkhdf")["VTKHDF/PointData/displacement"][:]
+        self.assertAlmostEqual(group["value"][1], np.linalg.norm(x, axis=1).max(), delta=1e-9 * group["value"][1])
+
     def test_quantities_without_contact_are_never_called_reached(self):
         log, _ = self.run_scene(SPHERE.replace("-3e-5", "1e-4") + "&accuracy error=0.01, quantity='force:touch', max_meshes=2 /",
                                 HERTZ, code=1)
@@ -145,6 +169,41 @@ class Accuracy(dotyk_case.Case):
         log, _ = self.run_scene(STEPS + "&accuracy error=1e-5, max_unknowns=3000 /", STEP, code=1)
         self.assertIn("max_unknowns = 3000", log)
         self.assertLess(max(self.meshes(log)[0]), 6000)
+
+    def test_patches_of_the_own_kernel_of_gmsh(self):
+        """An eighth of a sphere, its curvature is not known at the corners of its three-sided patch."""
+        eighth = """
+Point(1) = {0, 0, 0};  Point(2) = {1, 0, 0};  Point(3) = {0, 1, 0};  Point(4) = {0, 0, 1};
+Circle(1) = {2, 1, 3};  Circle(2) = {3, 1, 4};  Circle(3) = {4, 1, 2};
+Line(4) = {1, 2};  Line(5) = {1, 3};  Line(6) = {1, 4};
+Curve Loop(1) = {1, 2, 3};  Surface(1) = {1} In Sphere {1};
+Curve Loop(2) = {4, 1, -5};  Plane Surface(2) = {2};
+Curve Loop(3) = {5, 2, -6};  Plane Surface(3) = {3};
+Curve Loop(4) = {6, 3, -4};  Plane Surface(4) = {4};
+Surface Loop(1) = {1:4};  Volume(1) = {1};
+Physical Volume("ball") = {1};
+Physical Surface("skin") = {1};
+Physical Surface("z") = {2};
+Physical Surface("x") = {3};
+Physical Surface("y") = {4};
+Mesh.ElementOrder = 2;
+Mesh.MeshSizeMax = 0.4;
+"""
+        nml = """
+&scene mesh='eighth.geo' /
+&material name='m', young=1, poisson=0.3 /
+&body name='ball', volume='ball', material='m' /
+&support body='ball', surface='x', fix='x' /
+&support body='ball', surface='y', fix='y' /
+&support body='ball', surface='z', fix='z' /
+&load body='ball', surface='skin', pressure=1e-3 /
+&accuracy error=0.9, quantity='displacement:ball' /
+"""
+        log, _ = self.run_scene(nml, eighth)
+        self.assertIn("mesh 2:", log)
+        # The radius shrinks by p (1 - 2 nu)/E.
+        value = self.results("case.vtkhdf")["dotyk/quantities"]["value"][0]
+        self.assertAlmostEqual(value, 1e-3 * (1 - 2 * 0.3), delta=1e-5 * value)
 
     def test_mesh_that_the_geometry_fixes_is_told(self):
         rectangle = """

@@ -154,7 +154,7 @@ class Quantities(dotyk_case.Case):
                                ("'displacement:*:edge x'", "there are:"),
                                ("'displacement:middle:outside x'", "middle"),
                                ("'displacement:inner:outside z'", "an axis of the scene"),
-                               ("'forces:fit'", "'force:NAME")):
+                               ("'forces:fit'", "'KIND:NAME")):
             log = self.tubes(1, 3, quantity, code=2)
             self.assertRegex(log, r"case.nml:\d+: ")
             self.assertIn(text, log)
