@@ -61,6 +61,9 @@ module dotyk_control_adapted_sizes
     procedure :: plan => sizes_plan
   end type adapted_sizes_t
 
+  !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
+  !> resolve is in this one alone [].
+  real(dp), parameter, public :: resolved = 0.3_dp
   !> Order of convergence of quadratic elements, and that which singular elements are given: those with more than this
   !> fraction of the squared error [].
   real(dp), parameter :: order = 2, singular_order = 0.5_dp, singular = 0.01_dp
@@ -76,13 +79,14 @@ module dotyk_control_adapted_sizes
 contains
 
   !> Take the errors and the contact of a load case; the first one brings the meshes.
-  subroutine sizes_observe(self, file, placement, problem, near_contact, case, history, solution, error)
+  subroutine sizes_observe(self, file, placement, problem, near_contact, case, asked, history, solution, error)
     class(adapted_sizes_t), intent(inout) :: self
     type(text_t), intent(in) :: file(:)  !! Geometry of each body (n_bodies).
     type(placement_t), intent(in) :: placement(:)  !! Placement of each body (n_bodies).
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     logical, intent(in) :: near_contact  !! Whether errors far from the contact count less.
     integer, intent(in) :: case  !! The load case.
+    real(dp), intent(in) :: asked  !! Relative error that is asked for [].
     type(quantity_history_t), intent(inout) :: history  !! Quantities on the meshes so far; gets those of this one.
     type(contact_solution_t), intent(inout) :: solution  !! With its errors; quantities get error bars.
     !> Allocated where a body has other elements than triangles or tetrahedra.
@@ -111,7 +115,8 @@ contains
     end if
     if (near_contact) call weigh(problem, self%patch(first:), reached, square)
     if (allocated(solution%quantities%of)) then
-      call history%compare(case, norm2([reached, solution%budget%contact]), solution%quantities)
+      if (solution%budget%contact < resolved) &
+        call history%compare(case, norm2([reached, solution%budget%contact]), asked, solution%quantities)
       if (solution%quantities%has_goal()) call take_goals(solution%quantities, reached, square)
       name = solution%quantities%name_without_limit()
       if (len(name) > 0) call move_alloc(name, self%without_limit)

@@ -2,9 +2,10 @@
 !> greatest displacements and von Mises stresses. They have no dual solution; what they change by from mesh to mesh
 !> tells how far they are from their limit.
 !>
-!> The rim of the contact makes them errors of the order 2 in the size of the elements, and the error `e` of the mesh one of
-!> the order 3/2. With `r = (e_k/e_(k-1))^(4/3)` the limit is then `|J_k - J_(k-1)| r/(1 - r)` away (Richardson). Two values
-!> may be near each other by chance: the error bar is at least r times that of the mesh before.
+!> With `r = (e_k/e_(k-1))^q`, e the error of the mesh and q the order of that of the quantity in e, the limit is
+!> `|J_k - J_(k-1)| r/(1 - r)` away (Richardson). Two values may be near each other by chance: the error bar is at least r
+!> times that of the mesh before, and the relative error that the mesh makes elsewhere, too: e^2 in energies, and
+!> 1.5 e^(4/3) in areas of Hertzian contacts.
 module dotyk_control_mesh_quantities
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -30,7 +31,9 @@ module dotyk_control_mesh_quantities
     real(dp) :: value = 0, change = 0  !! Its value, and the change from the mesh before [any].
     real(dp) :: bar = -1  !! Its error bar; negative where there is none [any].
     real(dp) :: error = 0  !! Error of the mesh [].
-    integer :: n_left = 0  !! Meshes in succession that it has left the error bar of the mesh before with, on one side.
+    !> Meshes in succession that it has left the error bar of the mesh before with, on one side, by more than the error
+    !> that is asked for.
+    integer :: n_left = 0
   end type past_t
 
   type, public :: quantity_history_t  !! Quantities on the meshes so far.
@@ -43,8 +46,11 @@ module dotyk_control_mesh_quantities
   public :: find_mesh_quantities
 
   !> A quantity that leaves its error bars so many times in succession, on one side, has no limit.
-  integer, parameter :: most_left = 2
-  real(dp), parameter :: order = 4.0_dp/3  !! Order of their errors in that of the mesh.
+  integer, parameter :: most_left = 3
+  !> Order of quantities in the error of the mesh: that of the energy; at contact the edge between two rows makes it
+  !> one of the order 3/2 in the size of the elements, and pressures and areas errors of the order 2.
+  real(dp), parameter :: order = 2, order_at_contact = 4.0_dp/3
+  real(dp), parameter :: least_of_areas = 1.5_dp  !! Relative errors of areas over e^(4/3): most are 0.8 to 1.4 [].
 
 contains
 
@@ -86,6 +92,11 @@ contains
         case default
           cycle
         end select
+        of%order = merge(order_at_contact, order, p > 0)
+        if (any(quantity(i)%kind == [quantity_area, quantity_mean_pressure])) then
+          of%least = least_of_areas
+          of%least_order = order_at_contact
+        end if
         of%why_unknown = bar_one_mesh
         if (.not. abs(of%value) > 0) of%why_unknown = merge(bar_no_contact, bar_zero, p > 0)
       end associate
@@ -101,10 +112,11 @@ contains
   end subroutine history_begin_mesh
 
   !> Compare with the mesh before: error bars of quantities that have no dual solution.
-  subroutine history_compare(self, case, error_of_mesh, errors)
+  subroutine history_compare(self, case, error_of_mesh, asked, errors)
     class(quantity_history_t), intent(inout) :: self
     integer, intent(in) :: case  !! The load case.
     real(dp), intent(in) :: error_of_mesh  !! That which the meshes are made for; NaN where it is not known [].
+    real(dp), intent(in) :: asked  !! Relative error that is asked for [].
     type(quantity_errors_t), intent(inout) :: errors  !! The quantities; get error bars.
     type(past_t) :: new
     real(dp) :: ratio
@@ -119,13 +131,14 @@ contains
         end do
         if (j <= size(self%last)) then
           associate (past => self%last(j))
-            ratio = (error_of_mesh/past%error)**order
+            ratio = (error_of_mesh/past%error)**of%order
             new%change = of%value - past%value
             if (abs(new%change) <= rounding*abs(of%value)) ratio = 0
             if (ratio < 1) then
-              new%bar = max(abs(new%change)*ratio/(1 - ratio), ratio*past%bar, rounding*abs(of%value))
-              if (past%bar > 0 .and. abs(new%change) > past%bar .and. new%change*past%change > 0) &
-                new%n_left = past%n_left + 1
+              new%bar = max(abs(new%change)*ratio/(1 - ratio), ratio*past%bar, rounding*abs(of%value), &
+                            of%least*error_of_mesh**of%least_order*abs(of%value))
+              if (past%bar > 0 .and. abs(new%change) > max(past%bar, asked*abs(of%value)) .and. &
+                  new%change*past%change > 0) new%n_left = past%n_left + 1
               of%why_unknown = merge(bar_is_known, bar_no_limit, new%n_left < most_left)
               if (of%why_unknown == bar_is_known) of%error = new%bar
             else

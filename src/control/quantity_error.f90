@@ -64,6 +64,8 @@ module dotyk_control_quantity_error
     !> [any].
     real(dp) :: error = 0, estimate = 0
     integer :: why_unknown = bar_is_known  !! One of `bar_*`.
+    !> Order of its error in that of the mesh, e; its relative error is at least `least*e**least_order`.
+    real(dp) :: order = 2, least = 1, least_order = 2
     real(dp), private :: rounding = 0  !! What rounding leaves of the value [any].
   end type quantity_value_t
 

@@ -6,7 +6,7 @@ module dotyk_driver_accuracy
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
   use dotyk_base_timer, only: wall_time
-  use dotyk_control_adapted_sizes, only: adapted_sizes_t
+  use dotyk_control_adapted_sizes, only: adapted_sizes_t, resolved
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_mesh_quantities, only: quantity_history_t
@@ -33,9 +33,6 @@ module dotyk_driver_accuracy
     procedure :: remove_views => accuracy_remove_views
   end type accuracy_t
 
-  !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
-  !> resolve is in this one alone [].
-  real(dp), parameter :: resolved = 0.3_dp
   !> What is aimed at, as a fraction of what is asked for; and the least fraction of its prediction that a mesh is
   !> believed to have missed by, where the number of elements has changed by a factor in the range [].
   real(dp), parameter :: safety = 0.9_dp, greatest_miss = 0.6_dp, steady(2) = [0.6_dp, 8.0_dp]
@@ -77,7 +74,8 @@ contains
     near_contact = case%accuracy%aim == aim_contact .or. &
       any([(case%quantity(b)%is_goal .and. case%quantity(b)%kind > last_linear_quantity .and. &
             quantity_of_pair(case%quantity(b)%kind), b=1, size(case%quantity))])
-    call self%sizes%observe(file, placement, problem, near_contact, k, self%history, solution, error)
+    call self%sizes%observe(file, placement, problem, near_contact, k, case%accuracy%error, self%history, &
+                            solution, error)
     self%n_unknowns = sum(problem%body%n_unknowns())
   end subroutine accuracy_observe
 

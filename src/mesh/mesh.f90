@@ -41,5 +41,25 @@ module dotyk_mesh_mesh
     type(element_block_t), allocatable :: block(:)  !! Elements (n_blocks).
     !> Physical groups (n_groups). Groups of different dimension, and of the same one, may share a name.
     type(physical_group_t), allocatable :: group(:)
+  contains
+    procedure :: forget_repeated_entities => mesh_forget_repeated_entities
   end type mesh_t
+
+contains
+
+  !> Forget geometric entities that only repeat the tags of the physical groups, as scripts write them that know of no
+  !> faces: they say nothing about the geometry. In meshes of geometries the tags may be equal by chance.
+  pure subroutine mesh_forget_repeated_entities(self)
+    class(mesh_t), intent(inout) :: self
+    integer :: i
+    do i = 1, size(self%block)
+      associate (block => self%block(i))
+        if (size(block%group) /= 1) return
+        if (any(block%entity /= self%group(block%group(1))%tag)) return
+      end associate
+    end do
+    do i = 1, size(self%block)
+      self%block(i)%entity = 0
+    end do
+  end subroutine mesh_forget_repeated_entities
 end module dotyk_mesh_mesh

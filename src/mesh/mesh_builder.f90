@@ -168,11 +168,6 @@ contains
     class(mesh_builder_t), intent(inout) :: self
     type(mesh_t), intent(inout) :: mesh  !! Mesh; `file` is unchanged.
     integer :: i
-    if (repeats_groups(self)) then
-      do i = 1, self%n_blocks
-        self%block(i)%entity = 0
-      end do
-    end if
     call move_alloc(self%x, mesh%x)
     call move_alloc(self%node_tag, mesh%node_tag)
     if (allocated(self%file_node)) deallocate (self%file_node)
@@ -196,21 +191,6 @@ contains
     self%n_groups = 0
     self%n_blocks = 0
   end subroutine builder_finish
-
-  !> Whether the geometric entities only repeat the tags of the physical groups, as scripts write them that know of no
-  !> faces: then they say nothing about the geometry.
-  pure logical function repeats_groups(self) result(repeats)
-    class(mesh_builder_t), intent(in) :: self
-    integer :: i
-    repeats = .true.
-    do i = 1, self%n_blocks
-      associate (block => self%block(i))
-        repeats = size(block%group) == 1
-        if (repeats) repeats = all(block%entity(:block%n) == self%group(block%group(1))%tag)
-      end associate
-      if (.not. repeats) return
-    end do
-  end function repeats_groups
 
   !> Change the room of a block.
   subroutine resize(block, room)

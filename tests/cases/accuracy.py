@@ -205,6 +205,31 @@ Mesh.MeshSizeMax = 0.4;
         value = self.results("case.vtkhdf")["dotyk/quantities"]["value"][0]
         self.assertAlmostEqual(value, 1e-3 * (1 - 2 * 0.3), delta=1e-5 * value)
 
+    def test_groups_that_have_the_numbers_of_their_faces(self):
+        """A thick tube under pressure inside, Lame's stress at its bore."""
+        ring = """
+Point(1) = {0, 0, 0};  Point(2) = {1, 0, 0};  Point(3) = {2, 0, 0};  Point(4) = {0, 2, 0};  Point(5) = {0, 1, 0};
+Line(2) = {2, 3};  Circle(3) = {3, 1, 4};  Line(4) = {4, 5};  Circle(5) = {5, 1, 2};
+Curve Loop(1) = {2:5};  Plane Surface(1) = {1};
+Physical Surface("tube", 1) = {1};
+Physical Curve("y", 2) = {2};
+Physical Curve("x", 4) = {4};
+Physical Curve("bore", 5) = {5};
+Mesh.ElementOrder = 2;
+"""
+        self.run_scene("""
+&scene mesh='ring.geo', analysis='plane_strain' /
+&material name='m', young=1000, poisson=0 /
+&body name='tube', volume='tube', material='m' /
+&support body='tube', surface='x', fix='x' /
+&support body='tube', surface='y', fix='y' /
+&load body='tube', surface='bore', pressure=1 /
+&accuracy error=0.005, quantity='mises:tube' /
+""", ring)
+        group = self.results("case.vtkhdf")["dotyk/quantities"]
+        # Hoop 5/3, radial -1, axial 0.
+        self.assertLess(abs(group["value"][0] - np.sqrt(25 / 9 + 5 / 3 + 1)), 1.2 * group["error"][0])
+
     def test_mesh_that_the_geometry_fixes_is_told(self):
         rectangle = """
 Point(1) = {0, 0, 0};  Point(2) = {2, 0, 0};  Point(3) = {2, 2, 0};  Point(4) = {0, 2, 0};
