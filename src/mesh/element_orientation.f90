@@ -127,7 +127,7 @@ contains
     if (census%negative%n > census%positive%n) range = -range([2, 1])
     kind = element_kind(int(census%worst_kind))
     advice = ''
-    if (kind%order > 1) advice = '; gmsh repairs quadratic elements with Mesh.HighOrderOptimize = 2;'
+    if (kind%order > 1) advice = ', as gmsh does at curved faces with Mesh.MeshSizeFromCurvature = 16'
     call set_error(error, 'element '//to_text(census%worst_tag)//' ('//trim(kind%name)//') near '// &
                    position_text(census%middle(:dimension))//' is degenerate: its Jacobian determinant ranges from '// &
                    to_text(range(1))//' to '//to_text(range(2))//' ('// &
