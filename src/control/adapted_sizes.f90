@@ -48,6 +48,7 @@ module dotyk_control_adapted_sizes
     real(dp) :: error = 0
     logical :: is_known = .true.  !! Whether it is known in all load cases.
     logical :: has_goal = .false.  !! Whether quantities that meshes are made for have a value.
+    logical :: is_confirmed = .true.  !! Whether their error bars are confirmed in all load cases.
     character(:), allocatable :: without_limit  !! Name of a quantity that has no limit.
     real(dp) :: contact = 0  !! Greatest error of the contact conditions of all load cases [].
     integer :: n_elements = 0  !! Elements of the scene.
@@ -135,6 +136,7 @@ contains
     if (.not. reached >= 0) self%is_known = .false.
     self%error = max(self%error, reached)
     self%has_goal = self%has_goal .or. solution%quantities%has_goal()
+    self%is_confirmed = self%is_confirmed .and. solution%quantities%are_confirmed()
     self%contact = max(self%contact, solution%budget%contact)
   end subroutine sizes_observe
 

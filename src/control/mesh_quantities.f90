@@ -5,7 +5,8 @@
 !> With `r = (e_k/e_(k-1))^q`, e the error of the mesh and q the order of that of the quantity in e, the limit is
 !> `|J_k - J_(k-1)| r/(1 - r)` away (Richardson). Two values may be near each other by chance: the error bar is at least r
 !> times that of the mesh before, and the relative error that the mesh makes elsewhere, too: e^2 in energies, and
-!> 1.5 e^(4/3) in areas of Hertzian contacts.
+!> 1.5 e^(4/3) in areas of Hertzian contacts. Those of greatest values count when a further mesh has confirmed them: the
+!> pressure at a sharp edge, for example, has no limit.
 module dotyk_control_mesh_quantities
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -97,6 +98,7 @@ contains
           of%least = least_of_areas
           of%least_order = order_at_contact
         end if
+        of%is_confirmed = .not. any(quantity(i)%kind == [quantity_peak, quantity_mises])
         of%why_unknown = bar_one_mesh
         if (.not. abs(of%value) > 0) of%why_unknown = merge(bar_no_contact, bar_zero, p > 0)
       end associate
@@ -137,8 +139,13 @@ contains
             if (ratio < 1) then
               new%bar = max(abs(new%change)*ratio/(1 - ratio), ratio*past%bar, rounding*abs(of%value), &
                             of%least*error_of_mesh**of%least_order*abs(of%value))
-              if (past%bar > 0 .and. abs(new%change) > max(past%bar, asked*abs(of%value)) .and. &
-                  new%change*past%change > 0) new%n_left = past%n_left + 1
+              if (past%bar > 0) then
+                if (abs(new%change) <= max(past%bar, asked*abs(of%value))) then
+                  of%is_confirmed = .true.
+                else if (new%change*past%change > 0) then
+                  new%n_left = past%n_left + 1
+                end if
+              end if
               of%why_unknown = merge(bar_is_known, bar_no_limit, new%n_left < most_left)
               if (of%why_unknown == bar_is_known) of%error = new%bar
             else

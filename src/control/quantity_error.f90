@@ -64,6 +64,8 @@ module dotyk_control_quantity_error
     !> [any].
     real(dp) :: error = 0, estimate = 0
     integer :: why_unknown = bar_is_known  !! One of `bar_*`.
+    !> Whether a further mesh has confirmed the error bar: greatest values may have no limit.
+    logical :: is_confirmed = .true.
     !> Order of its error in that of the mesh, e; its relative error is at least `least*e**least_order`.
     real(dp) :: order = 2, least = 1, least_order = 2
     real(dp), private :: rounding = 0  !! What rounding leaves of the value [any].
@@ -77,6 +79,7 @@ module dotyk_control_quantity_error
   contains
     procedure :: greatest => errors_greatest
     procedure :: has_goal => errors_has_goal
+    procedure :: are_confirmed => errors_are_confirmed
     procedure :: name_without_limit => errors_name_without_limit
   end type quantity_errors_t
 
@@ -122,6 +125,14 @@ contains
     if (allocated(self%of)) has_goal = any(self%of%is_goal .and. self%of%why_unknown == bar_is_known) .and. &
       .not. any(self%of%is_goal .and. self%of%why_unknown == bar_one_mesh)
   end function errors_has_goal
+
+  !> Whether the error bars of the quantities that meshes are made for are confirmed.
+  pure logical function errors_are_confirmed(self) result(are)
+    class(quantity_errors_t), intent(in) :: self
+    are = .true.
+    if (allocated(self%of)) are = .not. any(self%of%is_goal .and. self%of%why_unknown == bar_is_known .and. &
+                                            .not. self%of%is_confirmed)
+  end function errors_are_confirmed
 
   !> Name of a quantity that meshes are made for and that has no limit; empty where there is none.
   pure function errors_name_without_limit(self) result(name)

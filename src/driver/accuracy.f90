@@ -100,7 +100,7 @@ contains
       limit = merge(sqrt(asked%error), asked%error, by_quantity)
       told = percent(merge(sizes%error**2, sizes%error, sizes%has_goal))
       reached = sizes%error <= limit .and. (sizes%has_goal .eqv. by_quantity) .and. sizes%is_known .and. &
-        sizes%contact < resolved .and. code == exit_converged
+        sizes%is_confirmed .and. sizes%contact < resolved .and. code == exit_converged
       why = ''
       if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
       if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
@@ -124,6 +124,7 @@ contains
       if (done) return
       ! Contact that the mesh does not resolve is no reason to coarsen what is good enough.
       aim = min(limit, sizes%error)
+      if (.not. sizes%is_confirmed) aim = min(aim, sizes%error/sqrt(2.0_dp))
       if (self%n_meshes > 1) then
         self%factor = now/self%expected*self%factor
         miss = self%predicted/sizes%error
