@@ -15,8 +15,8 @@
 module dotyk_scheme_contact_multigrid
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
+  use dotyk_base_thresholds, only: largest_square
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
-  use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_smoother, only: contact_smoother_t
   use dotyk_scheme_gap_closing, only: close_gaps
@@ -27,6 +27,7 @@ module dotyk_scheme_contact_multigrid
 
   !> The system. It owns factors: never copy it, destroy it in the end.
   type, extends(contact_smoother_t), public :: contact_multigrid_t
+    real(dp), private :: least = 1  !! Least Ritz value of the preconditioned matrix in all solves so far [].
   contains
     procedure :: set_active => system_set_active
     procedure :: solve => system_solve
@@ -99,9 +100,13 @@ contains
     type(cg_outcome_t) :: cg
     type(seen_t) :: seen
     real(dp), allocatable :: alpha(:)
-    real(dp) :: moved(self%n_rows)
+    real(dp) :: moved(self%n_rows), least, greatest
     seen%system => self
     call conjugate_gradient(seen, r, e, 0.0_dp, most_steps, cg, aim)
+    if (cg%steps > 0) then
+      call cg%ritz_values(least, greatest)
+      if (least > 0) self%least = min(self%least, least)
+    end if
     if (self%first_mode(size(self%first_mode)) > 0) then
       call self%row_displacement(e, moved)
       alpha = self%resultants(r) - self%row_resultants(self%stiffness*moved) - self%spring_force(self%resultants(e))
@@ -116,18 +121,50 @@ contains
     end associate
   end subroutine system_solve
 
-  !> sqrt(r^T K^+ r), at most.
+  !> Energy norm of the displacements that the ties admit by some forces, at most.
+  !>
+  !> Without ties, sqrt(r^T K^+ r). Ties admit v with E v = 0, for which `v^T K v = v^T (K + E^T W E) v`: the norm is
+  !> sqrt(r^T (K + E^T W E)^+ r) at most. Forces of ties in r, and their rounding, which soft bodies make large where
+  !> each is taken by itself, do not count.
   real(dp) function system_force_norm(self, r) result(norm)
     class(contact_multigrid_t), intent(inout) :: self
     real(dp), intent(inout), contiguous :: r(:)  !! Forces; without resultants on return (n) [force].
-    integer :: b
+    type(error_t), allocatable :: error
+    type(mode_block_t), allocatable :: spring(:)
+    real(dp), allocatable :: of_ties(:), z(:), resultant(:)
+    real(dp) :: square, least
+    integer :: b, g, i
     norm = 0
-    do b = 1, size(self%body)
-      associate (own => r(self%first(b) + 1:self%first(b + 1)), grid => self%grid(self%body(b)%representative)%p)
-        call remove_components(grid%n, grid%mode, own)
-        norm = hypot(norm, grid%force_norm(own))
-      end associate
+    allocate (of_ties(self%n), source=0.0_dp)
+    least = self%least
+    resultant = self%resultants(r)
+    do g = 1, size(self%group)
+      if (self%group(g)%is_tied) call self%group(g)%keep_motions(resultant)
     end do
+    call self%add_modes(-resultant, r)
+    do g = 1, size(self%group)
+      do i = 1, size(self%group(g)%body)
+        b = self%group(g)%body(i)
+        associate (own => r(self%first(b) + 1:self%first(b + 1)), grid => self%grid(self%body(b)%representative)%p)
+          if (self%group(g)%is_tied) then
+            of_ties(self%first(b) + 1:self%first(b + 1)) = own
+            least = min(least, grid%least_eigenvalue())
+          else
+            norm = hypot(norm, grid%force_norm(own))
+          end if
+        end associate
+      end do
+    end do
+    if (.not. any(abs(of_ties) > 0)) return
+    spring = self%spring
+    call self%set_active(merge(self%stiffness, 0.0_dp, self%is_tied), spring, error)
+    allocate (z(self%n))
+    if (.not. allocated(error)) call self%precondition(of_ties, z)
+    square = largest_square
+    if (.not. allocated(error)) square = self%product(of_ties, z)/least
+    ! Rounding, or a number that is not finite.
+    if (.not. square <= largest_square) square = largest_square
+    norm = hypot(norm, sqrt(max(0.0_dp, square)))
   end function system_force_norm
 
   !> Close the gaps of some rows.

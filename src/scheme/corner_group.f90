@@ -50,6 +50,7 @@ module dotyk_scheme_corner_group
     procedure :: entries => group_entries
     procedure :: to_modes => group_to_modes
     procedure :: from_modes => group_from_modes
+    procedure :: keep_motions => group_keep_motions
     procedure :: gather_springs => group_gather_springs
     procedure :: destroy => group_destroy
   end type corner_group_t
@@ -370,6 +371,17 @@ contains
       alpha(self%mode) = of_group
     end if
   end subroutine group_from_modes
+
+  !> Keep, of resultants on the modes of the bodies, those on the motions that the ties leave.
+  pure subroutine group_keep_motions(self, e)
+    class(corner_group_t), intent(in) :: self
+    real(dp), intent(inout) :: e(:)  !! On all modes of all bodies; those of the group are changed [force].
+    real(dp) :: q(size(self%mode), size(self%mode))
+    integer :: rank
+    if (.not. allocated(self%combination)) return
+    call orthonormal_range(self%combination, half_digits, q, rank)
+    e(self%mode) = matmul(q(:, :rank), matmul(e(self%mode), q(:, :rank)))
+  end subroutine group_keep_motions
 
   !> Springs on the motions from those on the modes of the bodies.
   pure subroutine group_gather_springs(self, spring, of_group)

@@ -32,7 +32,7 @@ contains
     logical, allocatable, intent(out) :: working(:)  !! Working set (n_rows).
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
-    if (qp%n_rows == 0 .or. is_heap(qp)) return
+    if (all(qp%is_tied) .or. is_heap(qp)) return
     call rest_on_winkler_foundation(qp, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt. Faces that just touch are near, too.
     if (qp%coarse%n > 0) working = now%penetration > -maxval(now%penetration, mask=.not. qp%is_tied)

@@ -82,6 +82,26 @@ class Ties(Case):
                 self.assertLess(abs(summary["strain_energy"] / exact["strain_energy"] - 1), 2 * summary["error_bound"] + 1e-12)
                 self.assertLess(summary["error_bound"], 1e-7)
 
+    def test_soft_plates(self):
+        """Two plates that are tied face to face are stiffer than each of them: p-multigrid does not ask for forces of the
+        tie that are as accurate as the bending of one plate alone would need. Its bound holds for the stresses."""
+        self.write("low.geo", blocks.block_geo("hex20", (60, 2, 1), (0, 0, 0), (60, 2, 1)))
+        self.write("up.geo", blocks.block_geo("hex20", (60, 2, 1), (0, 0, 1), (60, 2, 1)))
+        lines = ["&scene mesh='low.geo' /", MATERIAL, "&body name='low', volume='block', material='steel' /",
+                 "&body name='up', volume='block', material='steel', mesh='up.geo' /",
+                 "&support body='low', surface='bottom', fix='xyz' /",
+                 "&load body='up', surface='top', traction_formula='x/60', '0', '-y*x/60' /",
+                 "&tie name='joint', surface_a='up:bottom', surface_b='low:top' /"]
+        exact = self.solve("dual", [*lines, "&solver response='full', tolerance=1e-10 /"])[2]
+        log, summary, file = self.solve("plates", [*lines, "&solver response='multigrid', tolerance=1e-8 /"])
+        self.assertIn("with p-multigrid", log)
+        self.assertLess(summary["error_bound"], 1e-8)
+        stress = exact["VTKHDF/CellData/stress"][:]
+        # Equal elements: squares of stresses are energies times 2 G for shear and 3 K for pressure.
+        ratio = np.sqrt((1 + POISSON) / (1 - 2 * POISSON))
+        self.assertLess(np.linalg.norm(file["VTKHDF/CellData/stress"][:] - stress) / np.linalg.norm(stress),
+                        ratio * summary["error_bound"])
+
     def test_large_plates(self):
         """Plates so large that p-multigrid is looked at, tied along an edge, get factors, which cost less, and keep their
         tie: its rows were lost, and the loads of the upper plate found no support."""
