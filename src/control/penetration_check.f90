@@ -104,6 +104,7 @@ contains
     real(dp), intent(in) :: error_bound  !! Relative error of the iteration [].
     type(penetration_check_t), intent(out) :: check  !! Outcome.
     logical, intent(in), optional :: beside_pairs  !! Only different bodies that no contact pair has; not if absent.
+    type(pairs_of_bodies_t) :: pairs
     integer, allocatable :: couple(:, :)
     real(dp) :: box(6, size(problem%body))
     integer :: b, k
@@ -120,8 +121,9 @@ contains
       call problem%ranks%share_greatest(box(k, :))
     end do
     call overlapping_boxes(-box(:3, :), box(4:, :), couple)
+    call pairs%init(problem%pair, size(problem%body))
     couple = couple(:, pack([(k, k=1, size(couple, 2))], [(counts(couple(1, k), couple(2, k)), k=1, size(couple, 2))]))
-    call check_couples(problem, solution, first_row, penetration, uncertainty, error_bound, couple, check)
+    call check_couples(problem, pairs, solution, first_row, penetration, uncertainty, error_bound, couple, check)
 
   contains
 
@@ -132,14 +134,14 @@ contains
       ! Where meshes of a tied surface do not fit, they overlap for good.
       counts = .not. problem%are_tied(a, c)
       if (present(beside_pairs)) &
-        counts = counts .and. a /= c .and. .not. any(min(problem%pair%body_a, problem%pair%body_b) == a .and. &
-                                                     max(problem%pair%body_a, problem%pair%body_b) == c)
+        counts = counts .and. a /= c .and. size(pairs%between(problem%pair, a, c)) == 0
     end function counts
   end subroutine check_penetration
 
   !> Check some couples of bodies.
-  subroutine check_couples(problem, solution, first_row, penetration, uncertainty, error_bound, couple, check)
+  subroutine check_couples(problem, pairs, solution, first_row, penetration, uncertainty, error_bound, couple, check)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
+    type(pairs_of_bodies_t), intent(in) :: pairs  !! The pairs of each body.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
@@ -151,7 +153,6 @@ contains
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
     type(met_points_t), allocatable :: met(:)
-    type(pairs_of_bodies_t) :: pairs
     integer, allocatable :: owner(:), order(:)
     integer :: last_use(size(problem%body)), b, k, n, first, last
     n = size(problem%body)
@@ -161,7 +162,6 @@ contains
     end do
     check%is_done = .true.
     owner = owners_of(problem, couple)
-    call pairs%init(problem%pair, n)
     allocate (parts(n), found(size(couple, 2)), met(size(couple, 2)))
     do k = 1, size(found)
       last_use(couple(1, k)) = k

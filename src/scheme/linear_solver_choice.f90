@@ -20,8 +20,8 @@ module dotyk_scheme_linear_solver_choice
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set, 470
   !> to 575 for ties between blocks.
   real(dp), parameter :: typical_solves = 600
-  !> Factorizations for all active sets together; and of ties alone.
-  real(dp), parameter :: typical_systems = 6, systems_of_ties = 1
+  !> Factorizations for all active sets together; ties alone take one.
+  real(dp), parameter :: typical_systems = 6
   !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
   !> a single right-hand side; and with ties, thousands of rows at once.
   real(dp), parameter :: gain_of_blocks = 8, gain_of_ties = 25
@@ -126,7 +126,7 @@ contains
     n = n_rows
     ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries. The
     ! factor of a system has about twice the entries of its matrix.
-    cost(1) = cost(1) + (2*path*n + sqrt(2*path)*n**2 + merge(systems_of_ties, typical_systems, has_no_contact)*n**3)/ &
+    cost(1) = cost(1) + (2*path*n + sqrt(2*path)*n**2 + merge(1.0_dp, typical_systems, has_no_contact)*n**3)/ &
                         merge(gain_of_ties, gain_of_blocks, has_ties)
     cost(2) = cost(2) + 4*solve*typical_solves
     bytes = bytes + 8*numbers_of_entry*n**2 + 8*n*sqrt(2*path)

@@ -8,7 +8,7 @@
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: largest_square, least_gain, rounding
+  use dotyk_base_thresholds, only: largest_square, least_gain, one_digit, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm
@@ -43,8 +43,6 @@ module dotyk_scheme_primal_solution
   real(dp), parameter :: least_accuracy = 1.0e-4_dp
   !> Fractions of the diagonal that are added where gaps are closed [].
   real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
-  !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
-  real(dp), parameter :: small_change = 0.1_dp
 
 contains
 
@@ -298,7 +296,8 @@ contains
         missing = 0
       end where
       change = matmul(g, matmul(vectors, missing))
-      if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
+      ! Pressures without a digit left are not near equilibrium.
+      if (.not. maxval([0.0_dp, abs(change)]) < one_digit) return
       pressure(row) = merge(pressure(row) + share*change, max(0.0_dp, pressure(row)*(1 + change)), qp%is_tied(row))
     end do
   end subroutine balance
