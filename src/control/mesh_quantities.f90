@@ -3,8 +3,8 @@
 !> tells how far they are from their limit.
 !>
 !> With `r = (e_k/e_(k-1))^q`, e the error of the mesh and q the order of that of the quantity in e, the limit is
-!> `|J_k - J_(k-1)| r/(1 - r)` away (Richardson). Two values may be near each other by chance: the error bar is at least r
-!> times that of the mesh before, and the relative error that the mesh makes elsewhere, too: e^2 in energies, and
+!> `|J_k - J_(k-1)| r/(1 - r)` away (Richardson). Two values may be near each other by chance: the error bar is at least
+!> r times that of the mesh before, and the relative error that the mesh makes elsewhere, too: e^2 in energies, and
 !> 1.5 e^(4/3) in areas of Hertzian contacts. Those of greatest values count when a further mesh has confirmed them: the
 !> pressure at a sharp edge, for example, has no limit.
 module dotyk_control_mesh_quantities
@@ -70,9 +70,10 @@ contains
     type(nodal_field_t), allocatable :: nodal(:)
     type(nodal_stress_t), allocatable :: stress(:)
     integer :: i, k
-    if (any([(quantity_of_pair(quantity(i)%kind) .and. quantity(i)%kind > last_linear_quantity, i=1, size(quantity))])) &
-      call project_pressures(problem, qp%pair_first_row, state%pressure, qp%of_vertices(state%penetration), pair, nodal, &
-                             error)
+    if (any([(quantity_of_pair(quantity(i)%kind) .and. quantity(i)%kind > last_linear_quantity, &
+              i=1, size(quantity))])) &
+      call project_pressures(problem, qp%pair_first_row, state%pressure, qp%of_vertices(state%penetration), pair, &
+                             nodal, error)
     if (allocated(error)) return
     if (any(quantity%kind == quantity_mises)) &
       call recover_nodal_stresses(problem, displacements, kept, stress, error)

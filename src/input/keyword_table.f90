@@ -343,7 +343,7 @@ contains
       "&bolt name='M12', surface_a='shank:cut', surface_b='head:cut', force=35e3 /")
     call list%add('name', kind_text, required=.true., meaning='name of the bolt')
     call list%add('body', kind_text, "body that the program cuts in two, 'NAME (1)' and 'NAME (2)', with wildcards "// &
-      "several; supports, loads, pairs and other groups that name NAME hold for both")
+      'several; supports, loads, pairs and other groups that name NAME hold for both')
     call list%add('point', kind_real, least=2, most=3, unit='length', meaning='a point of the plane of the cut, '// &
       'with the bodies in place: elements whose centres lie ahead of the plane make up the second half')
     call list%add('normal', kind_real, least=2, most=3, meaning='normal of this plane, the axis of the bolt')
@@ -396,11 +396,12 @@ contains
       'relative, in the energy norm or of each quantity: meshes are made until the estimate is below it and the '// &
       'contact is resolved; else the exit code is 1')
     call list%add('quantity', kind_text, most=20, &
-      meaning="quantities whose relative error is to be below error, in place of that of the energy norm: "// &
-      "'force:PAIR' or 'force:BODY - BODY', the contact force of a pair, likewise mean_pressure, peak (its greatest "// &
-      "pressure) and area; 'displacement:BODY:SURFACE x', the mean displacement of a face along an axis; "// &
+      meaning='quantities whose relative error is to be below error, in place of that of the energy norm: '// &
+      "'force:PAIR' or 'force:BODY - BODY', the contact force of a pair, likewise mean_pressure, peak (its "// &
+      "greatest pressure) and area; 'displacement:BODY:SURFACE x', the mean displacement of a face along an axis; "// &
       "'reaction:BODY:SURFACE x', that of a support; 'displacement:BODY' or 'displacement:BODY:SURFACE', the "// &
-      "greatest displacement; 'mises:BODY' or 'mises:BODY:SURFACE', the greatest von Mises stress; names with wildcards")
+      "greatest displacement; 'mises:BODY' or 'mises:BODY:SURFACE', the greatest von Mises stress; names with "// &
+      'wildcards')
     call list%add('aim', kind_name, names=aim_names, default=option_name(aim_names, aim_energy), &
       meaning='energy: all errors count alike; contact: errors at a distance d from a contact patch of the radius '// &
       'a count by 1/(1 + d/a)^2, as with the quantities mean_pressure, peak and area; not with quantity')
@@ -489,8 +490,8 @@ contains
       '0; discretization, the estimated error of the mesh')
     call list%add('quantity', kind_text, most=20, &
       meaning='quantities that the log and the results file have with error bars of the mesh, as those of &accuracy')
-    call list%add('interval', kind_real, "time between intermediate results of an iterative scheme, written with "// &
+    call list%add('interval', kind_real, 'time between intermediate results of an iterative scheme, written with '// &
       "status 'running'; the iterates stay the same; scheme 'dual' writes between the solutions for the error "// &
-      "budget only; 0: results at the end only", default='0', unit='seconds', not_negative=.true.)
+      'budget only; 0: results at the end only', default='0', unit='seconds', not_negative=.true.)
   end subroutine add_settings
 end module dotyk_input_keyword_table

@@ -55,8 +55,8 @@ contains
     else if (quantity%kind > 0) then
       blank = index(place, ' ', back=.true.)
       colon = index(place, ':')
-      if (any(quantity%kind == [quantity_displacement, quantity_reaction]) .and. blank > colon + 1 .and. colon > 0 .and. &
-          blank + 1 == len(place)) then
+      if (any(quantity%kind == [quantity_displacement, quantity_reaction]) .and. blank > colon + 1 .and. &
+          colon > 0 .and. blank + 1 == len(place)) then
         quantity%axis = index('xyz', place(blank + 1:))
         if (quantity%axis > 0) place = trim(place(:blank))
       end if
@@ -71,10 +71,11 @@ contains
         (quantity%axis <= input%scene%dimension .or. input%scene%dimension == 0)
     end if
     if (.not. is_known) then
-      call input%report(group, 'quantity', 'quantity: '//shown(text)//' is none of ''KIND:NAME OF A CONTACT PAIR'' '// &
-                        'or ''KIND:BODY - BODY'' of the kinds force, mean_pressure, peak, area; '// &
+      call input%report(group, 'quantity', 'quantity: '//shown(text)//' is none of ''KIND:NAME OF A CONTACT '// &
+                        'PAIR'' or ''KIND:BODY - BODY'' of the kinds force, mean_pressure, peak, area; '// &
                         '''displacement:BODY:SURFACE x'', ''reaction:BODY:SURFACE x'', x an axis of the scene; '// &
-                        '''displacement:BODY'', ''displacement:BODY:SURFACE'', ''mises:BODY'', ''mises:BODY:SURFACE''')
+                        '''displacement:BODY'', ''displacement:BODY:SURFACE'', ''mises:BODY'', '// &
+                        '''mises:BODY:SURFACE''')
       return
     end if
     if (quantity_of_pair(quantity%kind)) return
