@@ -108,9 +108,9 @@ contains
       if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
         why = 'the geometry, which fixes its mesh (Transfinite, Layers)'
+      if (.not. (sizes%error > 0 .and. sizes%is_known) .and. .not. reached) why = 'the lack of an error estimate'
       if (allocated(sizes%without_limit)) &
         why = quoted(sizes%without_limit)//', which grows from mesh to mesh and has no limit'
-      if (.not. (sizes%error > 0 .and. sizes%is_known) .and. .not. reached) why = 'the lack of an error estimate'
       verdict = ''
       if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'
       if (.not. reached .and. len(why) > 0) &
