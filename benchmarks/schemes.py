@@ -37,7 +37,7 @@ def run(dotyk, folder, example, scheme, theta, threads, limit):
     solver = "&solver scheme='%s', theta_relative=%s, tolerance=1e-6, max_iterations=%d /" % (scheme, theta, steps)
     changed = os.path.join(folder, example, 'run.nml')
     with open(changed, 'w') as file:
-        file.write(re.sub(r'(?m)^&solver .*$', solver, text))
+        file.write(re.sub(r'(?m)^&solver .*$', '', text) + '\n' + solver + '\n')
     output = os.path.join(folder, 'run.vtkhdf')
     done = subprocess.run([dotyk, changed, '--quiet', '--output', output, '--threads', str(threads)], text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

@@ -1,16 +1,13 @@
 !> The outer loop: solve the contact, recover the displacements, estimate the errors; again where the error budget asks
 !> for it.
 !>
-!> Where the user gave neither theta nor a tolerance, both follow from the estimated errors: theta becomes smaller until
-!> the error of the penalty is small beside that of the mesh, and the iteration ends where its bound is small beside
-!> both.
+!> Where the user gave no tolerance, it follows from the estimated errors: the iteration ends where its bound is small
+!> beside those of the mesh and of a penalty.
 module dotyk_control_contact_solution
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: discretization_quadrature
-  use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
   use dotyk_contact_facet_bending, only: bending_t
@@ -38,13 +35,11 @@ module dotyk_control_contact_solution
     logical :: by_budget = .false.  !! Whether the iteration ends by the error budget.
     !> Error of the iteration that is allowed, as a fraction of the other errors [].
     real(dp) :: budget_fraction = 0.1_dp
-    logical, allocatable :: theta_given(:)  !! Whether the user gave theta (n_pairs).
     logical :: displacement = .true.  !! Whether displacements were asked for.
     logical :: stress = .true.  !! Whether stresses were asked for.
     logical :: mesh_error = .true.  !! Whether the error of the mesh was asked for.
     logical :: penalty_error = .true.  !! Whether the error of the penalty was asked for.
   contains
-    procedure :: depends_on_errors => goal_depends_on_errors
     procedure :: needs_mesh_error => goal_needs_mesh_error
     procedure :: needs_penalty_error => goal_needs_penalty_error
     procedure :: needs_displacements => goal_needs_displacements
@@ -59,11 +54,10 @@ module dotyk_control_contact_solution
 
   type, public :: contact_solution_t  !! The solution.
     !> The quadratic programme that was solved: the given one, its initial penetration corrected where bodies are
-    !> ill-conditioned, its theta smaller where the budget asks for it.
+    !> ill-conditioned.
     type(contact_qp_t) :: qp
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    real(dp), allocatable :: theta_factor(:)  !! Factor of its theta over those that it began with (n_pairs) [].
     real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
     integer :: round = 0  !! How often the QP has been solved, the present time included.
     real(dp) :: began = 0  !! When its solution began, or continued after the time limit: wall time [s].
@@ -79,25 +73,15 @@ module dotyk_control_contact_solution
     procedure :: energies => solution_energies
   end type contact_solution_t
 
-  !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask
-  !> for, and that again.
-  integer, parameter :: most_rounds = 5
+  !> Solutions of one scene at most: a rough one, one with the tolerance that its errors ask for, and that again.
+  integer, parameter :: most_rounds = 3
   !> Tolerance of the first solution where the budget decides: good enough to estimate the other errors from.
   real(dp), parameter :: rough = 0.02_dp
   !> Which facets the contact spans is found once, and checked once.
   integer, parameter :: most_bendings = 2
-  !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is
-  !> half of that.
-  real(dp), parameter :: most_penalty = 0.3_dp
-  real(dp), parameter :: least_factor = 1.0e-3_dp  !! At most by this factor.
-  !> Penalty term relative to the strain energy from which on a theta that was not given becomes smaller [].
-  real(dp), parameter :: most_yielding = 0.01_dp
   !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly
   !> different errors.
   real(dp), parameter :: safety = 0.7_dp
-  !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that
-  !> are exact, a theta that follows their error would need endless steps.
-  real(dp), parameter :: no_mesh_error = 1.0e-3_dp
 
 contains
 
@@ -117,23 +101,16 @@ contains
     end associate
   end function solution_energies
 
-  !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes
-  !> smaller.
-  pure logical function goal_depends_on_errors(self) result(depends)
-    class(solution_goal_t), intent(in) :: self
-    depends = self%by_budget .or. .not. all(self%theta_given)
-  end function goal_depends_on_errors
-
   !> Whether the error of the mesh is estimated: asked for, or needed by a rule.
   pure logical function goal_needs_mesh_error(self) result(needs)
     class(solution_goal_t), intent(in) :: self
-    needs = self%mesh_error .or. self%depends_on_errors()
+    needs = self%mesh_error .or. self%by_budget
   end function goal_needs_mesh_error
 
   !> Whether the error of the penalty is: the same.
   pure logical function goal_needs_penalty_error(self) result(needs)
     class(solution_goal_t), intent(in) :: self
-    needs = self%penalty_error .or. self%depends_on_errors()
+    needs = self%penalty_error .or. self%by_budget
   end function goal_needs_penalty_error
 
   !> Whether the displacements of all nodes are needed.
@@ -151,7 +128,6 @@ contains
     type(contact_solution_t), intent(inout) :: solution  !! Nothing, or a state to begin with.
     logical :: is_bent
     solution%qp = qp
-    allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
     allocate (solution%gap_doubt(size(problem%pair)))
     call collect_conditioning(problem%classes, problem%report, solution%conditioning)
     solution%tolerance = merge(rough, tolerance, goal%by_budget)
@@ -193,8 +169,8 @@ contains
     end do
   end subroutine solve_contact
 
-  !> Displacements and errors of a contact that is solved, where they are not known; and the contact again, with a
-  !> smaller theta or to another tolerance, until the errors are those that were asked for.
+  !> Displacements and errors of a contact that is solved, where they are not known; and the contact again, to another
+  !> tolerance, until the errors are those that were asked for.
   subroutine complete_contact(problem, compliance, run, goal, kept, monitor, solution, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(body_compliance_t), intent(inout) :: compliance  !! As in `solve_contact`.
@@ -219,10 +195,10 @@ contains
                            goal%needs_mesh_error(), goal%needs_penalty_error(), solution%displacements, kept, &
                            solution%state, solution%budget, error)
       if (allocated(error)) return
-      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
+      if (goal%by_budget .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, problem, .not. run%scheme%is_iteration(), monitor, solution)) exit
+      if (.not. asks_for_more(goal, solution)) exit
       solution%round = solution%round + 1
       if (on_any_rank(wall_time() - solution%began >= run%settings%time_limit)) then
         solution%state%ended = ended_time
@@ -255,68 +231,19 @@ contains
     if (allocated(solution%state%penetration)) solution%state%penetration = solution%state%penetration - change
   end function has_bent
 
-  !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
-  !> outcome of the error budget where not.
-  logical function asks_for_more(goal, problem, is_exact, monitor, solution) result(more)
+  !> Whether the QP is to be solved again from where it is, to another tolerance; and the outcome of the error budget
+  !> where not.
+  logical function asks_for_more(goal, solution) result(more)
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
-    type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
-    logical, intent(in) :: is_exact  !! Whether the scheme takes any theta at the same cost.
-    class(monitor_t), intent(inout) :: monitor  !! Gets a note where theta becomes smaller.
-    !> Its tolerance may change, and its theta; it knows no L then. The solution of the last round stays as it is.
-    type(contact_solution_t), intent(inout) :: solution
-    real(dp), allocatable :: theta(:)
-    real(dp) :: factor, target, mesh_error, yielding
+    type(contact_solution_t), intent(inout) :: solution  !! Its tolerance may change.
+    real(dp) :: target
     logical :: last
-    integer :: k
     more = .false.
     last = solution%round == most_rounds
-    associate (state => solution%state, budget => solution%budget)
+    associate (state => solution%state)
       if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%pressure) == 0) return
-      if (.not. goal%depends_on_errors()) return
-      factor = 1
-      ! An error that is not known changes nothing.
-      if (.not. (last .or. ieee_is_nan(budget%penalty) .or. ieee_is_nan(budget%discretization))) then
-        mesh_error = max(budget%discretization, merge(half_digits, no_mesh_error, is_exact))
-        if (budget%penalty > most_penalty*mesh_error) &
-          factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
-        ! Rigid motions under given forces have no energy: only the work of the penalty shows that they are too large.
-        yielding = 0
-        if (is_exact) yielding = yielding_of(goal, solution)
-        if (yielding > most_yielding) factor = min(factor, max(least_factor, 0.5_dp*most_yielding/yielding))
-        ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
-        if (any(goal%theta_given .and. .not. problem%pair%is_layer) .and. any(solution%theta_factor < 1)) factor = 1
-      end if
-      if (factor < 1) then
-        theta = solution%qp%theta
-        do k = 1, size(problem%pair)
-          if (goal%theta_given(k)) cycle
-          ! Single pressures at quadrature points would become noise.
-          if (problem%pair(k)%discretization == discretization_quadrature .and. &
-              solution%theta_factor(k)*factor < least_factor) cycle
-          more = .true.
-          solution%theta_factor(k) = factor*solution%theta_factor(k)
-          associate (first => solution%qp%pair_first_row(k), behind => solution%qp%pair_first_row(k + 1) - 1)
-            theta(first:behind) = factor*theta(first:behind)
-          end associate
-        end do
-        if (more) then
-          call solution%qp%replace_theta(theta)
-          state%lambda_max = 0
-          if (allocated(state%constants)) deallocate (state%constants)
-          if (yielding > most_yielding) then
-            call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty term is '// &
-                              to_text(100*yielding, 2)// &
-                              ' % of the strain energy: bodies would yield by as much too far')
-          else
-            call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty error, '// &
-                              to_text(100*budget%penalty, 2)// &
-                              ' %, would exceed its share of the discretization error')
-          end if
-          return
-        end if
-      end if
       if (.not. goal%by_budget) return
-      target = max(goal%budget_fraction*budget%others(), half_digits)
+      target = max(goal%budget_fraction*solution%budget%others(), half_digits)
       if (state%error_bound <= target) then
         state%ended = ended_converged
         solution%tolerance = target
@@ -327,24 +254,4 @@ contains
       end if
     end associate
   end function asks_for_more
-
-  !> The penalty term of the pairs whose theta is the program's choice, relative to the strain energy: under forces
-  !> alone the work of the loads, and so the displacement of what they act on, is too large by as much [].
-  pure real(dp) function yielding_of(goal, solution) result(yielding)
-    type(solution_goal_t), intent(in) :: goal  !! Which theta were given.
-    type(contact_solution_t), intent(in) :: solution  !! The solution.
-    type(energies_t) :: energies
-    real(dp) :: penalty(solution%qp%n_rows)
-    integer :: k
-    yielding = 0
-    energies = solution%energies()
-    if (.not. energies%strain > 0) return
-    penalty = solution%qp%penalty_of_rows(solution%state%pressure, solution%state%penetration)
-    associate (first_row => solution%qp%pair_first_row)
-      do k = 1, size(goal%theta_given)
-        if (.not. goal%theta_given(k)) &
-          yielding = yielding + sum(penalty(first_row(k):first_row(k + 1) - 1))/energies%strain
-      end do
-    end associate
-  end function yielding_of
 end module dotyk_control_contact_solution

@@ -10,34 +10,23 @@
 !>
 !> Two kinds of pairs have another reference than theta = 0. The theta of a real elastic layer is no penalty: it stays.
 !> Quadrature points outnumber the unknowns of their surface, so that theta = 0 is over-constrained: its solution locks,
-!> its multipliers are indeterminate, and finding them costs far more than the solution. There the distance is
-!> extrapolated: an estimate, not a bound. Theorem 1 names no order. The first order in theta holds for smooth pressures
-!> on a contact zone that stays; the order is about 0.8 at a sharp punch, and only 1/2 is guaranteed (docs/theory.md,
-!> section 1). So it is measured, by two references: theta_1 has a quarter of theta, or of h/E where that is less, and
-!> theta_2 has a quarter of theta_1. With further quarters, the distances are a geometric series,
-!>
-!>     ||u_theta - u_0||_A ~ d_1 + d_2/(1 - rho),  d_1 = ||u_theta - u_theta_1||_A,  d_2 = ||u_theta_1 - u_theta_2||_A,
-!>
-!> where d_2/d_1 has the order from theta to theta_2, within 1/2 and 1, and rho the mean of that and 1: on a mesh, the
-!> order rises to 1 as theta falls, and the norm of a sum is less than the sum of the norms. Where theta_1 is far below
-!> theta, d_1 is nearly all of it, and the mean of 1/2 and 1 is assumed.
+!> and its multipliers are indeterminate. There the reference has a quarter of theta, or of h/E where that is less, and
+!> the distance to it is extrapolated: an estimate, not a bound. Theorem 1 names no order. The first order in theta holds
+!> for smooth pressures on a contact zone that stays; the order is about 0.8 at a sharp punch, and only 1/2 is guaranteed
+!> (docs/theory.md, section 1). With 3/4, the mean of both, the estimate of a quarter of theta is 16 % too large with
+!> order 1 and 23 % too small with order 1/2.
 module dotyk_control_penalty_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: discretization_quadrature, linear_solver_direct, linear_solver_iterative
+  use dotyk_base_options, only: discretization_quadrature
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
-  use dotyk_scheme_active_set, only: foundation_stiffness
-  use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
-  use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_proximal_motion, only: proximal_motion_t
-  use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_solves, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
   private
@@ -56,10 +45,9 @@ module dotyk_control_penalty_error
 
   !> theta of the reference where theta = 0 is over-constrained, over that of the solution, and over h/E, at most [].
   real(dp), parameter :: reduced = 0.25_dp
-  real(dp), parameter :: accuracy = 1.0e-3_dp  !! Residual of the gaps of a reference over that at its start [].
   !> Bounds from which a solution is too far from its end for more accurate ones to follow it [].
   real(dp), parameter, public :: near_enough = 0.5_dp
-  integer, parameter :: most_systems = 4  !! Linear systems of a reference at most.
+  real(dp), parameter :: order = 0.75_dp  !! Assumed order of the distance in theta [].
 
 contains
 
@@ -133,7 +121,7 @@ contains
     if (penalized%error_bound < near_enough) settings%tolerance = max(settings%tolerance, penalized%error_bound)
     if (.not. is_usable(penalized)) then
       distance = ieee_value(distance, ieee_quiet_nan)
-    else if (reference%is_exact()) then
+    else
       exact = penalized
       without = qp
       call without%replace_theta(reference%theta)
@@ -141,78 +129,10 @@ contains
       if (allocated(error)) return
       distance = distance_of(qp, compliance, penalized, exact)
       ! A scheme without a solution leaves no state to measure.
-      if (.not. ieee_is_nan(distance)) distance = distance + uncertainty(qp, penalized) + uncertainty(qp, exact)
-    else
-      call extrapolate(qp, compliance, reference, solver, settings, penalized, distance, error)
+      if (.not. ieee_is_nan(distance)) distance = (distance + uncertainty(qp, penalized) + uncertainty(qp, exact))/ &
+                                                  (1 - reference%reduction**order)
     end if
   end subroutine estimate_penalty_error
-
-  !> The distance to theta = 0 from those of two references.
-  subroutine extrapolate(qp, compliance, reference, solver, settings, penalized, distance, error)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    type(penalty_reference_t), intent(in) :: reference  !! The first reference.
-    class(scheme_t), intent(in) :: solver  !! Scheme that found the solution.
-    type(solver_settings_t), intent(in) :: settings  !! For it.
-    type(solver_state_t), intent(in) :: penalized  !! The solution.
-    real(dp), intent(out) :: distance  !! The estimate; NaN where a reference has no solution [sqrt(energy)].
-    type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
-    type(contact_qp_t) :: smaller
-    type(solver_state_t) :: first, second
-    real(dp) :: d_1, d_2, rounding
-    rounding = uncertainty(qp, penalized)
-    first = penalized
-    smaller = qp
-    call smaller%replace_theta(reference%theta)
-    call follow_theta(smaller, compliance, accuracy, solver, settings, first, error)
-    if (allocated(error)) return
-    rounding = max(rounding, uncertainty(qp, first))
-    d_1 = distance_of(qp, compliance, penalized, first)
-    if (reference%reduction <= reduced**2) then
-      ! d_1 is nearly all of the distance: the order, between 1/2 and 1, is not measured. The solution with such a large
-      ! theta takes few steps.
-      distance = (d_1 + rounding)/(1 - sqrt(reference%reduction*sqrt(reference%reduction)))
-      return
-    end if
-    second = first
-    ! Its share of the distance falls with theta_1.
-    if (is_usable(first)) then
-      call smaller%replace_theta(merge(reduced, 1.0_dp, reference%theta < qp%theta)*reference%theta)
-      call follow_theta(smaller, compliance, accuracy*reduced/reference%reduction, solver, settings, second, error)
-    end if
-    if (allocated(error)) return
-    d_2 = distance_of(qp, compliance, first, second)
-    distance = d_1 + rounding + d_2/(1 - ratio_of(d_1, d_2, rounding, reference%reduction))
-  end subroutine extrapolate
-
-  !> Distance of the next two references over d_2: that of distances like `theta^p`, p from 1/2 to 1, is found from d_2
-  !> and d_1, and p goes half the way to 1 then.
-  pure real(dp) function ratio_of(d_1, d_2, rounding, reduction) result(ratio)
-    !> Distance of the solution to the first reference, and of both references [sqrt(energy)].
-    real(dp), intent(in) :: d_1, d_2
-    real(dp), intent(in) :: rounding  !! Uncertainty of the distances [sqrt(energy)].
-    real(dp), intent(in) :: reduction  !! theta of the first reference over that of the solution [].
-    integer, parameter :: halvings = 20  !! Halvings of the interval of ratios: to 1e-6 of it.
-    real(dp) :: low, high, quarters
-    integer :: k
-    ! Of order 1 in theta, and of order 1/2, which is guaranteed.
-    low = reduced
-    high = sqrt(reduced)
-    ratio = high
-    if (.not. d_2 > rounding) return
-    ! Steps of `reduced` from the solution to the first reference.
-    quarters = log(reduction)/log(reduced)
-    do k = 1, halvings
-      ratio = (low + high)/2
-      ! The left side is d_2 for the ratio and d_1, and increases with the ratio.
-      if (d_1*ratio**quarters*(1 - ratio) < d_2*(1 - ratio**quarters)) then
-        low = ratio
-      else
-        high = ratio
-      end if
-    end do
-    ratio = sqrt(high*reduced)
-  end function ratio_of
 
   !> Distance of two states in the energy norm; NaN where one of them is no solution [sqrt(energy)].
   real(dp) function distance_of(qp, compliance, one, other) result(distance)
@@ -232,73 +152,6 @@ contains
     type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
     uncertainty = state%error_bound*qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
   end function uncertainty
-
-  !> The solution with a smaller theta, from that with a larger one: by the scheme where it finds displacements, else a
-  !> few linear systems, each without the forces that are tensile in the one before. Contact zones shrink with theta, so
-  !> that no other rows are looked at.
-  subroutine follow_theta(qp, compliance, reduction, solver, settings, state, error)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme, with the smaller penalty parameters.
-    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
-    class(scheme_t), intent(in) :: solver  !! Scheme that found the solution with the larger theta.
-    type(solver_settings_t), intent(in) :: settings  !! For it.
-    !> Solution with the larger theta; its pressures and modes are those of the smaller theta on return. Not usable
-    !> where there are none.
-    type(solver_state_t), intent(inout) :: state
-    type(error_t), allocatable, intent(out) :: error  !! As in `estimate_penalty_error`.
-    type(monitor_t) :: silent
-    if (.not. any(state%pressure > 0)) return
-    if (solver%finds_displacements(qp, compliance)) then
-      call solver%solve(qp, compliance, settings, silent, state, error)
-    else
-      call drop_tensile_forces(qp, compliance, reduction, state)
-    end if
-  end subroutine follow_theta
-
-  !> The same by a few linear systems.
-  subroutine drop_tensile_forces(qp, compliance, reduction, state)
-    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme, with the smaller penalty parameters.
-    class(compliance_t), intent(inout) :: compliance  !! Its compliance operator.
-    real(dp), intent(in) :: reduction  !! As in `active_system_t` [].
-    type(solver_state_t), intent(inout) :: state  !! As in `follow_theta`.
-    type(active_system_t) :: system
-    type(contact_qp_t) :: part, with_springs
-    type(proximal_motion_t) :: motion
-    type(error_t), allocatable :: error
-    real(dp), allocatable :: lambda(:), alpha(:), forces(:)
-    logical, allocatable :: active(:)
-    integer :: k
-    associate (working => state%pressure > 0)
-      call restrict_qp(qp, working, part)
-      ! As the dual scheme did it.
-      call choose_coupling(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
-                                                   compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
-      system%reduction = reduction
-      if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
-      lambda = part%weight*pack(state%pressure, working)
-      alpha = state%alpha/qp%coarse%scale
-      ! Along motions that contact does not determine the bodies stay where they are.
-      call motion%init(part, foundation_stiffness(part), lambda > 0, alpha)
-      with_springs = part
-      call motion%apply(part, with_springs)
-      do k = 1, most_systems
-        active = lambda > 0
-        call system%init(with_springs, compliance, active, error)
-        if (allocated(error)) exit
-        forces = lambda(system%row)
-        call system%solve(with_springs, compliance, part%initial_penetration(system%row), &
-                          with_springs%coarse%resultant, forces, alpha)
-        lambda = 0
-        lambda(system%row) = forces
-        if (all(lambda > 0 .or. .not. active) .or. .not. any(lambda > 0)) exit
-      end do
-      call system%destroy()
-      state%pressure = unpack(max(0.0_dp, lambda)/part%weight, working, 0*state%pressure)
-      state%alpha = qp%coarse%scale*alpha
-    end associate
-    ! NaN is not below infinity.
-    if (allocated(error) .or. .not. all(state%pressure <= huge(1.0_dp))) state%ended = ended_limit
-  end subroutine drop_tensile_forces
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)

@@ -66,7 +66,7 @@ contains
       call file%put_attribute(group, 'peak_covered', pair_solution(k)%peak_covered)
       call file%put_attribute(group, 'least_gap', pair_solution(k)%least_gap)
       call file%put_attribute(group, 'gap_position', pair_solution(k)%gap_position)
-      call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
+      call file%put_attribute(group, 'theta', pair(k)%theta)
       call file%put_attribute(group, 'force_uncertainty', solution%gap_doubt(k)%force_change)
       call file%put_attribute(group, 'contact_area_uncertainty', solution%gap_doubt(k)%area_change)
       call file%put_attribute(group, 'displacement_uncertainty', solution%gap_doubt(k)%moved_change)

@@ -1,6 +1,6 @@
 !> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
 module dotyk_driver_run_settings
-  use dotyk_base_options, only: field_displacement, field_nodal_stress, field_reaction, field_stress, gamma_fixed, &
+  use dotyk_base_options, only: field_displacement, field_nodal_stress, field_reaction, field_stress, &
     last_linear_quantity, linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
   use dotyk_control_contact_solution, only: solution_goal_t
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -51,9 +51,6 @@ contains
     type(solution_goal_t) :: goal
     goal%by_budget = case%solver%stop_rule == stop_budget
     goal%budget_fraction = case%solver%budget_fraction
-    allocate (goal%theta_given(size(case%contact)))
-    ! A gamma that was given belongs to the theta of the run: it may diverge with a smaller one.
-    goal%theta_given(:) = case%contact%theta_given .or. case%solver%gamma_rule == gamma_fixed
     goal%displacement = any(case%output%field([field_displacement, field_reaction, field_nodal_stress]))
     goal%stress = case%output%field(field_stress)
     goal%mesh_error = case%output%error_discretization

@@ -7,7 +7,7 @@ module dotyk_input_contacts
   use dotyk_input_case, only: contact_input_t, exclusion_t
   use dotyk_input_groups, only: group_t
   use dotyk_input_references, only: bodies_named, first_names, input_t, names_several
-  use dotyk_input_settings, only: read_theta
+  use dotyk_input_settings, only: read_theta, theta_of_points
   implicit none
   private
   public :: read_contact, read_side
@@ -80,6 +80,8 @@ contains
     ! The mortar mean of a fixed theta has a lower order (docs/theory.md, section 2).
     if (contact%is_layer .and. .not. group%is_given('discretization')) &
       contact%discretization = discretization_quadrature
+    if (contact%discretization == discretization_quadrature .and. .not. contact%theta_given) &
+      contact%theta = max(contact%theta, theta_of_points)
     contact%geometry = group%integer_of('geometry')
     contact%quadrature = group%integer_of('quadrature')
   end subroutine read_contact

@@ -434,13 +434,14 @@ contains
       '(43)-(46), for supported bodies and theta > 0; robin: the general iteration (32) with Robin conditions on '// &
       'all constraints, on some (robin_gap) or on some pairs (condition)')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
-      meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
+      meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration; if no '// &
+      'theta is given, 0; theta_mesh=0.1 with schemes other than dual, theta_mesh=0.01 with '// &
+      'discretization=''quadrature''')
     call list%add('theta_relative', kind_real, not_negative=.true., &
       meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b of each pair; size is the shortest edge of '// &
       'the body if it is a brick, else of the brick with the same moments of inertia')
     call list%add('theta_mesh', kind_real, not_negative=.true., meaning='penalty parameter as a factor of h_a/E_a '// &
-      '+ h_b/E_b, point by point; h is the size of the facet; if no theta is given, 0.01 (schemes other than dual: '// &
-      '0.1), reduced where the penalty error would exceed the discretization error')
+      '+ h_b/E_b, point by point; h is the size of the facet')
     call list%add('linear_solver', kind_name, names=linear_solver_names, &
       default=option_name(linear_solver_names, default_linear_solver), meaning='linear systems of the active set '// &
       'in the dual scheme, which also estimates the penalty error of other schemes: direct, columns of the '// &

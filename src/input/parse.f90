@@ -147,7 +147,7 @@ contains
         case%solver%stop_rule = stop_budget
     end if
     call check_solver_keys(solver, input, case%solver, case%output%error_penalty .or. &
-                           case%solver%stop_rule == stop_budget .or. .not. all(case%contact%theta_given))
+                           case%solver%stop_rule == stop_budget)
 
   contains
 

@@ -17,9 +17,10 @@ module dotyk_input_settings
   private
   public :: read_accuracy, read_mesh_sizes, read_scene, read_solver, read_output, read_theta, read_mesh_path
 
-  !> theta_mesh where no theta is given: for the dual scheme, which is insensitive to theta, and for the others, whose
-  !> number of iterations grows like 1/theta [].
-  real(dp), parameter :: default_theta_dual = 1.0e-2_dp, default_theta_other = 1.0e-1_dp
+  !> theta_mesh where no theta is given: of schemes other than the dual one, whose number of iterations grows like
+  !> 1/theta, and of constraints at quadrature points, which outnumber the unknowns of their surface [].
+  real(dp), parameter :: theta_of_iterations = 0.1_dp
+  real(dp), parameter, public :: theta_of_points = 0.01_dp
 
 contains
 
@@ -167,9 +168,8 @@ contains
     ! The options of the paper select its scheme.
     if (solver%scheme == scheme_auto .and. (group%is_given('gamma') .or. group%is_given('gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
-    if (.not. solver%theta_given) &
-      solver%theta = merge(default_theta_dual, default_theta_other, &
-                           solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
+    if (.not. solver%theta_given .and. all(solver%scheme /= [scheme_auto, scheme_dual])) &
+      solver%theta = theta_of_iterations
     if (group%is_usable('robin_gap')) solver%robin_gap = group%real_of('robin_gap')
     solver%budget_fraction = group%real_of('budget_fraction')
     solver%tolerance = group%real_of('tolerance')

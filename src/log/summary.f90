@@ -156,7 +156,8 @@ contains
     line = '  relative error   iteration '
     if (in_energy) line = '  error in energy  iteration '
     line = line//part('<=', state%error_bound)
-    if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) &
+    ! Without penalty there is none.
+    if (output%error_penalty .and. .not. budget%penalty <= 0) &
       line = line//', penalty '//part(trim(merge('<=', '~ ', budget%penalty_is_bound)), budget%penalty)
     if (allocated(budget%of_body)) then
       line = line//', discretization '//part('~', budget%discretization)

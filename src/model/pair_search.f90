@@ -67,7 +67,7 @@ contains
     end if
     if (allocated(error)) return
     pair%is_layer = given%is_layer
-    if (given%theta_kind == theta_mesh) then
+    if (given%theta_kind == theta_mesh .and. given%theta > 0) then
       call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
     else if (given%theta_kind == theta_formula) then
       call set_formula_theta(given%theta_formula, allows_zero_theta(case, given), pair, error)

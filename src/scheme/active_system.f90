@@ -27,8 +27,6 @@ module dotyk_scheme_active_system
     logical :: may_couple_all = .false.
     integer, allocatable :: row(:)  !! Active rows of the contact operator, ascending (n).
     real(dp), allocatable :: layer(:)  !! Compliance theta/w of the Winkler layer there (n) [length/force].
-    !> Solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
-    real(dp) :: reduction = 0
     !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that may be left in the
     !> residual; 0: rounding [].
     real(dp) :: step_reduction = 0
@@ -150,7 +148,7 @@ contains
   end subroutine find_residuals
 
   !> Solve from the given forces. Rounds of conjugate gradients, each from the true residual, until rounding allows no
-  !> more, or one round to `step_reduction` or `reduction`. An interrupt ends them early.
+  !> more, or one round to `step_reduction`. An interrupt ends them early.
   subroutine system_solve(self, qp, compliance, b, c, lambda, alpha)
     class(active_system_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! The problem that it was made for; resultants may be others.
@@ -177,7 +175,7 @@ contains
     end if
     previous = huge(previous)
     previous_imbalance = huge(previous_imbalance)
-    once = max(self%step_reduction, self%reduction)
+    once = self%step_reduction
     self%n_solutions = self%n_solutions + 1
     ! Rounds go on while a squared residual, of contact rows or of equilibrium, falls. Conjugate gradients know their
     ! residual to half of its digits.
