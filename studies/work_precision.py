@@ -9,7 +9,7 @@ Every combination of the lists is a point of the grid:
   order                        of the elements
   discretization, quadrature, geometry keys of every &contact
   theta_relative, theta, stop_rule, tolerance, scheme, linear_solver      keys of &solver
-  theta_default                'yes': no theta is given, the program chooses it
+  theta_default                'yes': no theta is given
   threads
 What is absent is as in the scene. Who names one of theta_relative, theta, theta_default means none of the others; so it is with
 tolerance and stop_rule.
@@ -222,8 +222,6 @@ class Scene:
             without += ['theta', 'theta_relative']
             for contact in scene.all('contact'):
                 contact.update(theta=None, theta_relative=None)
-        if keys.get('stop_rule') == 'budget' and 'tolerance' not in keys:
-            without.append('tolerance')
         if self.grid.max_iterations is not None:
             keys['max_iterations'] = self.grid.max_iterations
         scene.solver(**{**dict.fromkeys(without), **keys})

@@ -84,7 +84,7 @@ def label_of(grid, name):
 def shown(key, row):
     """What a row shows for one of DISPLAYED: the value of the key, or of those keys that say the same thing."""
     for name in SAME.get(key, [key]):
-        if row.get(name) is not None and (key != 'stop rule' or name != 'tolerance' or row.get('stop_rule') != 'budget'):
+        if row.get(name) is not None:
             text = value_text(name, row[name])
             return text if name == key or name == 'theta_relative' else '%s %s' % (name.replace('_', ' '), text)
     return value_text(key, None)

@@ -102,11 +102,10 @@ module dotyk_base_options
   integer, parameter, public :: default_gamma_rule = gamma_spectral
 
   !> `&solver stop_rule`: quantity that ends the iteration.
-  character(*), parameter, public :: stop_rule_names = 'residual paper increment budget'
+  character(*), parameter, public :: stop_rule_names = 'residual paper increment'
   integer, parameter, public :: stop_residual = 1   !< guaranteed error bound below the tolerance
   integer, parameter, public :: stop_paper = 2      !< bound (41) below the tolerance; Neumann scheme only
   integer, parameter, public :: stop_increment = 3  !< relative change of the displacements below the tolerance
-  integer, parameter, public :: stop_budget = 4     !< guaranteed error bound below a fraction of the other errors
   integer, parameter, public :: default_stop_rule = stop_residual
 
   character(*), parameter, public :: locking_names = 'auto ignore'  !! `&solver locking`: nearly incompressible bodies.
@@ -146,7 +145,6 @@ module dotyk_base_options
   integer, parameter, public :: quantity_travel = 8
 
   real(dp), parameter, public :: default_tolerance = 1.0e-6_dp  !! Default of `&solver tolerance` [].
-  real(dp), parameter, public :: default_budget_fraction = 0.1_dp  !! Default of `&solver budget_fraction` [].
   real(dp), parameter, public :: default_max_unbalanced = 0.01_dp  !! Default of `&solver max_unbalanced` [].
   integer, parameter, public :: default_max_iterations = 100000  !! Default of `&solver max_iterations`.
 

@@ -1,15 +1,7 @@
-!> The outer loop: solve the contact, recover the displacements, estimate the errors; again where the error budget asks
-!> for it.
-!>
-!> Where the user gave no tolerance, it follows from the estimated errors: the iteration ends where its bound is small
-!> beside those of the mesh and of a penalty.
+!> The solution of a contact problem: contact pressures, displacements, and the estimated errors of both.
 module dotyk_control_contact_solution
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t
-  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: half_digits
-  use dotyk_base_timer, only: wall_time
   use dotyk_contact_facet_bending, only: bending_t
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
@@ -21,27 +13,20 @@ module dotyk_control_contact_solution
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_quantity_error, only: quantity_errors_t
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
-  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_rounds, ended_solves, ended_stalled, &
-    ended_time, solver_state_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_stalled, ended_time, solver_state_t
   implicit none
   private
   public :: begin_contact, complete_contact, solve_contact
 
   type, public :: solution_goal_t  !! What is asked of a solution.
-    logical :: by_budget = .false.  !! Whether the iteration ends by the error budget.
-    !> Error of the iteration that is allowed, as a fraction of the other errors [].
-    real(dp) :: budget_fraction = 0.1_dp
     logical :: displacement = .true.  !! Whether displacements were asked for.
     logical :: stress = .true.  !! Whether stresses were asked for.
     logical :: mesh_error = .true.  !! Whether the error of the mesh was asked for.
     logical :: penalty_error = .true.  !! Whether the error of the penalty was asked for.
   contains
-    procedure :: needs_mesh_error => goal_needs_mesh_error
-    procedure :: needs_penalty_error => goal_needs_penalty_error
     procedure :: needs_displacements => goal_needs_displacements
   end type solution_goal_t
 
@@ -58,14 +43,11 @@ module dotyk_control_contact_solution
     type(contact_qp_t) :: qp
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    real(dp) :: tolerance = 0  !! Tolerance that was to be reached, or is next where the time limit ended the run [].
-    integer :: round = 0  !! How often the QP has been solved, the present time included.
-    real(dp) :: began = 0  !! When its solution began, or continued after the time limit: wall time [s].
     type(bending_t), allocatable :: bending(:)  !! What solutions have added to the gaps of `qp` (n_pairs).
     integer :: n_bendings = 0  !! How often solutions have changed it.
     type(displacements_t) :: displacements  !! Displacements and stresses.
     type(conditioning_t), allocatable :: conditioning(:)  !! Of the stiffness of each body (n_bodies).
-    type(error_budget_t) :: budget  !! Errors of the last round.
+    type(error_budget_t) :: budget  !! Errors.
     type(gap_doubt_t), allocatable :: gap_doubt(:)  !! What hangs on uncertain gaps (n_pairs).
     type(quantity_errors_t) :: quantities  !! Quantities with error bars.
     type(penetration_check_t) :: penetration  !! Whether the deformed bodies penetrate each other.
@@ -73,15 +55,8 @@ module dotyk_control_contact_solution
     procedure :: energies => solution_energies
   end type contact_solution_t
 
-  !> Solutions of one scene at most: a rough one, one with the tolerance that its errors ask for, and that again.
-  integer, parameter :: most_rounds = 3
-  !> Tolerance of the first solution where the budget decides: good enough to estimate the other errors from.
-  real(dp), parameter :: rough = 0.02_dp
   !> Which facets the contact spans is found once, and checked once.
   integer, parameter :: most_bendings = 2
-  !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly
-  !> different errors.
-  real(dp), parameter :: safety = 0.7_dp
 
 contains
 
@@ -101,37 +76,21 @@ contains
     end associate
   end function solution_energies
 
-  !> Whether the error of the mesh is estimated: asked for, or needed by a rule.
-  pure logical function goal_needs_mesh_error(self) result(needs)
-    class(solution_goal_t), intent(in) :: self
-    needs = self%mesh_error .or. self%by_budget
-  end function goal_needs_mesh_error
-
-  !> Whether the error of the penalty is: the same.
-  pure logical function goal_needs_penalty_error(self) result(needs)
-    class(solution_goal_t), intent(in) :: self
-    needs = self%penalty_error .or. self%by_budget
-  end function goal_needs_penalty_error
-
   !> Whether the displacements of all nodes are needed.
   pure logical function goal_needs_displacements(self) result(needs)
     class(solution_goal_t), intent(in) :: self
-    needs = self%displacement .or. self%stress .or. self%needs_mesh_error()
+    needs = self%displacement .or. self%stress .or. self%mesh_error
   end function goal_needs_displacements
 
   !> Begin the solution of a QP, from the pressures of the state if it has any.
-  subroutine begin_contact(problem, qp, tolerance, goal, solution)
+  subroutine begin_contact(problem, qp, solution)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    real(dp), intent(in) :: tolerance  !! That of the user [].
-    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
     type(contact_solution_t), intent(inout) :: solution  !! Nothing, or a state to begin with.
     logical :: is_bent
     solution%qp = qp
     allocate (solution%gap_doubt(size(problem%pair)))
     call collect_conditioning(problem%classes, problem%report, solution%conditioning)
-    solution%tolerance = merge(rough, tolerance, goal%by_budget)
-    solution%round = 1
     allocate (solution%bending(size(problem%pair)))
     ! A guess: the contact spans what it did before, or else what overlaps without contact.
     if (allocated(solution%state%pressure)) then
@@ -150,13 +109,9 @@ contains
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     type(contact_solution_t), intent(inout) :: solution  !! Begun; without displacements on return.
     type(error_t), allocatable, intent(out) :: error  !! The scheme fails.
-    type(scheme_run_t) :: now
-    if (solution%round == 1 .or. solution%state%ended == ended_time) solution%began = wall_time()
-    now = run
-    now%settings%tolerance = solution%tolerance
     do
       call monitor%begin_phase(phase_iterate)
-      call now%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
+      call run%solve(solution%qp, compliance, problem%n_blas, monitor, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%pressure)) return
       call solution%displacements%forget()
@@ -169,44 +124,26 @@ contains
     end do
   end subroutine solve_contact
 
-  !> Displacements and errors of a contact that is solved, where they are not known; and the contact again, to another
-  !> tolerance, until the errors are those that were asked for.
+  !> Displacements and errors of a contact that is solved.
   subroutine complete_contact(problem, compliance, run, goal, kept, monitor, solution, error)
     type(contact_problem_t), intent(inout) :: problem  !! Bodies, modes, factorization reports, pairs.
     type(body_compliance_t), intent(inout) :: compliance  !! As in `solve_contact`.
     type(scheme_run_t), intent(in) :: run  !! The scheme and its settings.
     type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
-    type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep between rounds and load cases.
+    type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep between load cases.
     class(monitor_t), intent(inout) :: monitor  !! Watches the iteration.
     !> Solved. Where it ends with `ended_time`, `solve_contact` and this continue it.
     type(contact_solution_t), intent(inout) :: solution
     !> As in `find_displacements` and `estimate_errors`, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
-    type(scheme_run_t) :: now
-    now = run
-    do while (allocated(solution%state%pressure))
-      now%settings%tolerance = solution%tolerance
-      call find_displacements(problem, solution%qp, compliance, now, monitor, goal%needs_displacements(), goal%stress, &
-                              solution%conditioning, solution%displacements, solution%state, error)
-      if (allocated(error)) return
-      if (.not. allocated(solution%state%pressure)) return
-      call monitor%begin_phase(phase_estimate)
-      call estimate_errors(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, &
-                           goal%needs_mesh_error(), goal%needs_penalty_error(), solution%displacements, kept, &
-                           solution%state, solution%budget, error)
-      if (allocated(error)) return
-      if (goal%by_budget .and. solution%state%ended == ended_converged) then
-        if (interrupted()) solution%state%ended = ended_interrupted
-      end if
-      if (.not. asks_for_more(goal, solution)) exit
-      solution%round = solution%round + 1
-      if (on_any_rank(wall_time() - solution%began >= run%settings%time_limit)) then
-        solution%state%ended = ended_time
-        exit
-      end if
-      call solve_contact(problem, compliance, run, monitor, solution, error)
-      if (allocated(error)) return
-    end do
+    if (.not. allocated(solution%state%pressure)) return
+    call find_displacements(problem, solution%qp, compliance, run, monitor, goal%needs_displacements(), goal%stress, &
+                            solution%conditioning, solution%displacements, solution%state, error)
+    if (allocated(error) .or. .not. allocated(solution%state%pressure)) return
+    call monitor%begin_phase(phase_estimate)
+    call estimate_errors(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, goal%mesh_error, &
+                         goal%penalty_error, solution%displacements, kept, solution%state, solution%budget, error)
+    if (allocated(error)) return
     call find_gap_doubt(problem, solution%qp, compliance, run%settings%linear_solver, run%scheme, &
                         solution%displacements, solution%state, solution%gap_doubt)
     call monitor%begin_phase(phase_recover)
@@ -230,28 +167,4 @@ contains
     call solution%qp%shift_gap(change)
     if (allocated(solution%state%penetration)) solution%state%penetration = solution%state%penetration - change
   end function has_bent
-
-  !> Whether the QP is to be solved again from where it is, to another tolerance; and the outcome of the error budget
-  !> where not.
-  logical function asks_for_more(goal, solution) result(more)
-    type(solution_goal_t), intent(in) :: goal  !! What is asked of the solution.
-    type(contact_solution_t), intent(inout) :: solution  !! Its tolerance may change.
-    real(dp) :: target
-    logical :: last
-    more = .false.
-    last = solution%round == most_rounds
-    associate (state => solution%state)
-      if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%pressure) == 0) return
-      if (.not. goal%by_budget) return
-      target = max(goal%budget_fraction*solution%budget%others(), half_digits)
-      if (state%error_bound <= target) then
-        state%ended = ended_converged
-        solution%tolerance = target
-      else
-        more = state%ended == ended_converged .and. .not. last
-        solution%tolerance = merge(safety, 1.0_dp, more)*target
-        if (last .and. state%ended == ended_converged) state%ended = ended_rounds
-      end if
-    end associate
-  end function asks_for_more
 end module dotyk_control_contact_solution

@@ -36,7 +36,6 @@ module dotyk_control_error_budget
     type(element_field_t), allocatable :: of_element(:)  !! That of each element of each body, likewise (n_bodies) [].
   contains
     procedure :: init => budget_init
-    procedure :: others => budget_others
   end type error_budget_t
 
   public :: estimate_errors
@@ -52,14 +51,6 @@ contains
     self%contact = self%penalty
     self%norm = self%penalty
   end subroutine budget_init
-
-  !> Penalty and discretization together, as far as they are known [].
-  pure real(dp) function budget_others(self) result(others)
-    class(error_budget_t), intent(in) :: self
-    others = 0
-    if (.not. ieee_is_nan(self%penalty)) others = others + self%penalty
-    if (.not. ieee_is_nan(self%discretization)) others = others + self%discretization
-  end function budget_others
 
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, linear_solver, scheme, want_mesh, want_penalty, displacements, &

@@ -99,7 +99,7 @@ contains
     associate (block => self%displacements(:n_displaced))
       call monitor%begin_phase(phase_recover)
       call recover_block(scene%problem, scene%compliance, goal%stress, block)
-      if (goal%needs_mesh_error()) then
+      if (goal%mesh_error) then
         call monitor%begin_phase(phase_estimate)
         call estimate_mesh_errors(scene%problem, scene%qp%pair_first_row, scene%kept, block, error)
       end if
@@ -232,14 +232,14 @@ contains
     solved%solution = nothing
     if (allocated(solved%start)) &
       call start_from_pressures(solved%start, scene%qp, scene%compliance, solved%solution%state)
-    call begin_contact(scene%problem, scene%qp, run%settings%tolerance, goal_of(case), solved%solution)
+    call begin_contact(scene%problem, scene%qp, solved%solution)
     solved%reason = solved%run%scheme%why_not(scene%qp, scene%compliance)
     if (solved%reason /= reason_none) return
     call solve_contact(scene%problem, scene%compliance, solved%run, monitor, solved%solution, error)
     call monitor%end_phase()
   end subroutine begin_solution
 
-  !> Displacements and errors of a load case, and its contact again where they or its engine ask for it. A scene of
+  !> Displacements and errors of a load case, and its contact again where its engine asks for it. A scene of
   !> bodies that are split over ranks is to be built anew where it needs their factors.
   subroutine complete_solution(case, run, scene, threads, monitor, solved, error)
     type(case_t), intent(in) :: case  !! As in `begin_solution`.

@@ -91,8 +91,8 @@ contains
         if (solution%state%has_converged() .and. is_doubtful(solution%gap_doubt)) solution%state%ended = ended_gaps
         call accuracy%observe(case, k, scene%problem, solution, error)
         if (allocated(error)) exit
-        call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, &
-                           solution, solved%seconds)
+        call show_solution(monitor%log, case%output, goal_of(case), case%solver%tolerance, scene%problem, &
+                           scene%compliance%n_sweeps, solution, solved%seconds)
         call write_results(case, k, scene, solution, monitor, file, pair_solution, error)
         if (allocated(error)) exit
         n_written = k

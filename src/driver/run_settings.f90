@@ -1,7 +1,7 @@
 !> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
 module dotyk_driver_run_settings
   use dotyk_base_options, only: field_displacement, field_nodal_stress, field_reaction, field_stress, &
-    last_linear_quantity, linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
+    last_linear_quantity, linear_solver_auto, scheme_auto, scheme_dual
   use dotyk_control_contact_solution, only: solution_goal_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
@@ -21,8 +21,6 @@ contains
     run%settings%gamma_rule = case%solver%gamma_rule
     run%settings%gamma = case%solver%gamma
     run%settings%stop_rule = case%solver%stop_rule
-    ! The budget sets the tolerance of the residual.
-    if (case%solver%stop_rule == stop_budget) run%settings%stop_rule = stop_residual
     run%settings%tolerance = case%solver%tolerance
     run%settings%max_iterations = case%solver%max_iterations
     run%settings%linear_solver = case%solver%linear_solver
@@ -49,8 +47,6 @@ contains
   pure function goal_of(case) result(goal)
     type(case_t), intent(in) :: case  !! The case.
     type(solution_goal_t) :: goal
-    goal%by_budget = case%solver%stop_rule == stop_budget
-    goal%budget_fraction = case%solver%budget_fraction
     goal%displacement = any(case%output%field([field_displacement, field_reaction, field_nodal_stress]))
     goal%stress = case%output%field(field_stress)
     goal%mesh_error = case%output%error_discretization

@@ -8,7 +8,7 @@
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: aim_energy, default_analysis, default_budget_fraction, default_discretization, &
+  use dotyk_base_options, only: aim_energy, default_analysis, default_discretization, &
     default_gamma_rule, default_gap, default_geometry, default_linear_solver, default_locking, &
     default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
     default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, n_fields, quantity_force
@@ -192,8 +192,7 @@ module dotyk_input_case
     !> Initial gap up to which its constraints have Robin conditions in the Robin scheme: `huge` for all, `-huge` for
     !> none [length].
     real(dp) :: robin_gap = huge(1.0_dp)
-    !> Whether theta is given, for this pair or in `&solver`; the error budget may reduce a default.
-    logical :: theta_given = .false.
+    logical :: theta_given = .false.  !! Whether theta is given, for this pair or in `&solver`.
     logical :: is_layer = .false.  !! Whether theta is the compliance of a real elastic layer, not a penalty.
     logical :: has_search_radius = .false.  !! Whether a search radius is given.
     real(dp) :: search_radius = 0  !! Greatest distance between a point and its projection [length].
@@ -262,8 +261,6 @@ module dotyk_input_case
     integer :: response = default_response  !! One of `response_*`.
     real(dp) :: gamma = 0  !! Relaxation parameter []; 0 where the rule is not `gamma_fixed`.
     integer :: stop_rule = default_stop_rule  !! One of `stop_*`.
-    !> Iteration error as a fraction of the other errors where the rule is `stop_budget` [].
-    real(dp) :: budget_fraction = default_budget_fraction
     real(dp) :: tolerance = default_tolerance  !! Relative error in the energy norm at which the iteration stops [].
     !> Forces along motions that contact does not determine, as a fraction of the forces on the body [].
     real(dp) :: max_unbalanced = default_max_unbalanced

@@ -2,11 +2,11 @@
 !> --help=markdown`) follow from it.
 module dotyk_input_keyword_table
   use dotyk_base_options, only: aim_energy, aim_names, analysis_names, condition_names, default_analysis, &
-    default_budget_fraction, default_condition, default_discretization, default_gamma_rule, default_geometry, &
-    default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, default_quadrature, &
-    default_response, default_scheme, default_tolerance, discretization_names, error_part_names, field_names, &
-    gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, quadrature_names, &
-    response_names, scheme_names, stop_rule_names
+    default_condition, default_discretization, default_gamma_rule, default_geometry, default_linear_solver, &
+    default_locking, default_max_iterations, default_max_unbalanced, default_quadrature, &
+    default_response, default_scheme, default_stop_rule, default_tolerance, discretization_names, error_part_names, &
+    field_names, gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, &
+    quadrature_names, response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
@@ -299,7 +299,7 @@ contains
     call list%add('theta_formula', kind_formula, unit='length/pressure', &
       meaning='penalty parameter as a formula, evaluated on surface_a; contact rows take its weighted mean')
     call list%add('layer', kind_logical, default='.false.', meaning='theta of this pair is the compliance of a '// &
-      'real elastic (Winkler) layer: it is given, positive, kept by the error budget, and no part of the penalty error')
+      'real elastic (Winkler) layer: it is given, positive, and no part of the penalty error')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
       meaning='largest distance between a point and its projection; if absent, the size of the smaller body (its '// &
       'diameter); points beyond it are normal where surface_a is closed')
@@ -460,13 +460,10 @@ contains
       meaning='initial gap up to which contact constraints have springs in scheme=''robin''; if absent, all have')
     call list%add('stop_rule', kind_name, names=stop_rule_names, meaning='convergence criterion: residual, '// &
       'guaranteed error bound below tolerance; paper, bound (41) below tolerance (neumann, robin); increment, last '// &
-      'increment below tolerance (not dual; no measure of the error: not converged where the bound exceeds 0.1); '// &
-      'budget, guaranteed error bound below budget_fraction times the penalty and discretization errors; if '// &
-      'absent, budget if neither tolerance nor any theta but that of layers is given, else residual')
-    call list%add('budget_fraction', kind_real, 'largest iteration error as a fraction of the penalty and '// &
-      'discretization errors, for stop_rule=''budget''', default=to_text(default_budget_fraction), positive=.true.)
+      'increment below tolerance (not dual; no measure of the error: not converged where the bound exceeds 0.1)', &
+      default=option_name(stop_rule_names, default_stop_rule))
     call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
-      meaning='relative tolerance of stop_rule in the energy norm; not with stop_rule=''budget''')
+      meaning='relative tolerance of stop_rule in the energy norm')
     call list%add('max_unbalanced', kind_real, default=to_text(default_max_unbalanced), not_negative=.true., &
       meaning='scheme=''dual'': largest force along a motion of a floating body that supports and contact do not '// &
       'determine, as a fraction of the forces on the body, from 0 to 1: errors of loads and meshes, which weak '// &
@@ -491,8 +488,8 @@ contains
       '0; discretization, the estimated error of the mesh')
     call list%add('quantity', kind_text, most=20, &
       meaning='quantities that the log and the results file have with error bars of the mesh, as those of &accuracy')
-    call list%add('interval', kind_real, 'time between intermediate results of an iterative scheme, written with '// &
-      "status 'running'; the iterates stay the same; scheme 'dual' writes between the solutions for the error "// &
-      'budget only; 0: results at the end only', default='0', unit='seconds', not_negative=.true.)
+    call list%add('interval', kind_real, 'time between intermediate results of the schemes neumann and robin, written '// &
+      "with status 'running'; the iterates stay the same; 0: results at the end only", &
+      default='0', unit='seconds', not_negative=.true.)
   end subroutine add_settings
 end module dotyk_input_keyword_table

@@ -2,7 +2,6 @@
 module dotyk_input_parse
   use dotyk_base_error, only: error_t
   use dotyk_base_operating_system, only: directory_of
-  use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_body_list, only: read_bodies
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
@@ -140,14 +139,7 @@ contains
     if (case%has_cases() .and. case%output%interval > 0) &
       call input%add(case%output%line, '&output: interval: results of load cases are written case after case, '// &
                      'not on the way; remove interval')
-    if (.not. solver%is_usable('stop_rule')) then
-      case%solver%stop_rule = stop_residual
-      if (size(case%contact) > 0 .and. .not. solver%is_given('tolerance') .and. .not. &
-          any(case%contact%theta_given .and. .not. case%contact%is_layer)) &
-        case%solver%stop_rule = stop_budget
-    end if
-    call check_solver_keys(solver, input, case%solver, case%output%error_penalty .or. &
-                           case%solver%stop_rule == stop_budget)
+    call check_solver_keys(solver, input, case%solver, case%output%error_penalty)
 
   contains
 

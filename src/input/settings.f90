@@ -171,7 +171,6 @@ contains
     if (.not. solver%theta_given .and. all(solver%scheme /= [scheme_auto, scheme_dual])) &
       solver%theta = theta_of_iterations
     if (group%is_usable('robin_gap')) solver%robin_gap = group%real_of('robin_gap')
-    solver%budget_fraction = group%real_of('budget_fraction')
     solver%tolerance = group%real_of('tolerance')
     solver%max_unbalanced = group%real_of('max_unbalanced')
     if (group%is_usable('max_unbalanced') .and. solver%max_unbalanced > 1) &

@@ -1,8 +1,7 @@
 !> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
 module dotyk_input_solver_checks
   use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_full, response_multigrid, &
-    scheme_auto, scheme_dual, scheme_names, scheme_neumann, scheme_robin, stop_budget, stop_increment, stop_paper, &
-    stop_rule_names
+    scheme_auto, scheme_dual, scheme_names, scheme_neumann, scheme_robin, stop_increment, stop_paper
   use dotyk_input_case, only: solver_input_t
   use dotyk_input_groups, only: group_t
   use dotyk_input_references, only: input_t
@@ -41,7 +40,6 @@ contains
           solver%linear_solver /= linear_solver_auto) call input%report(group, 'linear_solver', 'linear_solver is '// &
           'for scheme=''dual'' and estimates of the penalty error, and this run has neither; remove it')
     end if
-    call check_tolerances()
 
   contains
 
@@ -59,10 +57,10 @@ contains
       if (.not. group%is_given('stop_rule') .or. .not. group%is_usable('stop_rule')) return
       if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
         call input%report(group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// &
-                          ', which (41) is about; '//name//' ends by ''residual'' or ''budget''')
+                          ', which (41) is about; '//name//' ends by ''residual''')
       if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
         call input%report(group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
-                          ' ends by ''residual'' or ''budget'': choose one of these or another scheme')
+                          ' ends by ''residual'': choose this or another scheme')
     end subroutine check_stop_rule
 
     !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
@@ -82,18 +80,5 @@ contains
       call input%report(group, 'response', 'response is for scheme=''neumann''; '//name// &
                         ' forms the dense compliances that it needs: remove response')
     end subroutine check_response
-
-    !> The tolerance of the rule that is in force, and that of the other one.
-    subroutine check_tolerances()
-      if (group%is_given('stop_rule') .and. .not. group%is_usable('stop_rule')) return
-      if (solver%stop_rule == stop_budget .and. group%is_given('tolerance')) &
-        call input%report(group, 'tolerance', 'tolerance is not used by stop_rule=''budget'', which ends at '// &
-                          'budget_fraction of the other errors; remove tolerance or change stop_rule')
-      if (solver%stop_rule /= stop_budget .and. group%is_given('budget_fraction')) &
-        call input%report(group, 'budget_fraction', &
-                          'budget_fraction is for stop_rule=''budget'', and the rule of this run is '''// &
-                          option_name(stop_rule_names, solver%stop_rule)// &
-                          '''; add stop_rule=''budget'' or remove budget_fraction')
-    end subroutine check_tolerances
   end subroutine check_solver_keys
 end module dotyk_input_solver_checks

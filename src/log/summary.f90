@@ -17,7 +17,7 @@ module dotyk_log_summary
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_cycling, &
-    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_solves, ended_unbalanced, &
+    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_solves, ended_unbalanced, &
     ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
@@ -29,15 +29,16 @@ module dotyk_log_summary
 contains
 
   !> How the scheme ended, the error budget, what was not computed, and the conditioning of the bodies.
-  subroutine show_solution(log, output, goal, problem, n_sweeps, solution, seconds)
+  subroutine show_solution(log, output, goal, tolerance, problem, n_sweeps, solution, seconds)
     type(log_t), intent(inout) :: log  !! The log.
     type(output_input_t), intent(in) :: output  !! `&output`.
     type(solution_goal_t), intent(in) :: goal  !! What was asked for.
+    real(dp), intent(in) :: tolerance  !! Tolerance of the error bound [].
     type(contact_problem_t), intent(in) :: problem  !! The problem.
     integer, intent(in) :: n_sweeps  !! Right-hand sides of the body that had most.
     type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
     real(dp), intent(in) :: seconds  !! Time of the scheme [s].
-    call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
+    call show_state(log, solution%state, tolerance, n_sweeps, seconds)
     if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
     call show_gap_doubt(log, problem%pair, solution%gap_doubt)
@@ -47,11 +48,10 @@ contains
   end subroutine show_solution
 
   !> How the scheme ended.
-  subroutine show_state(log, state, tolerance, by_budget, n_sweeps, seconds)
+  subroutine show_state(log, state, tolerance, n_sweeps, seconds)
     type(log_t), intent(inout) :: log  !! The log.
     type(solver_state_t), intent(in) :: state  !! State of the scheme.
     real(dp), intent(in) :: tolerance  !! Tolerance of the error bound [].
-    logical, intent(in) :: by_budget  !! Whether the tolerance follows from the other errors.
     integer, intent(in) :: n_sweeps  !! Right-hand sides of the body that had most.
     real(dp), intent(in) :: seconds  !! Time of the scheme [s].
     character(:), allocatable :: predicted, bound
@@ -82,11 +82,7 @@ contains
         call log%line("  unverified       the error bound does not confirm this iterate; use stop_rule='residual' "// &
                       'or a smaller tolerance')
     case default
-      if (by_budget) then
-        call log%line('  error bound      '//bound//' (its share of the other errors: '//to_text(tolerance)//')')
-      else
-        call log%line('  error bound      '//bound//' (tolerance '//to_text(tolerance)//')')
-      end if
+      call log%line('  error bound      '//bound//' (tolerance '//to_text(tolerance)//')')
       if (state%ended == ended_converged .and. state%error_bound > tolerance) &
         call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
                       'double precision has no better solution')
@@ -204,8 +200,8 @@ contains
     if (.not. goal%needs_displacements()) call add('displacements')
     if (.not. goal%needs_displacements()) call add('check for penetration')
     if (.not. goal%stress) call add('stresses')
-    if (.not. goal%needs_mesh_error()) call add('discretization error')
-    if (.not. goal%needs_penalty_error()) call add('penalty error')
+    if (.not. goal%mesh_error) call add('discretization error')
+    if (.not. goal%penalty_error) call add('penalty error')
     if (len(line) > 0) call log%line('  not computed     '//line)
   contains
     !> Add an item.
@@ -283,8 +279,6 @@ contains
       text = 'not valid: bodies penetrate each other; ended'
     case (ended_unverified)
       text = 'not converged: stop_rule met by an iterate without a useful error bound; ended'
-    case (ended_rounds)
-      text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
     case (ended_solves)
       text = "not converged: solves by p-multigrid are no more accurate (response='full' has factors); ended"
     case default

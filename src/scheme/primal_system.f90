@@ -120,7 +120,7 @@ contains
     logical, intent(in) :: warm  !! Whether there are pressures.
     real(dp), intent(inout) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(inout), contiguous :: u(:)  !! Displacements by contact (n) [length].
-    if (.not. warm) call solve_corner_contact(self, qp, self%gap, self%load, pressure, u)
+    call solve_corner_contact(self, qp, self%gap, self%load, pressure, u)
   end subroutine system_start
 
   !> The loads that u_0 does not balance: their resultants on the rigid body modes as forces, R e, and what the solves

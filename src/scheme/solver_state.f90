@@ -19,7 +19,6 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_stalled = 4  !< rounding allows no smaller error
   integer, parameter, public :: ended_no_equilibrium = 5  !< loads move a floating body, and no contact can stop it
   integer, parameter, public :: ended_rigid_constraint = 6  !< supports on both sides press contact rows together
-  integer, parameter, public :: ended_rounds = 7  !< no solution met the error budget, of as many as a scene gets
   integer, parameter, public :: ended_interrupted = 8  !< the program was asked to stop
   integer, parameter, public :: ended_time = 9  !< the time limit: the next call continues
   integer, parameter, public :: ended_cycling = 10  !< active sets come again, after the interior-point method too
@@ -135,8 +134,6 @@ contains
       name = 'diverged'
     case (ended_stalled)
       name = 'stalled'
-    case (ended_rounds)
-      name = 'budget'
     case (ended_interrupted)
       name = 'interrupted'
     case (ended_time)

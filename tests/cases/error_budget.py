@@ -119,33 +119,10 @@ class ErrorBudget(dotyk_case.Case):
                 file = self.example(name)
             summary = file["dotyk/summary"].attrs
             self.assertEqual(summary["converged"], 1)
-            self.assertLessEqual(summary["error_bound"],
-                                 0.1 * (summary["error_penalty"] + summary["error_discretization"]))
+            self.assertLessEqual(summary["error_bound"], 1e-6)
             self.assertEqual(summary["error_penalty"], 0)
             self.assertRegex(self.printed,
                              r"\n  relative error +iteration <= \S+ %, discretization ~ \S+ %, largest in '")
-
-    def test_budget_ends_an_iteration(self):
-        """The paper's scheme does no more steps than the mesh is worth, and what it leaves is what it says."""
-        file = self.example("wavy", "scheme='neumann', theta_mesh=0.5, stop_rule='budget'", 2)
-        summary, history = file["dotyk/summary"].attrs, file["dotyk/history"]
-        others = summary["error_penalty"] + summary["error_discretization"]
-        self.assertEqual(summary["converged"], 1)
-        self.assertLessEqual(summary["error_bound"], 0.1 * others)
-        self.assertGreater(summary["error_bound"], 0.01 * others)
-        # Estimated on the way and at the end, in one history.
-        estimated = np.isfinite(history["error_penalty"][:])
-        self.assertGreaterEqual(np.count_nonzero(estimated), 2)
-        self.assertGreater(history["error_penalty"][-1], 0)
-        self.assertEqual(len(estimated), summary["iterations"])
-        self.assertGreaterEqual(np.diff(history["seconds"][:]).min(), 0)
-        path, budget = self.path, self.path.replace("case", "budget")
-        (self.folder / "wavy/case.vtkhdf").rename(budget)
-        steps = summary["iterations"]
-        exact = self.example("wavy", "scheme='neumann', theta_mesh=0.5, tolerance=1e-9", 2)
-        self.assertGreater(exact["dotyk/summary"].attrs["iterations"], 2 * steps)
-        truth = energy_norm.distance(path, budget) / summary["energy_norm"]
-        self.assertLessEqual(truth, summary["error_bound"] * (1 + 1e-6))
 
     def test_theta_of_the_mesh(self):
         """theta_mesh (h_a/E_a + h_b/E_b), point by point."""
@@ -195,22 +172,11 @@ class ErrorBudget(dotyk_case.Case):
             self.assertUnknown(file["VTKHDF/CellData/discretization_error"][:])
             file.close()
 
-    def test_steps_of_all_rounds(self):
-        """max_iterations is for all rounds together."""
-        self.copy("wavy")
-        text = (self.folder / "wavy/wavy.nml").read_text()
-        self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$",
-                                           "&solver scheme='neumann', stop_rule='budget', theta_mesh=0.3, "
-                                           "max_iterations=600 /", text))
-        self.dotyk("wavy/case.nml", code=1)
-        self.assertEqual(self.results("wavy/case.vtkhdf")["dotyk/summary"].attrs["iterations"], 600)
-
     def test_contradictions(self):
         self.copy("wavy")
         text = (self.folder / "wavy/wavy.nml").read_text()
         for solver, message in (("theta=1, theta_mesh=1", "theta and theta_mesh are both given"),
-                                ("scheme='dual', stop_rule='paper'", "stop_rule='paper' is for scheme='neumann'"),
-                                ("budget_fraction=0", "budget_fraction must be above 0")):
+                                ("scheme='dual', stop_rule='paper'", "stop_rule='paper' is for scheme='neumann'")):
             self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver %s /" % solver, text))
             self.assertIn(message, self.dotyk("wavy/case.nml", code=2))
 

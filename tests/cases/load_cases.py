@@ -226,7 +226,9 @@ class LoadCases(dotyk_case.Case):
                     if upper == "moved" and name == "yet":
                         self.assertGreater((u @ turn[:, 2]).min(), np.array([1e-3, 0, 2e-3]) @ turn[:, 2] - 1e-14)
                     else:
-                        np.testing.assert_allclose(u, max(0.0, -gap) * np.tile(turn[:, 2], (len(u), 1)), atol=1e-14)
+                        # Motions by p-multigrid end at the tolerance, 1e-6.
+                        np.testing.assert_allclose(u, max(0.0, -gap) * np.tile(turn[:, 2], (len(u), 1)),
+                                                   atol=1e-6 * abs(gap) if solver == grids and gap < 0 else 1e-14)
 
     def test_history_and_restart(self):
         """From the contact of the case before, or of an earlier run, the same solution within the error bound."""

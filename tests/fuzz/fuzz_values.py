@@ -13,7 +13,7 @@ NUMBERS = {
                 "1e-300"],
     "theta": SCALES, "theta_relative": SCALES, "theta_mesh": SCALES, "search_radius": SCALES, "gap": SCALES,
     "tolerance": ["0", "1e-300", "1e-17", "1e-14", "1e-3", "0.5", "1", "2", "1e300", "-1"],
-    "gamma": ["1e-300", "0.1", "1", "1.999", "2", "1e300"], "budget_fraction": ["1e-300", "1e-3", "1", "1e300"],
+    "gamma": ["1e-300", "0.1", "1", "1.999", "2", "1e300"],
     "max_iterations": ["1", "2", "0", "3", "500"], "value": SCALES, "pressure": SCALES, "traction": SCALES,
     "local_traction": SCALES,
     "force_density": SCALES, "at": SCALES, "axis": SCALES, "axis_1": SCALES, "axis_2": SCALES,
@@ -21,7 +21,7 @@ NUMBERS = {
 NAMES = {
     "scheme": ["auto", "dual", "neumann", "robin"],
     "gamma_rule": ["spectral", "theory", "fixed"],
-    "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
+    "stop_rule": ["residual", "paper", "increment"], "discretization": ["mortar", "quadrature"],
     "geometry": ["smooth", "elements"], "quadrature": ["segments", "plain"],
     "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "compliance"],
     "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"],
@@ -32,7 +32,7 @@ LOGICALS = {"layer", "reproducible"}
 OF_GROUP = {
     "material": ["young", "poisson", "young", "poisson"],
     "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme", "gamma_rule", "stop_rule",
-               "budget_fraction", "linear_solver", "response", "reproducible", "locking", "max_iterations"],
+               "linear_solver", "response", "reproducible", "locking", "max_iterations"],
     "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry",
                 "quadrature", "layer"],
     "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"],
