@@ -57,10 +57,10 @@ contains
       if (.not. group%is_given('stop_rule') .or. .not. group%is_usable('stop_rule')) return
       if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
         call input%report(group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//names_of_paper// &
-                          ', which (41) is about; '//name//' ends by ''residual''')
+                          ', which (41) is about; '//name//' has stop_rule=''residual''')
       if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
         call input%report(group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
-                          ' ends by ''residual'': choose this or another scheme')
+                          ' has stop_rule=''residual'': choose this or another scheme')
     end subroutine check_stop_rule
 
     !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
