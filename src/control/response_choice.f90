@@ -31,10 +31,13 @@ module dotyk_control_response_choice
 
   public :: assemble_representative, choose_forms, keeps_factor, suits_multigrid
 
-  !> Unknowns from which on p-multigrid is taken in three dimensions. On one thread a run with a factor takes 1.07, 1.3
-  !> and 1.65 times as long at 33,000, 57,000 and 103,000 unknowns (`tools/benchmark large --only hertz`), with 2.6, 3.5
-  !> and 4.7 times the memory, but its error bound rests on no measured constant.
-  integer, parameter, public :: crossover = 100000
+  !> Unknowns from which on p-multigrid is taken in three dimensions. On one thread a whole run with factors takes 0.9,
+  !> 1.4, 1.7 and 1.9 times as long with 18,000, 42,000, 69,000 and 87,000 unknowns a body (Hertzian contact), with 2.4,
+  !> 3.8, 4.8 and 4.8 times the memory.
+  integer, parameter :: crossover = 25000
+  !> The same where factors are of more use: error bars of quantities take them, and bodies that are split over ranks
+  !> take much communication.
+  integer, parameter, public :: large = 100000
   !> Bulk over shear modulus up to which p-multigrid is tried: Poisson's ratio 0.49, 23 to 41 iterations, and 0.45 for
   !> linear elements.
   real(dp), parameter :: most_bulk_over_shear = 50, most_of_linear = 9.7_dp
@@ -42,47 +45,36 @@ module dotyk_control_response_choice
 contains
 
   !> Choose for all bodies.
-  function choose_forms(body, classes, response, allowed) result(form)
+  function choose_forms(body, classes, response, allowed, wants_factors) result(form)
     type(body_t), intent(in) :: body(:)  !! Bodies, not assembled (n_bodies).
     type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
     integer, intent(in) :: response  !! One of `response_*` of dotyk_base_options.
     logical, intent(in) :: allowed  !! Whether the scheme of the run can do without factors.
+    logical, intent(in) :: wants_factors  !! Whether factors are of more use to the run.
     integer, allocatable :: form(:)  !! One of `form_*` (n_bodies).
-    logical :: large(size(body))
+    logical :: is_chosen(size(body))
     integer :: b
     allocate (form(size(body)), source=form_direct)
     if (.not. allowed) return
-    large = .false.
+    is_chosen = .false.
     do b = 1, size(body)
       if (.not. classes%is_representative(b)) cycle
       if (body(b)%constraint%rigid%is_set) cycle
       if (multigrid_obstacle(body(b)) /= obstacle_none) cycle
-      large(b) = response == response_multigrid
-      if (response == response_auto) large(b) = is_worth_multigrid(body(b))
+      is_chosen(b) = response == response_multigrid
+      if (response == response_auto) is_chosen(b) = body(b)%dimension == 3 .and. suits_multigrid(body(b)) .and. &
+                                                    body(b)%n_unknowns() > merge(large, crossover, wants_factors)
     end do
-    if (.not. any(large)) return
-    form(:) = merge(form_multigrid, form_whole, large(classes%first))
+    if (.not. any(is_chosen)) return
+    form(:) = merge(form_multigrid, form_whole, is_chosen(classes%first))
     ! Rigid bodies have no stiffness.
     where ([(body(b)%constraint%rigid%is_set, b=1, size(body))]) form = form_direct
   end function choose_forms
 
-  !> Whether p-multigrid pays for a body, by its size and material.
-  logical function is_worth_multigrid(body)
-    type(body_t), intent(in) :: body  !! Not assembled.
-    is_worth_multigrid = is_large(body)
-    if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body)
-  end function is_worth_multigrid
-
-  !> Whether a body is large enough for p-multigrid to pay.
-  pure logical function is_large(body)
-    type(body_t), intent(in) :: body  !! Assembled or not.
-    is_large = body%dimension == 3 .and. body%n_unknowns() > crossover
-  end function is_large
-
   !> Whether a body that is large enough for p-multigrid has a factor because it is nearly incompressible.
   logical function keeps_factor(body)
     type(body_t), intent(in) :: body  !! Assembled or not.
-    keeps_factor = is_large(body)
+    keeps_factor = body%dimension == 3 .and. body%n_unknowns() > large
     if (keeps_factor) keeps_factor = .not. suits_multigrid(body)
   end function keeps_factor
 

@@ -6,7 +6,7 @@ module dotyk_driver_body_building
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t, to_text
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_response_choice, only: crossover
+  use dotyk_control_response_choice, only: large
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_input_case, only: case_t
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
@@ -87,7 +87,7 @@ contains
     if (are_large .or. case%scene%analysis /= analysis_3d) return
     are_large = .not. survey%is_known
     if (are_large) return
-    are_large = any([(case%scene%dimension*survey%most_nodes(b) > crossover, b=1, size(case%body))])
+    are_large = any([(case%scene%dimension*survey%most_nodes(b) > large, b=1, size(case%body))])
   end function are_maybe_large
 
   !> Read the part of this rank; the first rank makes the parts where there are none.
@@ -100,7 +100,7 @@ contains
     integer(int64), allocatable :: word(:)
     in_parts = .false.
     if (this_rank() == 0) then
-      call parts%provide(case, n_ranks(), crossover, in_parts, error)
+      call parts%provide(case, n_ranks(), large, in_parts, error)
       if (in_parts) call parts%carry(parcel)
     end if
     call agree_on_error(error)
@@ -125,7 +125,7 @@ contains
     type(text_t) :: line(1)
     logical :: are_of_use
     are_of_use = .false.
-    if (may_be_split(case)) call parts%provide(case, n_parts, crossover, are_of_use, error)
+    if (may_be_split(case)) call parts%provide(case, n_parts, large, are_of_use, error)
     if (allocated(error)) return
     if (.not. are_of_use) then
       line(1)%s = 'no body is split over ranks: the case needs no parts'

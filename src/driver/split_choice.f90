@@ -1,6 +1,7 @@
 !> The choice whether ranks compute the bodies of a scene together.
 module dotyk_driver_split_choice
   use dotyk_base_error, only: error_t
+  use dotyk_base_options, only: last_linear_quantity
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, &
@@ -31,7 +32,8 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     integer, allocatable, intent(out) :: form(:)  !! One of `form_*` (n_bodies).
     logical, intent(out) :: splits  !! Whether the bodies are split over all ranks.
-    form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case))
+    form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case), &
+                        can_split() .or. any(case%quantity%kind <= last_linear_quantity))
     splits = can_split() .and. any(form == form_multigrid)
     ! Bodies that are split know no ties.
     if (splits .and. .not. (may_split .and. size(case%tie) == 0)) form(:) = form_direct
