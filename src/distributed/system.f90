@@ -103,11 +103,10 @@ contains
 
   !> The start: displacements without contact, and floating bodies at rest on a Winkler foundation; pressures of the
   !> rows that they close.
-  subroutine system_start(self, qp, warm, pressure, u)
+  subroutine system_start(self, qp, pressure, u)
     class(distributed_system_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
-    logical, intent(in) :: warm  !! Whether there are pressures.
-    real(dp), intent(inout) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(out) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
     type(iterate_t) :: rest
     type(solve_outcome_t) :: outcome
@@ -123,7 +122,6 @@ contains
       call rest_on_winkler_foundation(qp, rest, active)
       call self%add_modes(qp%coarse%scale*rest%alpha, u)
     end if
-    if (warm) return
     call self%row_displacement(u, y)
     pressure(:) = max(0.0_dp, y - self%gap)/(qp%foundation + qp%theta)
   end subroutine system_start

@@ -48,7 +48,6 @@ module dotyk_linalg_conjugate_gradient
   contains
     procedure :: ritz_values => outcome_ritz_values
     procedure :: eigenvalue_bound => outcome_eigenvalue_bound
-    procedure :: error_estimate => outcome_error_estimate
   end type cg_outcome_t
 
 contains
@@ -166,15 +165,4 @@ contains
     end do
   end function residual_polynomial
 
-  !> Estimate of the error in the energy norm, sqrt(e^T A e) [sqrt(A) times x].
-  !>
-  !> It is at most sqrt(r^T M r) over the root of the least eigenvalue of M A. The least Ritz value is at or above that
-  !> eigenvalue, and near it once the iteration has converged: an estimate, not a bound.
-  real(dp) function outcome_error_estimate(self) result(estimate)
-    class(cg_outcome_t), intent(in) :: self
-    real(dp) :: least, greatest
-    call self%ritz_values(least, greatest)
-    estimate = self%reduction*self%first_norm
-    if (least > 0) estimate = estimate/sqrt(least)
-  end function outcome_error_estimate
 end module dotyk_linalg_conjugate_gradient

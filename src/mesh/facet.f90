@@ -6,7 +6,7 @@ module dotyk_mesh_facet
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
   implicit none
   private
-  public :: area_vector, facet_geometry, facet_frame, frame_of_normal, cross
+  public :: area_vector, facet_geometry, frame_of_normal, cross
 
   !> The projection of the unit vector x on the surface vanishes where it is shorter than this [].
   real(dp), parameter :: min_projection = 1.0e-6_dp
@@ -64,19 +64,6 @@ contains
       end do
     end if
   end subroutine tangents
-
-  !> Local axes of the surface at a point of a facet; see `frame_of_normal`.
-  pure subroutine facet_frame(kind, dimension, x, xi, frame)
-    integer, intent(in) :: kind  !! Element kind of the facet.
-    integer, intent(in) :: dimension  !! Dimension of space.
-    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
-    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
-    real(dp), intent(out) :: frame(dimension, dimension)  !! Unit vectors as columns (dimension, dimension) [].
-    real(dp) :: position(3), normal(3), jacobian
-    call facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
-    call frame_of_normal(dimension, normal, frame)
-  end subroutine facet_frame
 
   !> Local axes of a surface with a given outward normal n.
   !>

@@ -75,7 +75,6 @@ module dotyk_scheme_coarse_space
     procedure :: has_stiffness => coarse_has_stiffness
     procedure :: rounding => coarse_rounding
     procedure :: rows => coarse_rows
-    procedure :: add_springs => coarse_add_springs
     procedure :: destroy => coarse_destroy
   end type coarse_space_t
 
@@ -264,25 +263,6 @@ contains
     end do
     norm = sqrt(norm)
   end subroutine coarse_rounding
-
-  !> Add the same spring to the stiffness of all modes.
-  subroutine coarse_add_springs(self, spring)
-    class(coarse_space_t), intent(inout) :: self
-    real(dp), intent(in) :: spring  !! Stiffness against each mode [force/length].
-    integer :: b, i, n
-    if (.not. allocated(self%stiffness)) then
-      allocate (self%stiffness(size(self%block)))
-      do b = 1, size(self%block)
-        n = self%first(b + 1) - self%first(b)
-        allocate (self%stiffness(b)%value(n, n), source=0.0_dp)
-      end do
-    end if
-    do b = 1, size(self%block)
-      do i = 1, size(self%stiffness(b)%value, 1)
-        self%stiffness(b)%value(i, i) = self%stiffness(b)%value(i, i) + spring
-      end do
-    end do
-  end subroutine coarse_add_springs
 
   !> Some rows of G as a dense matrix, or how uncertain they are.
   pure subroutine coarse_rows(self, row, g, uncertain)

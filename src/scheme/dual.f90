@@ -42,21 +42,11 @@ module dotyk_scheme_dual
   type, extends(scheme_t), public :: dual_t  !! The scheme.
   contains
     procedure :: solve => dual_solve
-    procedure, nopass :: finds_displacements => dual_finds_displacements
   end type dual_t
 
   integer, parameter :: most_rounds = 4  !! How often violated rows enter the working set; then all rows do.
 
 contains
-
-  !> With ties another theta is for the scheme: their forces are none of which tensile ones may be dropped.
-  logical function dual_finds_displacements(qp, compliance) result(finds)
-    type(contact_qp_t), intent(in) :: qp  !! The rows.
-    class(compliance_t), intent(in) :: compliance  !! C.
-    finds = any(qp%is_tied)
-    associate (not_needed => same_type_as(compliance, compliance))
-    end associate
-  end function dual_finds_displacements
 
   !> Solve.
   recursive subroutine dual_solve(self, qp, compliance, settings, monitor, state, error)

@@ -14,10 +14,8 @@ module dotyk_scheme_mode_columns
     real(dp), allocatable, private :: value(:)  !! Amplitude of each entry (as `mode`) [any].
   contains
     procedure :: add => columns_add
-    procedure :: take_dense => columns_take_dense
     procedure :: get => columns_get
     procedure :: scale => columns_scale
-    procedure :: remove_from => columns_remove_from
     procedure :: by_bodies => columns_by_bodies
     procedure :: destroy => columns_destroy
   end type mode_columns_t
@@ -52,17 +50,6 @@ contains
     self%first(self%n + 1) = last + 1
   end subroutine columns_add
 
-  !> The columns of a matrix in place of what was there.
-  subroutine columns_take_dense(self, matrix)
-    class(mode_columns_t), intent(inout) :: self
-    real(dp), intent(in) :: matrix(:, :)  !! As columns of amplitudes (n_modes, n) [any].
-    integer :: k
-    call self%destroy()
-    do k = 1, size(matrix, 2)
-      call self%add(matrix(:, k))
-    end do
-  end subroutine columns_take_dense
-
   !> One column.
   pure subroutine columns_get(self, k, x)
     class(mode_columns_t), intent(in) :: self
@@ -83,23 +70,6 @@ contains
       self%value(:last) = factor(self%mode(:last))*self%value(:last)
     end associate
   end subroutine columns_scale
-
-  !> Remove the components of amplitudes along the columns, which are orthonormal.
-  pure subroutine columns_remove_from(self, x)
-    class(mode_columns_t), intent(in) :: self
-    real(dp), intent(inout) :: x(:)  !! Amplitudes (n_modes) [any].
-    real(dp) :: along
-    integer :: k, i
-    do k = 1, self%n
-      along = 0
-      do i = self%first(k), self%first(k + 1) - 1
-        along = along + self%value(i)*x(self%mode(i))
-      end do
-      do i = self%first(k), self%first(k + 1) - 1
-        x(self%mode(i)) = x(self%mode(i)) - along*self%value(i)
-      end do
-    end do
-  end subroutine columns_remove_from
 
   !> The rows of each body, without the columns that do not move it.
   subroutine columns_by_bodies(self, first, block)

@@ -32,7 +32,6 @@ module dotyk_scheme_primal
   contains
     procedure :: solve => primal_solve
     procedure, nopass :: why_not => primal_why_not
-    procedure, nopass :: finds_displacements => primal_finds_displacements
   end type primal_t
 
   !> The dual scheme with solves by p-multigrid: for what the primal scheme does not solve, where there are no factors.
@@ -83,13 +82,6 @@ contains
       has = has .and. associated(matrix)
     end do
   end function has_corner_matrices
-
-  !> Unless it leaves the QP to another scheme.
-  logical function primal_finds_displacements(qp, compliance) result(finds)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    finds = primal_why_not(qp, compliance) == reason_none
-  end function primal_finds_displacements
 
   !> Solve.
   subroutine primal_solve(self, qp, compliance, settings, monitor, state, error)

@@ -70,20 +70,19 @@ contains
     logical, allocatable :: working(:), violated(:)
     real(dp) :: accuracy, start, last
     integer :: round, attempt, limit
-    logical :: warm, has_equilibrium
+    logical :: has_equilibrium
     start = wall_time()
     if (any(presses_rigid_rows(qp, is_rigid))) then
       call clear(state)
       state%ended = ended_rigid_constraint
       return
     end if
-    warm = allocated(state%pressure)
     if (state%history%n == 0) then
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
     end if
     allocate (m(qp%n_rows), source=0.0_dp)
-    if (warm) then
+    if (allocated(state%pressure)) then
       m(:) = state%pressure
       working = m > 0 .or. qp%is_tied
       if (allocated(state%penetration)) call add_violated(state%penetration, .not. qp%is_tied, working)
@@ -104,7 +103,7 @@ contains
       of_rows = pack(m, working)
       if (.not. allocated(u)) then
         allocate (u(system%n), source=0.0_dp)
-        call system%start(part, warm, of_rows, u)
+        call system%start(part, of_rows, u)
       end if
       last = huge(last)
       do attempt = 1, most_attempts

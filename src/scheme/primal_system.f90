@@ -114,11 +114,10 @@ contains
   end subroutine system_destroy
 
   !> The start: contact of the bodies in their corner spaces.
-  subroutine system_start(self, qp, warm, pressure, u)
+  subroutine system_start(self, qp, pressure, u)
     class(primal_system_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
-    logical, intent(in) :: warm  !! Whether there are pressures.
-    real(dp), intent(inout) :: pressure(:)  !! Pressures (n_rows) [pressure].
+    real(dp), intent(out) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(inout), contiguous :: u(:)  !! Displacements by contact (n) [length].
     call solve_corner_contact(self, qp, self%gap, self%load, pressure, u)
   end subroutine system_start

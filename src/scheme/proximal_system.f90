@@ -183,13 +183,12 @@ contains
   end subroutine system_take_rows
 
   !> Pressures and displacements where the iteration begins: at rest.
-  subroutine system_start(self, qp, warm, pressure, u)
+  subroutine system_start(self, qp, pressure, u)
     class(proximal_system_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp  !! The rows.
-    logical, intent(in) :: warm  !! Whether there are pressures.
-    real(dp), intent(inout) :: pressure(:)  !! Pressures, changed unless there are some (n_rows) [pressure].
+    real(dp), intent(out) :: pressure(:)  !! Pressures (n_rows) [pressure].
     real(dp), intent(inout), contiguous :: u(:)  !! Displacements (n) [length].
-    if (.not. warm) pressure = 0
+    pressure = 0
     u(:) = 0
     associate (not_needed => [self%n, qp%n_rows, size(qp%theta)])
     end associate

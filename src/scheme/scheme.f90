@@ -30,7 +30,6 @@ module dotyk_scheme_scheme
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
     procedure, nopass :: expected_products => no_products
     procedure, nopass :: why_not => no_reason  !! Why it leaves such a QP to another one.
-    procedure, nopass :: finds_displacements => finds_pressures  !! Whether it solves such a QP for displacements.
   end type scheme_t
 
   abstract interface
@@ -71,13 +70,4 @@ contains
     end associate
   end function no_reason
 
-  !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
-  !> another theta is for the scheme.
-  logical function finds_pressures(qp, compliance) result(finds)
-    type(contact_qp_t), intent(in) :: qp  !! The rows.
-    class(compliance_t), intent(in) :: compliance  !! C.
-    finds = .false.
-    associate (not_needed => [same_type_as(compliance, compliance), qp%n_rows == size(qp%theta)])
-    end associate
-  end function finds_pressures
 end module dotyk_scheme_scheme

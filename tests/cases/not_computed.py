@@ -59,13 +59,6 @@ class NotComputed(dotyk_case.Case):
         np.testing.assert_allclose(file["dotyk/contact/wave/pressure"][:], pressure, rtol=0,
                                    atol=1e-12 * pressure.max())
 
-    def test_estimates_that_a_rule_needs(self):
-        """Without a given theta the discretization error determines theta, and is computed even with error_parts=''."""
-        printed, _, summary = self.run_scene("wavy", [("&solver.*$", "&output fields='contact', error_parts='' /")])
-        self.assertNotIn("discretization error", printed)
-        self.assertBetween(0, summary["error_discretization"], np.inf)
-        self.assertEqual(summary["full_solves"], 3)
-
     def test_screened_constraints(self):
         """Constraints at the open end of a groove stay out of the linear systems; the solution equals that with all
         constraints."""

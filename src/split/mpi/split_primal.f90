@@ -27,19 +27,9 @@ module dotyk_split_split_primal
     type(split_bodies_t), pointer :: bodies => null()  !! The bodies.
   contains
     procedure :: solve => primal_solve
-    procedure, nopass :: finds_displacements => primal_finds_displacements
   end type split_primal_t
 
 contains
-
-  !> Where there are rows.
-  logical function primal_finds_displacements(qp, compliance) result(finds)
-    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
-    class(compliance_t), intent(in) :: compliance  !! Compliance of the bodies at these rows.
-    finds = qp%n_rows > 0
-    associate (not_needed => same_type_as(compliance, compliance))
-    end associate
-  end function primal_finds_displacements
 
   !> Solve.
   subroutine primal_solve(self, qp, compliance, settings, monitor, state, error)
