@@ -11,10 +11,9 @@
 !> Two kinds of pairs have another reference than theta = 0. The theta of a real elastic layer is no penalty: it stays.
 !> Quadrature points outnumber the unknowns of their surface, so that theta = 0 is over-constrained: its solution locks,
 !> and its multipliers are indeterminate. There the reference has a quarter of theta, or of h/E where that is less, and
-!> the distance to it is extrapolated: an estimate, not a bound. Theorem 1 names no order. The first order in theta holds
-!> for smooth pressures on a contact zone that stays; the order is about 0.8 at a sharp punch, and only 1/2 is guaranteed
-!> (docs/theory.md, section 1). With 3/4, the mean of both, the estimate of a quarter of theta is 16 % too large with
-!> order 1 and 23 % too small with order 1/2.
+!> the distance to it is extrapolated: an estimate, not a bound. Theorem 1 names no order. Smooth pressures on a contact
+!> zone that stays have the first order in theta, a sharp punch about 0.8, and only 1/2 is guaranteed (docs/theory.md,
+!> section 1). With 3/4, the mean of both, the estimate is 16 % too large for order 1 and 23 % too small for order 1/2.
 module dotyk_control_penalty_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t

@@ -488,8 +488,8 @@ contains
       '0; discretization, the estimated error of the mesh')
     call list%add('quantity', kind_text, most=20, &
       meaning='quantities that the log and the results file have with error bars of the mesh, as those of &accuracy')
-    call list%add('interval', kind_real, 'time between intermediate results of the schemes neumann and robin, written '// &
-      "with status 'running'; the iterates stay the same; 0: results at the end only", &
+    call list%add('interval', kind_real, 'time between intermediate results of the schemes neumann and robin, '// &
+      "written with status 'running'; the iterates stay the same; 0: results at the end only", &
       default='0', unit='seconds', not_negative=.true.)
   end subroutine add_settings
 end module dotyk_input_keyword_table

@@ -143,9 +143,10 @@ contains
         if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
         if (total%steps >= limit) exit rounds
         last = state%error_bound
-        ! The residual that left this bound may be far below the accuracy that was asked for: forces on active rows count
-        ! for little in the norm of the preconditioner.
-        accuracy = share*min(accuracy, max(outcome%residual, outcome%change, rounding*outcome%norm)/outcome%norm)
+        ! The residual that left this bound may be far below what was asked for: forces on active rows count for little
+        ! in the norm of the preconditioner.
+        accuracy = share*min(accuracy, max(rounding, max(outcome%residual, outcome%change)/ &
+                                                     max(outcome%norm, tiny(last))))
         call monitor%step(state%history, tolerance, state%error_bound)
       end do
       if (.not. any(violated)) exit rounds
