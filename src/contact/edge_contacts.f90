@@ -21,7 +21,8 @@ module dotyk_contact_edge_contacts
   real(dp), parameter :: converged_step = 1.0e-12_dp
   !> Crossing edges are searched within this multiple of the size of their facets.
   real(dp), parameter, public :: edge_reach = 2
-  real(dp), parameter :: max_slope = 0.02_dp  !! Facets at an edge may rise above the tangent plane by this sine.
+  !> Facets at an edge may rise above the tangent plane by this sine.
+  real(dp), parameter, public :: max_slope = 0.02_dp
   !> Edges between facets that are inclined by less than this are flat: half a degree.
   real(dp), parameter :: flat_cosine = cos(0.5_dp*acos(-1.0_dp)/180)
 

@@ -55,12 +55,21 @@ class Campaign(dotyk_case.Case):
                          {seed: "balances" for seed in (15, 207, 455, 460)})
 
     def test_overlaps_that_are_told(self):
-        """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156)."""
-        for seed in (89, 156):
+        """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156), also
+        skew ones (150) and those near the side of a part (97)."""
+        for seed in (89, 97, 150, 156):
             entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
-        self.assertEqual([entry["outcome"] for entry in entries], ["says why not"] * 2)
+        self.assertEqual([entry["outcome"] for entry in entries], ["says why not"] * 4)
         self.assertIn("penetrate", entries[0]["reason"])
-        self.assertIn("warning", entries[1]["reason"])
+        for entry in entries[1:]:
+            self.assertIn("warning", entry["reason"])
+
+    def test_points_that_meet(self):
+        """Edges that cross get a row with their common normal (80), points of both bodies get rows at
+        once (495)."""
+        for seed in (80, 495):
+            entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"] * 2)
 
     def test_rounding_is_no_force(self):
         """A floating part that another one has left behind: forces of rounding are not called uncertain."""
