@@ -71,9 +71,7 @@ def judge(assembly, path, log=""):
     size = max(part.solid.size for part in assembly.parts)
     numbers["move"] = float(move / size)
     before = {(i, j): check.depth(bodies[i], bodies[j], 0.0) for i in range(len(bodies)) for j in range(i)}
-    found, told = rows_through(assembly, bodies, pairs, before, stated_gaps(log))
-    faults += found
-    held += told
+    faults += rows_through(assembly, bodies, pairs, before)
     far = [k for k, body in enumerate(bodies)
            if np.linalg.norm(body.u, axis=1).max() > 0.5 * np.linalg.norm(np.ptp(body.x, axis=0))]
     for k in far:
@@ -147,10 +145,9 @@ def size_of(assembly):
     return max(1.0, *(part.solid.size for part in assembly.parts))
 
 
-def rows_through(assembly, bodies, pairs, before, stated):
-    """Active rows whose gap before deformation is deeper than the interference, facets of round parts included; what
-    the log states of it."""
-    faults, told = [], []
+def rows_through(assembly, bodies, pairs, before):
+    """Active rows whose gap before deformation is deeper than the interference, facets of round parts included."""
+    faults = []
     for name, pair in pairs.items():
         i, j = sides_of(assembly, name)
         round_off = sum(sagitta(assembly.parts[k], bodies[k]) for k in (i, j))
@@ -158,9 +155,8 @@ def rows_through(assembly, bodies, pairs, before, stated):
         given = max([before[max(i, j), min(i, j)]] + [-assembly.parts[k].shift for k in (i, j)])
         limit = given + round_off + 1e-6 * size_of(assembly)
         if len(pair.gap) and pair.gap.min() < -limit:
-            words = "%s: active row %.1e inside, bodies %.1e" % (name, -pair.gap.min(), limit)
-            (told if -pair.gap.min() - limit <= stated.get(name, 0.0) else faults).append(words)
-    return faults, told
+            faults.append("%s: active row %.1e inside, bodies %.1e" % (name, -pair.gap.min(), limit))
+    return faults
 
 
 def sagitta(part, body):
@@ -200,11 +196,6 @@ def stated_imbalance(log):
     """Forces along motions that contact does not determine, which the log states, relative to those on the body."""
     found = re.search(r"least motion taken; ([-\d.eE+]+) % of the loads rest on it", log)
     return float(found[1]) / 100 if found else 0.0
-
-
-def stated_gaps(log):
-    """How uncertain the gaps of pairs are by the log {pair: length}."""
-    return {name: float(value) for name, value in re.findall(r"gaps of '(.+)' are known to ([-\d.eE+]+) only", log)}
 
 
 def stated_depths(assembly, log):

@@ -99,7 +99,7 @@ contains
         overlap = max(overlap, of_end)
       end do
       call b%depth_of(x, 0, depth, near, xi)
-      if (nodes(1) /= nodes(2) .and. inside%entered == 0) call cross_edges(a, b, inside, near, new)
+      if (nodes(1) /= nodes(2) .and. inside%entered == 0) call cross_edges(a, b, inside, depth, near, new)
       counts = .not. only_corners
       ! Each of the two may move by as much, against the other.
       if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
@@ -159,15 +159,17 @@ contains
   end function met_point
 
   !> The sharp edge of b that an edge of a has crossed, if there is one: near the point, such that each body is behind
-  !> the plane of the two, and the one that is crossed least.
-  subroutine cross_edges(a, b, inside, near, new)
+  !> the plane of the two, and the one that is crossed least. The point is no deeper than that: a deeper one is on an
+  !> edge that bends into a face.
+  subroutine cross_edges(a, b, inside, depth, near, new)
     type(solid_t), intent(in) :: a  !! The part of the point.
     type(solid_t), intent(in) :: b  !! The other part.
     type(inside_point_t), intent(in) :: inside  !! The point, on an edge.
+    real(dp), intent(in) :: depth  !! Its depth in b [length].
     integer, intent(in) :: near  !! Facet of b that is nearest.
     type(met_point_t), intent(inout) :: new  !! Gets both facets and the edges, if there is one.
     real(dp), dimension(3) :: along, other, r, n, of_a, of_b
-    real(dp) :: least, s, t, from(2), to(2), square
+    real(dp) :: crossed, least, s, t, from(2), to(2), square
     integer, allocatable :: around(:), list(:)
     integer :: e, f, g, i
     around = a%facets_around(inside%node(1:1))
@@ -198,9 +200,10 @@ contains
           ! Out of b: the edge of a is below that of b.
           n = n/sqrt(square)
           if (dot_product(n, of_b - of_a) < 0) n = -n
-          if (dot_product(n, of_b - of_a) >= least) cycle
+          crossed = dot_product(n, of_b - of_a)
+          if (crossed < depth .or. crossed >= least) cycle
           if (.not. (is_behind_plane(b, [f, g], of_b, n) .and. is_behind_plane(a, around, of_a, -n))) cycle
-          least = dot_product(n, of_b - of_a)
+          least = crossed
           new%facet_a = minval(around)
           call closest_point_on_facet(a%set, new%facet_a, of_a, new%xi_a, square)
           call closest_point_on_facet(a%set, new%facet_a, first, from, square)
