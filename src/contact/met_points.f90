@@ -9,8 +9,7 @@ module dotyk_contact_met_points
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: sharp_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet
-  use dotyk_contact_edge_contacts, only: max_slope, min_crossing
-  use dotyk_contact_facet_corners, only: edge_coordinates
+  use dotyk_contact_edge_contacts, only: behind_edge, closest_on_edges, min_crossing
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_rows, only: replace_points, set_rows
@@ -29,6 +28,7 @@ module dotyk_contact_met_points
     integer :: node(2) = 0  !! The nodes that it lies between, twice the same for a node (2).
     integer :: entered = 0  !! The facet that it came through where it has passed through the other part, or 0.
     real(dp) :: x(3) = 0  !! Its place after deformation (3) [length].
+    integer :: edge = 0  !! The edge of the facet that it lies on, or 0.
   end type inside_point_t
 
   type, public :: met_point_t  !! A point of body a that is in body b.
@@ -37,9 +37,9 @@ module dotyk_contact_met_points
     integer :: facet_a = 0, facet_b = 0
     logical :: is_behind = .false.  !! Whether the point started behind that facet: interference.
     real(dp) :: xi_a(2) = 0, xi_b(2) = 0  !! Reference coordinates of the two points on them (2) [].
-    !> Where edges cross, their directions in these coordinates, a being the lower body; 0 elsewhere (2) [].
-    real(dp) :: edge_a(2) = 0, edge_b(2) = 0
+    integer :: edge_a = 0, edge_b = 0  !! Edges of the facets where these cross, a being the lower body; 0 elsewhere.
     real(dp) :: x(3) = 0  !! The point after deformation (3) [length].
+    real(dp) :: normal(3) = 0  !! Common normal of the edges after deformation, from a into b (3) [].
   end type met_point_t
 
   public :: add_met_points, discretize_points, is_same
@@ -51,7 +51,7 @@ module dotyk_contact_met_points
   !> A point that starts in a body may be behind the plane of a facet by more than its depth: along a right-angled wedge
   !> by this ratio.
   real(dp), parameter :: most_ratio = sqrt(2.0_dp)
-  integer, parameter :: n_steps = 5  !! Newton steps to the closest points of curved facets and edges.
+  integer, parameter :: n_steps = 5  !! Newton steps to the closest point of a curved facet.
 
 contains
 
@@ -99,12 +99,12 @@ contains
         overlap = max(overlap, of_end)
       end do
       call b%depth_of(x, 0, depth, near, xi)
-      if (nodes(1) /= nodes(2) .and. inside%entered == 0) call cross_edges(a, b, inside, depth, near, new)
+      behind = huge(behind)
+      if (inside%edge > 0) call cross_edges(a, b, inside, depth, near, behind, new)
       counts = .not. only_corners
       ! Each of the two may move by as much, against the other.
       if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
       along = a%x(:, nodes(2)) - a%x(:, nodes(1))
-      behind = huge(behind)
       least = huge(least)
       ! Where it leaves sideways through none, as where the end of an edge comes in, through any.
       do attempt = 1, 2
@@ -142,100 +142,68 @@ contains
     new%x = inside%x
     new%body_a = a%body
     new%body_b = b%body
-    if (new%facet_a > 0) then
-      new%facet_a = a%facet(new%facet_a)
-    else
-      new%is_behind = behind > 0
-      new%facet_a = a%facet(inside%facet)
-    end if
+    new%is_behind = behind > 0
+    new%facet_a = a%facet(inside%facet)
     if (counts .and. new%facet_b > 0) then
       new%facet_b = b%facet(new%facet_b)
     else
       new%facet_b = 0
     end if
-    if (any(abs(new%edge_a) > 0) .and. new%facet_b > 0 .and. new%body_a > new%body_b) &
+    if (new%edge_a > 0 .and. new%facet_b > 0 .and. new%body_a > new%body_b) &
       new = met_point_t(new%body_b, new%body_a, new%facet_b, new%facet_a, new%is_behind, new%xi_b, new%xi_a, &
-                        new%edge_b, new%edge_a, new%x)
+                        new%edge_b, new%edge_a, new%x, -new%normal)
   end function met_point
 
   !> The sharp edge of b that an edge of a has crossed, if there is one: near the point, such that each body is behind
   !> the plane of the two, and the one that is crossed least. The point is no deeper than that: a deeper one is on an
   !> edge that bends into a face.
-  subroutine cross_edges(a, b, inside, depth, near, new)
+  subroutine cross_edges(a, b, inside, depth, near, behind, new)
     type(solid_t), intent(in) :: a  !! The part of the point.
     type(solid_t), intent(in) :: b  !! The other part.
     type(inside_point_t), intent(in) :: inside  !! The point, on an edge.
     real(dp), intent(in) :: depth  !! Its depth in b [length].
     integer, intent(in) :: near  !! Facet of b that is nearest.
-    type(met_point_t), intent(inout) :: new  !! Gets both facets and the edges, if there is one.
-    real(dp), dimension(3) :: along, other, r, n, of_a, of_b
-    real(dp) :: crossed, least, s, t, from(2), to(2), square
-    integer, allocatable :: around(:), list(:)
-    integer :: e, f, g, i
-    around = a%facets_around(inside%node(1:1))
-    around = pack(around, [(any(a%surface%node(:, around(i)) == inside%node(2)), i=1, size(around))])
-    if (b%dimension < 3 .or. size(around) /= 2) return
-    associate (first => a%x(:, inside%node(1)), node => b%surface%node(:, near))
-      along = a%x(:, inside%node(2)) - first
-      list = b%facets_around(node(:b%set%corners(near)))
-      least = huge(least)
+    real(dp), intent(inout) :: behind  !! How far the edges were behind each other at first, if there is one [length].
+    type(met_point_t), intent(inout) :: new  !! Gets the edges, if there is one, and their closest points.
+    real(dp), dimension(3) :: of_a, of_b, along, other, n
+    real(dp) :: crossed, least, s, t, xi_a(2), xi_b(2)
+    integer, allocatable :: list(:)
+    integer :: other_g, g, i, k
+    if (b%dimension < 3) return
+    list = b%facets_around(b%surface%node(:b%set%corners(near), near))
+    least = huge(least)
+    associate (f => inside%facet, e => inside%edge)
       do i = 1, size(list)
-        f = list(i)
-        do e = 1, b%set%corners(f)
-          g = b%adjacency%neighbour(e, f)
-          if (g < f) cycle
-          if (dot_product(b%normal0(:, f), b%normal0(:, g)) > sharp_cosine) cycle
-          associate (start => b%x(:, b%surface%node(e, f)))
-            other = b%x(:, b%surface%node(modulo(e, b%set%corners(f)) + 1, f)) - start
-            n = cross(along, other)
-            square = dot_product(n, n)
-            if (square < (min_crossing*norm2(along)*norm2(other))**2) cycle
-            r = start - first
-            s = dot_product(n, cross(r, other))/square
-            t = dot_product(n, cross(r, along))/square
-            if (min(s, t) < 0 .or. max(s, t) > 1) cycle
-            of_a = first + s*along
-            of_b = start + t*other
-          end associate
-          ! Out of b: the edge of a is below that of b.
-          n = n/sqrt(square)
-          if (dot_product(n, of_b - of_a) < 0) n = -n
-          crossed = dot_product(n, of_b - of_a)
+        g = list(i)
+        do k = 1, b%set%corners(g)
+          other_g = b%adjacency%neighbour(k, g)
+          if (other_g < g) cycle
+          if (dot_product(b%normal0(:, g), b%normal0(:, other_g)) > sharp_cosine) cycle
+          s = 0.5_dp
+          t = 0.5_dp
+          call closest_on_edges(a%set, f, e, b%set, g, k, s, t, xi_a, xi_b, of_a, of_b, along, other)
+          if (min(s, t) < 0 .or. max(s, t) > 1) cycle
+          n = cross(along, other)
+          if (norm2(n) < min_crossing*norm2(along)*norm2(other)) cycle
+          ! Into b: the edge of a is behind that of b.
+          n = -sign(1/norm2(n), dot_product(n, b%normal(:, g) + b%normal(:, other_g)))*n
+          crossed = dot_product(n, of_a - of_b)
           if (crossed < depth .or. crossed >= least) cycle
-          if (.not. (is_behind_plane(b, [f, g], of_b, n) .and. is_behind_plane(a, around, of_a, -n))) cycle
+          if (.not. behind_edge(a%set, a%adjacency, f, e, n, -1.0_dp)) cycle
+          if (.not. behind_edge(b%set, b%adjacency, g, k, -n, -1.0_dp)) cycle
           least = crossed
-          new%facet_a = minval(around)
-          call closest_point_on_facet(a%set, new%facet_a, of_a, new%xi_a, square)
-          call closest_point_on_facet(a%set, new%facet_a, first, from, square)
-          call closest_point_on_facet(a%set, new%facet_a, first + along, to, square)
-          new%edge_a = to - from
-          new%facet_b = f
-          new%xi_b = edge_coordinates(b%set%corners(f), e, t)
-          new%edge_b = edge_coordinates(b%set%corners(f), e, 1.0_dp) - edge_coordinates(b%set%corners(f), e, 0.0_dp)
-          of_a = of_a - a%displacement_at(new%facet_a, new%xi_a)
-          of_b = of_b - b%displacement_at(f, new%xi_b)
-          new%is_behind = dot_product(n, of_b - of_a) > in_front*b%set%size(f)
+          new%edge_a = e
+          new%xi_a = xi_a
+          new%facet_b = g
+          new%edge_b = k
+          new%xi_b = xi_b
+          new%normal = n
+          behind = crossed - dot_product(n, a%displacement_at(f, xi_a) - b%displacement_at(g, xi_b)) - &
+                   in_front*b%set%size(g)
         end do
       end do
     end associate
   end subroutine cross_edges
-
-  !> Whether the corners of some facets are behind a plane.
-  pure logical function is_behind_plane(part, facets, x, normal) result(is_behind)
-    type(solid_t), intent(in) :: part  !! The part.
-    integer, intent(in) :: facets(:)  !! The facets (n).
-    real(dp), intent(in) :: x(3)  !! A point of the plane (3) [length].
-    real(dp), intent(in) :: normal(3)  !! Its unit normal (3) [].
-    real(dp) :: r(3)
-    integer :: i, k
-    is_behind = .true.
-    do k = 1, size(facets)
-      do i = 1, part%set%corners(facets(k))
-        r = part%x(:, part%surface%node(i, facets(k))) - x
-        is_behind = is_behind .and. dot_product(r, normal) <= max_slope*norm2(r)
-      end do
-    end do
-  end function is_behind_plane
 
   !> Whether a point of a sharp edge of a is near a sharp edge of b.
   pure logical function are_corners(a, around, b, facet, x, most) result(are)
@@ -272,21 +240,9 @@ contains
   !> Whether two points are the same.
   pure logical function is_same(p, q)
     type(met_point_t), intent(in) :: p, q  !! The points.
-    is_same = p%body_a == q%body_a .and. p%body_b == q%body_b .and. p%facet_a == q%facet_a .and. p%facet_b == q%facet_b
-    if (.not. is_same) return
-    if (any(abs(p%edge_a) > 0)) then
-      is_same = are_parallel(p%edge_a, q%edge_a) .and. are_parallel(p%edge_b, q%edge_b)
-    else
-      is_same = .not. any(abs(p%xi_a - q%xi_a) > 0) .and. .not. any(abs(p%xi_b - q%xi_b) > 0)
-    end if
-
-  contains
-
-    !> Whether two edges of a facet are one.
-    pure logical function are_parallel(u, v)
-      real(dp), intent(in) :: u(2), v(2)  !! Their directions (2) [].
-      are_parallel = norm2(v) > 0 .and. abs(u(1)*v(2) - u(2)*v(1)) <= in_front*norm2(u)*norm2(v)
-    end function are_parallel
+    is_same = p%body_a == q%body_a .and. p%body_b == q%body_b .and. p%facet_a == q%facet_a .and. &
+      p%facet_b == q%facet_b .and. p%edge_a == q%edge_a .and. p%edge_b == q%edge_b
+    if (is_same .and. p%edge_a == 0) is_same = .not. any(abs([p%xi_a - q%xi_a, p%xi_b - q%xi_b]) > 0)
   end function is_same
 
   !> A pair whose rows are such points, each by itself.
@@ -335,7 +291,7 @@ contains
     contact%facet_b = met%facet_b
     contact%xi_a = met%xi_a
     contact%xi_b = met%xi_b
-    if (any(abs(met%edge_a) > 0)) then
+    if (met%edge_a > 0) then
       call between_edges(set_a, set_b, met, contact)
       return
     end if
@@ -372,27 +328,17 @@ contains
     type(facet_set_t), intent(in) :: set_a  !! Facets of body a.
     type(facet_set_t), intent(in) :: set_b  !! Facets of body b.
     type(met_point_t), intent(in) :: met  !! The point.
-    type(point_contact_t), intent(inout) :: contact  !! Contact, with its facets and near points of them.
-    real(dp), dimension(3) :: x, y, along_a, along_b, normal_a, normal_b, n, xu, xv
-    real(dp) :: square
-    integer :: step
-    do step = 0, n_steps
-      call facet_position_and_normal(set_a, met%facet_a, contact%xi_a, x, normal_a, xu, xv)
-      along_a = met%edge_a(1)*xu + met%edge_a(2)*xv
-      call facet_position_and_normal(set_b, met%facet_b, contact%xi_b, y, normal_b, xu, xv)
-      along_b = met%edge_b(1)*xu + met%edge_b(2)*xv
-      n = cross(along_a, along_b)
-      square = dot_product(n, n)
-      if (step == n_steps) exit
-      ! y - x + t along_b - s along_a is parallel to n.
-      contact%xi_a = contact%xi_a + dot_product(n, cross(y - x, along_b))/square*met%edge_a
-      contact%xi_b = contact%xi_b + dot_product(n, cross(y - x, along_a))/square*met%edge_b
-    end do
-    contact%weight = sqrt(square)/4
-    n = n/sqrt(square)
-    contact%position = x
-    contact%normal = sign(1.0_dp, dot_product(n, normal_a - normal_b))*n
-    contact%gap = dot_product(contact%normal, y - x)
+    type(point_contact_t), intent(inout) :: contact  !! Contact, with its facets.
+    real(dp), dimension(3) :: y, along_a, along_b, n
+    real(dp) :: s, t
+    s = 0.5_dp
+    t = 0.5_dp
+    call closest_on_edges(set_a, met%facet_a, met%edge_a, set_b, met%facet_b, met%edge_b, s, t, contact%xi_a, &
+                          contact%xi_b, contact%position, y, along_a, along_b)
+    n = cross(along_a, along_b)
+    contact%weight = norm2(n)/4
+    contact%normal = sign(1/norm2(n), dot_product(n, met%normal))*n
+    contact%gap = dot_product(contact%normal, y - contact%position)
     if (.not. met%is_behind) contact%gap = max(0.0_dp, contact%gap)
   end subroutine between_edges
 end module dotyk_contact_met_points

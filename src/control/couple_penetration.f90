@@ -231,9 +231,8 @@ contains
     type(met_point_t), intent(in) :: met(:)  !! The points (n).
     logical :: meant(size(met))
     type(surface_t) :: boundary(2)
-    real(dp) :: shape(max_facet_nodes)
     integer, allocatable :: node_a(:), node_b(:)
-    integer :: i, k, n, first
+    integer :: i, k, first
     meant = .not. (met%is_behind .and. met%facet_b > 0)
     if (all(meant)) return
     call extract_boundary(problem%body(met(1)%body_a)%mesh, boundary(1))
@@ -241,12 +240,10 @@ contains
     do i = 1, size(met)
       if (meant(i)) cycle
       first = merge(1, 2, met(i)%body_a == met(1)%body_a)
-      associate (p => met(i), of_a => boundary(first), of_b => boundary(3 - first))
-        n = kind_nodes(of_a%kind(p%facet_a))
-        call shape_functions(of_a%kind(p%facet_a), p%xi_a(:of_a%dimension - 1), shape(:n))
-        ! The node, or the nodes that the point lies between.
-        node_a = pack(of_a%node(:n, p%facet_a), abs(shape(:n)) > sqrt(epsilon(shape)))
+      associate (p => met(i), of_b => boundary(3 - first))
+        node_a = nodes_at(boundary(first), p%facet_a, p%xi_a)
         node_b = of_b%node(:kind_nodes(of_b%kind(p%facet_b)), p%facet_b)
+        if (p%edge_b > 0) node_b = nodes_at(of_b, p%facet_b, p%xi_b)
         do k = 1, size(list)
           associate (pair => problem%pair(list(k)), slave => problem%surface_a(list(k)), &
                      master => problem%surface_b(list(k)))
@@ -258,6 +255,19 @@ contains
     end do
 
   contains
+
+    !> The node at a point of a facet, or the nodes that it lies between.
+    pure function nodes_at(surface, facet, xi) result(node)
+      type(surface_t), intent(in) :: surface  !! The facets.
+      integer, intent(in) :: facet  !! The facet.
+      real(dp), intent(in) :: xi(2)  !! Reference coordinates of the point (2) [].
+      integer, allocatable :: node(:)
+      real(dp) :: shape(max_facet_nodes)
+      integer :: n
+      n = kind_nodes(surface%kind(facet))
+      call shape_functions(surface%kind(facet), xi(:surface%dimension - 1), shape(:n))
+      node = pack(surface%node(:n, facet), abs(shape(:n)) > sqrt(epsilon(shape)))
+    end function nodes_at
 
     !> Whether a surface has some nodes.
     pure logical function has(surface, nodes)

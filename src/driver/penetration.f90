@@ -46,7 +46,8 @@ contains
     call monitor%lap(stage_check)
     ! A point that has been added before has its row, or is excluded.
     associate (check => solution%penetration)
-      check%met = pack(check%met, [(.not. any([(is_same(check%met(i), met(k)), k=1, size(met))]), i=1, size(check%met))])
+      check%met = pack(check%met, [(.not. any([(is_same(check%met(i), met(k)), k=1, size(met))]), &
+                                    i=1, size(check%met))])
       has_met = may_add .and. size(check%met) > 0 .and. solution%state%has_converged()
       if (has_met) then
         call show_met_points(monitor%log, scene%problem%body, check)
