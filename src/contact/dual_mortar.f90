@@ -20,8 +20,9 @@
 !> Where a facet is covered in part, psi extrapolates to its corners. Faces that are inclined to each other have the gap
 !> of the plane beyond the edge of the master surface then, which may be negative though nothing overlaps: contact
 !> through a body. So it is where an edge of the master surface lies across the facet: large gaps beyond the edge count
-!> as negative ones at the corners that are far from it. Where a row would overlap deeper than each of its points, phi
-!> replaces psi on such facets: its means lie between the gaps at the points.
+!> as negative ones at the corners that are far from it. Where a row would overlap deeper than each of its points, and
+!> one of its facets extrapolates to its vertex, phi replaces psi on all of them: its means lie between the gaps at the
+!> points.
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
