@@ -15,7 +15,7 @@ module dotyk_contact_met_points
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_point_contacts, only: point_contact_t
-  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
@@ -75,9 +75,9 @@ contains
   end subroutine add_met_points
 
   !> A point of a that is in b, with the facet that it came through: the nearest of those in front of which it started.
-  !> One that started behind all of them, by interference, leaves through the one it was least behind. Points of an edge
-  !> do not leave along it, as the next ones would take their place. Between bodies without a contact pair only corners
-  !> count; other points have no facet of b.
+  !> One that started behind all of them, by interference, leaves through the one it was least behind. It does not leave
+  !> through facets that do not face it, and points of an edge not along it, as the next ones would take their place.
+  !> Between bodies without a contact pair only corners count; other points have no facet of b.
   type(met_point_t) function met_point(a, b, at_rest, inside, tolerance, only_corners) result(new)
     type(solid_t), intent(in) :: a  !! The part of the point.
     type(solid_t), intent(in) :: b  !! The other part.
@@ -87,6 +87,7 @@ contains
     logical, intent(in) :: only_corners  !! Whether the two bodies have no contact pair.
     real(dp), dimension(3) :: x0, at, normal, xu, xv, along
     real(dp) :: xi(2), least, square, depth, overlap, of_end, gap, behind
+    real(dp), allocatable :: normals(:, :)
     integer :: near, i, j, k, g, attempt
     logical :: counts
     associate (x => inside%x, nodes => inside%node)
@@ -105,8 +106,9 @@ contains
       ! Each of the two may move by as much, against the other.
       if (only_corners) counts = are_corners(a, a%facets_around(nodes), b, near, x, 2*tolerance%moved)
       along = a%x(:, nodes(2)) - a%x(:, nodes(1))
+      normals = transpose(a%normal(:, a%facets_around(nodes)))
       least = huge(least)
-      ! Where it leaves sideways through none, as where the end of an edge comes in, through any.
+      ! Where it leaves sideways through none that faces it, as where the end of an edge comes in, through any.
       do attempt = 1, 2
         if (new%facet_b > 0 .or. inside%entered > 0) exit
         do i = 1, b%set%corners(near)
@@ -118,7 +120,8 @@ contains
               call facet_position_and_normal(b%set, g, xi, at, normal, xu, xv)
               ! Beside a face, as in a concave corner, the point is not below it.
               if (2*dot_product(normal, at - x) < sqrt(square)) cycle
-              if (attempt == 1 .and. norm2(cross(along, normal)) < sideways*norm2(along)) cycle
+              if (attempt == 1 .and. (norm2(cross(along, normal)) < sideways*norm2(along) .or. &
+                                      minval(matmul(normals, b%normal(:, g))) > facing_cosine)) cycle
               gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
               gap = max(0.0_dp, -gap - b%roughness0(g) - in_front*b%set%size(g))
               ! Deeper than they overlap: the point started beside this facet. Near the side of b the overlap at rest is
@@ -188,7 +191,7 @@ contains
           ! Into b: the edge of a is behind that of b.
           n = -sign(1/norm2(n), dot_product(n, b%normal(:, g) + b%normal(:, other_g)))*n
           crossed = dot_product(n, of_a - of_b)
-          if (crossed < depth .or. crossed >= least) cycle
+                if (crossed < depth .or. crossed >= least) cycle
           if (.not. behind_edge(a%set, a%adjacency, f, e, n, -1.0_dp)) cycle
           if (.not. behind_edge(b%set, b%adjacency, g, k, -n, -1.0_dp)) cycle
           least = crossed

@@ -55,11 +55,12 @@ class Campaign(dotyk_case.Case):
 
     def test_corners_that_overlap(self):
         """A corner with a meant interference is pushed out, where mean gaps of its pair are positive (207), beside a pair
-        that has the interference (460), near the side of the other part (455), and at an edge beside its end (15)."""
-        for seed in (15, 207, 455, 460):
+        that has the interference (460), near the side of the other part (455), at an edge beside its end (15), and
+        through the face, not into the bore beside it (341)."""
+        for seed in (15, 207, 341, 455, 460):
             entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
         self.assertEqual({entry["seed"]: entry["outcome"] for entry in entries},
-                         {seed: "balances" for seed in (15, 207, 455, 460)})
+                         {seed: "balances" for seed in (15, 207, 341, 455, 460)})
 
     def test_overlaps_that_are_told(self):
         """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156), also
