@@ -190,7 +190,7 @@ contains
     if (found%worst%depth > 0) then
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
       if (.not. all(is_meant(problem, list, met))) met = met(:0)
-      if (size(met) > 0) call add_other_side(pack(met_b, met_b%facet_b > 0 .and. is_meant(problem, list, met_b)), &
+      if (size(met) > 0) call add_other_side(pack(met_b, is_meant(problem, list, met_b) .and. met_b%facet_b > 0), &
                                              2*tolerance%moved, met)
     end if
     if (problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
