@@ -20,8 +20,9 @@
 !> Where a facet is covered in part, psi extrapolates to its corners. Faces that are inclined to each other have the gap
 !> of the plane beyond the edge of the master surface then, which may be negative though nothing overlaps: contact
 !> through a body. So it is where an edge of the master surface lies across the facet: large gaps beyond the edge count
-!> as negative ones at the corners that are far from it. Where a row would overlap deeper than each of its points, phi
-!> replaces psi on such facets: its means lie between the gaps at the points.
+!> as negative ones at the corners that are far from it. Where a row would overlap deeper than each of its points, and
+!> one of its facets extrapolates to its vertex, phi replaces psi on all of them: its means lie between the gaps at the
+!> points.
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -131,7 +132,8 @@ contains
     call mortar%init_from_triplets(size(row_corner), size(facet), row(1:n), column(1:n), value(1:n))
   end subroutine dual_mortar_rows
 
-  !> Facets whose dual functions extrapolate to a vertex whose row overlaps deeper than each of its points.
+  !> Facets at a vertex whose row overlaps deeper than each of its points, where the dual functions of one of them
+  !> extrapolate to it: the vertex is beyond the covered part of the surface, whatever another facet shows.
   subroutine find_extrapolations(corners, first, weight, gap, normal, dual, total, extrapolates)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
@@ -145,7 +147,7 @@ contains
     real(dp), intent(in) :: total(:)  !! Weights of the vertices (corners%n) [length^2; length in two dimensions].
     logical, allocatable, intent(out) :: extrapolates(:)  !! The facets (n_facets).
     real(dp), dimension(corners%n) :: mean, least, greatest
-    logical :: is_below(corners%n)
+    logical :: is_below(corners%n), is_beyond(corners%n)
     real(dp) :: limit
     integer :: i, k, n
     mean = 0
@@ -162,6 +164,7 @@ contains
     is_below = mean < min(-same_gap*greatest, least - same_gap*greatest)*total
     allocate (extrapolates(size(first) - 1), source=.false.)
     if (.not. any(is_below)) return
+    is_beyond = .false.
     do i = 1, size(extrapolates)
       n = count(corners%corner(:, first(i)) > 0)
       limit = greatest_amplification(n)
@@ -171,9 +174,12 @@ contains
       do k = 1, n
         if (.not. is_below(corners%corner(k, first(i)))) cycle
         associate (value => weight(first(i):first(i + 1) - 1)*dual(k, first(i):first(i + 1) - 1))
-          if (sum(abs(value)) > limit*sum(value)) extrapolates(i) = .true.
+          if (sum(abs(value)) > limit*sum(value)) is_beyond(corners%corner(k, first(i))) = .true.
         end associate
       end do
+    end do
+    do i = 1, size(extrapolates)
+      extrapolates(i) = any(is_beyond(pack(corners%corner(:, first(i)), corners%corner(:, first(i)) > 0)))
     end do
   end subroutine find_extrapolations
 

@@ -4,6 +4,7 @@
 !> parallelogram of the half edges.
 module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_false_overlap, only: is_false_overlap
@@ -13,7 +14,7 @@ module dotyk_contact_edge_contacts
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: behind_edge, find_edge_contacts, is_first_convex, is_inclined, on_edge
+  public :: behind_edge, closest_on_edges, find_edge_contacts, is_first_convex, is_inclined, on_edge
 
   real(dp), parameter, public :: min_crossing = 0.1_dp  !! Edges cross where the sine of their angle exceeds this.
   !> Steps to the closest points of curved edges, and the step below which they are found.
@@ -110,7 +111,7 @@ contains
     real(dp), intent(in) :: reach  !! Greatest distance [length].
     type(point_contact_t), intent(out) :: contact  !! Contact.
     logical, intent(out) :: found  !! The edges cross, and bodies lie behind them.
-    real(dp), dimension(3) :: a, b, r, n, on_a, on_b
+    real(dp), dimension(3) :: a, b, r, n, on_a, on_b, common
     real(dp) :: s, t, length, sine
     found = .false.
     a = ends(:, 2) - ends(:, 1)
@@ -126,12 +127,9 @@ contains
     t = dot_product(n, cross(r, a))/dot_product(n, cross(a, b))
     if (s < 0 .or. s >= 1 .or. t < 0 .or. t >= 1) return
     if (abs(dot_product(r, n)) > reach) return
-    if (behind_edge(slave, f, e, n) .and. behind_edge(master, g, k, -n)) then
-      continue
-    else if (behind_edge(slave, f, e, -n) .and. behind_edge(master, g, k, n)) then
+    if (.not. are_behind()) then
       n = -n
-    else
-      return
+      if (.not. are_behind()) return
     end if
     ! An edge on a face crosses the rim of the face; between two faces there are mortar rows.
     if (.not. ((is_sharp_a .and. is_inclined(slave, f, e, n)) .or. (is_sharp_b .and. is_inclined(master, g, k, n)))) &
@@ -140,8 +138,10 @@ contains
     contact%edge_a = e
     contact%facet_b = g
     contact%edge_b = k
-    call refine(s, t, n)
+    call closest_on_edges(slave%set, f, e, master%set, g, k, s, t, contact%xi_a, contact%xi_b, on_a, on_b, a, b)
     if (s < 0 .or. s > 1 .or. t < 0 .or. t > 1) return
+    common = cross(a, b)
+    if (norm2(common) > 0) n = sign(1.0_dp, dot_product(common, n))*common/norm2(common)
     contact%position = on_a
     contact%normal = n
     contact%gap = dot_product(n, on_b - on_a)
@@ -152,35 +152,44 @@ contains
 
   contains
 
-    !> Closest points of edges that are curved, by the method of Gauss and Newton, and their common normal.
-    subroutine refine(s, t, n)
-      real(dp), intent(inout) :: s  !! Fraction of the slave edge (0 to 1) [].
-      real(dp), intent(inout) :: t  !! Fraction of the master edge (0 to 1) [].
-      real(dp), intent(inout) :: n(3)  !! Unit normal from body a into body b (3) [].
-      real(dp) :: aa, ab, bb, ra, rb, step(2)
-      real(dp), dimension(3) :: common
-      integer :: i
-      do i = 1, max_steps
-        call on_edge(slave%set, f, e, s, contact%xi_a, on_a, a)
-        call on_edge(master%set, g, k, t, contact%xi_b, on_b, b)
-        if (i == max_steps) exit
-        aa = dot_product(a, a)
-        ab = dot_product(a, b)
-        bb = dot_product(b, b)
-        ra = dot_product(on_b - on_a, a)
-        rb = dot_product(on_b - on_a, b)
-        if (.not. aa*bb - ab**2 > (min_crossing/2)**2*aa*bb) exit
-        step = [bb*ra - ab*rb, ab*ra - aa*rb]/(aa*bb - ab**2)
-        s = s + step(1)
-        t = t + step(2)
-        if (maxval(abs([s, t])) > 2 .or. maxval(abs(step)) < converged_step) exit
-      end do
-      call on_edge(slave%set, f, e, s, contact%xi_a, on_a, a)
-      call on_edge(master%set, g, k, t, contact%xi_b, on_b, b)
-      common = cross(a, b)
-      if (norm2(common) > 0) n = sign(1.0_dp, dot_product(common, n))*common/norm2(common)
-    end subroutine refine
+    !> Whether both bodies lie behind their edges.
+    pure logical function are_behind()
+      are_behind = behind_edge(slave%set, slave%adjacency, f, e, n, min_exposure)
+      if (are_behind) are_behind = behind_edge(master%set, master%adjacency, g, k, -n, min_exposure)
+    end function are_behind
   end subroutine cross_edges
+
+  !> Closest points of two edges that may be curved, by the method of Gauss and Newton.
+  pure subroutine closest_on_edges(set_a, f, e, set_b, g, k, s, t, xi_a, xi_b, on_a, on_b, a, b)
+    type(facet_set_t), intent(in) :: set_a  !! Facets of the one surface.
+    integer, intent(in) :: f  !! Facet of its edge.
+    integer, intent(in) :: e  !! The edge.
+    type(facet_set_t), intent(in) :: set_b  !! Facets of the other surface.
+    integer, intent(in) :: g  !! Facet of its edge.
+    integer, intent(in) :: k  !! The edge.
+    real(dp), intent(inout) :: s  !! Fraction of the first edge (0 to 1, or beyond its ends) [].
+    real(dp), intent(inout) :: t  !! Fraction of the second edge [].
+    real(dp), intent(out) :: xi_a(2), xi_b(2)  !! Reference coordinates of the points (2) [].
+    real(dp), intent(out) :: on_a(3), on_b(3)  !! The points (3) [length].
+    real(dp), intent(out) :: a(3), b(3)  !! Derivatives with respect to s and t there (3) [length].
+    real(dp) :: aa, ab, bb, ra, rb, step(2)
+    integer :: i
+    step = 1
+    do i = 1, max_steps + 1
+      call on_edge(set_a, f, e, s, xi_a, on_a, a)
+      call on_edge(set_b, g, k, t, xi_b, on_b, b)
+      if (i > max_steps .or. maxval(abs([s, t])) > 2 .or. maxval(abs(step)) < converged_step) exit
+      aa = dot_product(a, a)
+      ab = dot_product(a, b)
+      bb = dot_product(b, b)
+      ra = dot_product(on_b - on_a, a)
+      rb = dot_product(on_b - on_a, b)
+      if (.not. aa*bb - ab**2 > (min_crossing/2)**2*aa*bb) exit
+      step = [bb*ra - ab*rb, ab*ra - aa*rb]/(aa*bb - ab**2)
+      s = s + step(1)
+      t = t + step(2)
+    end do
+  end subroutine closest_on_edges
 
   !> Point of an edge and its derivative along the edge.
   pure subroutine on_edge(set, f, e, s, xi, x, along)
@@ -209,16 +218,18 @@ contains
       abs(dot_product(surface%set%axis(:, surface%adjacency%neighbour(e, f)), normal)) <= flank_cosine
   end function is_inclined
 
-  !> Whether the facets at an edge lie behind the tangent plane with an outward normal, and face along it or lean over.
-  pure logical function behind_edge(surface, f, e, normal)
-    type(master_surface_t), intent(in) :: surface  !! Surface.
+  !> Whether the facets at an edge lie behind the tangent plane with an outward normal, and do not lean over by more.
+  pure logical function behind_edge(set, adjacency, f, e, normal, least)
+    type(facet_set_t), intent(in) :: set  !! Facets of a surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Their neighbours.
     integer, intent(in) :: f  !! Facet of the edge.
     integer, intent(in) :: e  !! Edge of the facet.
     real(dp), intent(in) :: normal(3)  !! Direction out of the body (3) [].
+    real(dp), intent(in) :: least  !! Cosine of the angle of their normals to it, at least [].
     behind_edge = is_behind(f, e)
-    if (behind_edge .and. surface%adjacency%neighbour(e, f) > 0) then
-      associate (g => surface%adjacency%neighbour(e, f))
-        behind_edge = is_behind(g, findloc(surface%adjacency%neighbour(1:surface%set%corners(g), g), f, dim=1))
+    if (behind_edge .and. adjacency%neighbour(e, f) > 0) then
+      associate (g => adjacency%neighbour(e, f))
+        behind_edge = is_behind(g, findloc(adjacency%neighbour(1:set%corners(g), g), f, dim=1))
       end associate
     end if
 
@@ -232,11 +243,11 @@ contains
       integer :: i, n
       is_behind = edge > 0
       if (.not. is_behind) return
-      n = surface%set%corners(facet)
-      is_behind = dot_product(surface%set%axis(:, facet), normal) >= min_exposure
+      n = set%corners(facet)
+      is_behind = dot_product(set%axis(:, facet), normal) >= least
       do i = 1, n
         if (i == edge .or. i == modulo(edge, n) + 1) cycle
-        r = corner_position(surface%set, facet, i) - corner_position(surface%set, facet, edge)
+        r = corner_position(set, facet, i) - corner_position(set, facet, edge)
         is_behind = is_behind .and. dot_product(r, normal) <= max_slope*norm2(r)
       end do
     end function is_behind

@@ -24,7 +24,7 @@ module dotyk_contact_edge_penetration
   !> Facets that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
   !> Numbers of a segment that is found, and segments that there is room for at first.
-  integer, parameter :: segment_length = 7, first_room = 64
+  integer, parameter :: segment_length = 8, first_room = 64
   !> Work for a facet far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
   real(dp), parameter :: golden = 0.381966011250105_dp  !! Golden section.
@@ -68,10 +68,10 @@ contains
         ends(2) = a%surface%node(modulo(e, corners) + 1, f)
         if (kind_nodes(a%surface%kind(f)) > corners) then
           ends(3) = a%surface%node(corners + e, f)
-          call search_segment(f, ends([1, 3, 2]))
-          call search_segment(f, ends([2, 3, 1]))
+          call search_segment(f, e, ends([1, 3, 2]))
+          call search_segment(f, e, ends([2, 3, 1]))
         else
-          call search_segment(f, ends(1:2))
+          call search_segment(f, e, ends(1:2))
         end if
       end do
     end do
@@ -95,8 +95,9 @@ contains
 
     !> Find the deepest point between two nodes of an edge. Its chord shows where it crosses the other part, depths are
     !> those of the edge itself.
-    subroutine search_segment(f, nodes)
+    subroutine search_segment(f, e, nodes)
       integer, intent(in) :: f  !! A facet at it.
+      integer, intent(in) :: e  !! Number of the edge there.
       integer, intent(in) :: nodes(:)  !! Its ends, and of a curved edge the third node (2 or 3).
       real(dp) :: s(max_crossings), deepest, place, raw, own, at, length
       real(dp), allocatable :: more(:, :)
@@ -138,7 +139,7 @@ contains
         call move_alloc(more, found)
       end if
       n_found = n_found + 1
-      found(:, n_found) = [real([f, nodes(:2)], dp), deepest, matmul(a%x(:, nodes), edge_shape(size(nodes), at))]
+      found(:, n_found) = [real([f, e, nodes(:2)], dp), deepest, matmul(a%x(:, nodes), edge_shape(size(nodes), at))]
       !$omp end critical (penetration)
     end subroutine search_segment
 
@@ -216,7 +217,7 @@ contains
 
   !> Add the segments that are too deep to the deepest point, in the order of the facets.
   subroutine keep_segments(found, depth, worst, inside)
-    !> The segments: facet, ends, depth and its position (segment_length, n).
+    !> The segments: facet, its edge, ends, depth and its position (segment_length, n).
     real(dp), intent(in) :: found(:, :)
     !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
@@ -227,16 +228,16 @@ contains
     is_inside = depth > 0
     call sort_order(found(1, :), order)
     do i = 1, size(order)
-      associate (segment => found(:, order(i)), nodes => nint(found(2:3, order(i))))
+      associate (segment => found(:, order(i)), nodes => nint(found(3:4, order(i))))
         ! A node inside says it already.
-        if (segment(4) > 0 .and. .not. any(is_inside(nodes))) then
+        if (segment(5) > 0 .and. .not. any(is_inside(nodes))) then
           worst%n_edges = worst%n_edges + 1
-          depth(nodes) = max(depth(nodes), segment(4))
-          inside = [inside, inside_point_t(nint(segment(1)), nodes, 0, segment(5:7))]
+          depth(nodes) = max(depth(nodes), segment(5))
+          inside = [inside, inside_point_t(nint(segment(1)), nodes, 0, segment(6:8), nint(segment(2)))]
         end if
-        if (segment(4) > (1 + same_depth)*worst%depth) then
-          worst%depth = segment(4)
-          worst%position = segment(5:7)
+        if (segment(5) > (1 + same_depth)*worst%depth) then
+          worst%depth = segment(5)
+          worst%position = segment(6:8)
         end if
       end associate
     end do

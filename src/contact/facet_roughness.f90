@@ -60,6 +60,13 @@ contains
         if (.not. is_smooth_edge(adjacency, normal0, entity, in_plane, f, other)) cycle
         smooth(e, f) = other
         smooth(back, other) = f
+      end do
+    end do
+    do f = 1, set%n
+      do e = 1, set%corners(f)
+        other = smooth(e, f)
+        if (other < f) cycle
+        back = findloc(smooth(1:set%corners(other), other), f, dim=1)
         width = [width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back)]
         if (.not. minval(width) > 0) cycle
         associate (pair => [f, other], curved => norm2(normal(:, f) - normal(:, other))/(sum(width)/2), &
@@ -75,14 +82,30 @@ contains
 
   contains
 
-    !> Whether the normals of two facets converge outside.
+    !> Whether the surface is concave across the edge of two facets: whether the normals on both sides of the two
+    !> converge outside. The edge itself may be a diagonal that bends the other way, as of skew facets of a cylinder.
     pure logical function is_concave(f, g)
       integer, intent(in) :: f, g  !! The facets.
       real(dp) :: between(3)
       between = sum(x0(:, surface%node(:set%corners(g), g)), 2)/set%corners(g) - &
                 sum(x0(:, surface%node(:set%corners(f), f)), 2)/set%corners(f)
-      is_concave = dot_product(normal0(:, g) - normal0(:, f), between) < 0
+      is_concave = dot_product(normal_beyond(g, f) - normal_beyond(f, g), between) < 0
     end function is_concave
+
+    !> Mean normal of the smooth neighbours of a facet but one; its own where it has no other (3) [].
+    pure function normal_beyond(f, g) result(mean)
+      integer, intent(in) :: f, g  !! The facet, and the neighbour that does not count.
+      real(dp) :: mean(3)
+      integer :: e, n
+      mean = 0
+      n = 0
+      do e = 1, set%corners(f)
+        if (smooth(e, f) == 0 .or. smooth(e, f) == g) cycle
+        mean = mean + normal0(:, smooth(e, f))
+        n = n + 1
+      end do
+      mean = merge(mean/max(1, n), normal0(:, f), n > 0)
+    end function normal_beyond
 
     !> Means over the facets around a vertex depend on all of them.
     subroutine spread_to_neighbours(height)

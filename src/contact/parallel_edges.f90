@@ -11,7 +11,7 @@ module dotyk_contact_parallel_edges
   use dotyk_contact_adjacency, only: corner_of, edges_of_corner
   use dotyk_contact_edge_contacts, only: behind_edge, edge_reach, is_first_convex, is_inclined, min_crossing, on_edge
   use dotyk_contact_false_overlap, only: is_false_overlap
-  use dotyk_contact_point_contacts, only: point_contact_t, shallow
+  use dotyk_contact_point_contacts, only: min_exposure, point_contact_t, shallow
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_mesh_facet, only: cross
@@ -213,7 +213,8 @@ contains
       if (abs(dot_product(d, n)) < least_agreement*norm2(d)) return
       n = sign(1.0_dp, dot_product(d, n))*d/norm2(d)
     end if
-    if (.not. (behind_edge(surface, f, e, n) .and. behind_edge(other, g, k, -n))) return
+    if (.not. behind_edge(surface%set, surface%adjacency, f, e, n, min_exposure)) return
+    if (.not. behind_edge(other%set, other%adjacency, g, k, -n, min_exposure)) return
     if (.not. (is_inclined(surface, f, e, n) .and. is_inclined(other, g, k, n))) return
     contact%gap = dot_product(n, d)
     ! An overlap is shallower than the bodies are thick.

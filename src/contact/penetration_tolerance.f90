@@ -17,7 +17,7 @@ module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
   private
@@ -97,16 +97,19 @@ contains
   contains
 
     !> Whether the depth below a facet that shares a corner with the nearest one is allowed, as that of a bore below its
-    !> rim.
+    !> rim. The point has not come through facets that do not face it.
     pure logical function is_allowed_beside()
       real(dp) :: at(2), square, of_facet, of_pairs, at_rest
+      real(dp), allocatable :: normals(:, :)
       integer :: i, k, g
       is_allowed_beside = .false.
+      normals = transpose(a%normal(:, a%facets_around(nodes)))
       do i = 1, b%set%corners(facet)
         associate (v => b%adjacency%vertex(i, facet))
           do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
             g = b%adjacency%facet(k)
             if (g == facet) cycle
+            if (minval(matmul(normals, b%normal(:, g))) > facing_cosine) cycle
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
             if (sqrt(square) < (1 - same)*depth) cycle

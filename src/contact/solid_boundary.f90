@@ -53,7 +53,7 @@ module dotyk_contact_solid_boundary
   end type solid_t
 
   !> Facets face each other where the cosine of the angle of their normals is below this.
-  real(dp), parameter :: facing_cosine = -0.5_dp
+  real(dp), parameter, public :: facing_cosine = -0.5_dp
   !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
   !> is below this fraction of the size of the facet.
   real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp

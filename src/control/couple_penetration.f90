@@ -3,7 +3,7 @@ module dotyk_control_couple_penetration
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_contact_met_points, only: add_met_points, inside_point_t, met_point_t
+  use dotyk_contact_met_points, only: add_met_points, inside_point_t, is_same, met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
@@ -145,7 +145,7 @@ contains
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
     type(left_by_pairs_t) :: left_a, left_b
-    type(met_point_t), allocatable :: met_b(:)
+    type(met_point_t), allocatable :: met_b(:), of_other(:)
     type(penetration_t) :: shared
     real(dp) :: rounding
     logical :: only_corners
@@ -182,12 +182,16 @@ contains
     if (b_in_a%worst%outweighs(a_in_b%worst) .or. (.not. a_in_b%worst%depth > 0 .and. &
         b_in_a%worst%between_rows > a_in_b%worst%between_rows)) then
       found = b_in_a
+      call move_alloc(met, of_other)
       call move_alloc(met_b, met)
+      call move_alloc(of_other, met_b)
     end if
     if (found%worst%between_rows < told_part*tolerance%moved) found%worst%between_rows = 0
     if (found%worst%depth > 0) then
       if (a == b .or. any(met%facet_b == 0)) met = met(:0)
       if (.not. all(is_meant(problem, list, met))) met = met(:0)
+      if (size(met) > 0) call add_other_side(pack(met_b, is_meant(problem, list, met_b) .and. met_b%facet_b > 0), &
+                                             2*tolerance%moved, met)
     end if
     if (problem%body(a)%mesh%is_open .or. problem%body(b)%mesh%is_open) return
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) then
@@ -207,6 +211,19 @@ contains
     end do
   end subroutine check_bodies
 
+  !> Add the points of the other body, where rows of the first one are not: else they would be in it next time.
+  pure subroutine add_other_side(other, most, met)
+    type(met_point_t), intent(in) :: other(:)  !! Points of the other body (n).
+    real(dp), intent(in) :: most  !! What the two move against each other: nearer points are one contact [length].
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points of the first body; others are added (n).
+    integer :: i, k, n
+    n = size(met)
+    do i = 1, size(other)
+      if (any([(norm2(other(i)%x - met(k)%x) <= most .or. is_same(other(i), met(k)), k=1, n)])) cycle
+      met = [met, other(i)]
+    end do
+  end subroutine add_other_side
+
   !> Whether points may be kept out: interference is meant between the surfaces of a contact pair only.
   function is_meant(problem, list, met) result(meant)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
@@ -214,21 +231,19 @@ contains
     type(met_point_t), intent(in) :: met(:)  !! The points (n).
     logical :: meant(size(met))
     type(surface_t) :: boundary(2)
-    real(dp) :: shape(max_facet_nodes)
     integer, allocatable :: node_a(:), node_b(:)
-    integer :: i, k, n
-    meant = .not. met%is_behind
+    integer :: i, k, first
+    meant = .not. (met%is_behind .and. met%facet_b > 0)
     if (all(meant)) return
     call extract_boundary(problem%body(met(1)%body_a)%mesh, boundary(1))
     call extract_boundary(problem%body(met(1)%body_b)%mesh, boundary(2))
     do i = 1, size(met)
       if (meant(i)) cycle
-      associate (p => met(i), of_a => boundary(1), of_b => boundary(2))
-        n = kind_nodes(of_a%kind(p%facet_a))
-        call shape_functions(of_a%kind(p%facet_a), p%xi_a(:of_a%dimension - 1), shape(:n))
-        ! The node, or the nodes that the point lies between.
-        node_a = pack(of_a%node(:n, p%facet_a), abs(shape(:n)) > sqrt(epsilon(shape)))
+      first = merge(1, 2, met(i)%body_a == met(1)%body_a)
+      associate (p => met(i), of_b => boundary(3 - first))
+        node_a = nodes_at(boundary(first), p%facet_a, p%xi_a)
         node_b = of_b%node(:kind_nodes(of_b%kind(p%facet_b)), p%facet_b)
+        if (p%edge_b > 0) node_b = nodes_at(of_b, p%facet_b, p%xi_b)
         do k = 1, size(list)
           associate (pair => problem%pair(list(k)), slave => problem%surface_a(list(k)), &
                      master => problem%surface_b(list(k)))
@@ -240,6 +255,19 @@ contains
     end do
 
   contains
+
+    !> The node at a point of a facet, or the nodes that it lies between.
+    pure function nodes_at(surface, facet, xi) result(node)
+      type(surface_t), intent(in) :: surface  !! The facets.
+      integer, intent(in) :: facet  !! The facet.
+      real(dp), intent(in) :: xi(2)  !! Reference coordinates of the point (2) [].
+      integer, allocatable :: node(:)
+      real(dp) :: shape(max_facet_nodes)
+      integer :: n
+      n = kind_nodes(surface%kind(facet))
+      call shape_functions(surface%kind(facet), xi(:surface%dimension - 1), shape(:n))
+      node = pack(surface%node(:n, facet), abs(shape(:n)) > sqrt(epsilon(shape)))
+    end function nodes_at
 
     !> Whether a surface has some nodes.
     pure logical function has(surface, nodes)

@@ -45,12 +45,13 @@ contains
                            solution%state%error_bound, solution%penetration)
     call monitor%lap(stage_check)
     ! A point that has been added before has its row, or is excluded.
-    associate (new => solution%penetration%met)
-      new = pack(new, [(.not. any([(is_same(new(i), met(k)), k=1, size(met))]), i=1, size(new))])
-      has_met = may_add .and. size(new) > 0 .and. solution%state%has_converged()
+    associate (check => solution%penetration)
+      check%met = pack(check%met, [(.not. any([(is_same(check%met(i), met(k)), k=1, size(met))]), &
+                                    i=1, size(check%met))])
+      has_met = may_add .and. size(check%met) > 0 .and. solution%state%has_converged()
       if (has_met) then
-        call show_met_points(monitor%log, scene%problem%body, solution%penetration)
-        met = [met, new]
+        call show_met_points(monitor%log, scene%problem%body, check)
+        met = [met, check%met]
         return
       end if
     end associate

@@ -46,21 +46,38 @@ class Campaign(dotyk_case.Case):
         entries, _ = self.run_seeds(seeds="211:212")
         self.assertEqual([entry["outcome"] for entry in entries], ["balances"])
 
+    def test_vertices_beyond_a_face(self):
+        """The row of a vertex beside an edge of the other part is no deeper than the parts are in each other (443);
+        that of a corner above a face is the corner's (101)."""
+        for seed in (101, 443):
+            entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"] * 2)
+
     def test_corners_that_overlap(self):
         """A corner with a meant interference is pushed out, where mean gaps of its pair are positive (207), beside a pair
-        that has the interference (460), near the side of the other part (455), and at an edge beside its end (15)."""
-        for seed in (15, 207, 455, 460):
+        that has the interference (460), near the side of the other part (455), at an edge beside its end (15), and
+        through the face, not into the bore beside it (341)."""
+        for seed in (15, 207, 341, 455, 460):
             entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
         self.assertEqual({entry["seed"]: entry["outcome"] for entry in entries},
-                         {seed: "balances" for seed in (15, 207, 455, 460)})
+                         {seed: "balances" for seed in (15, 207, 341, 455, 460)})
 
     def test_overlaps_that_are_told(self):
-        """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156)."""
-        for seed in (89, 156):
+        """A forgotten pair is not excused by another body (89); facets that bend between rows are named (156), also
+        skew ones (150) and those near the side of a part (97)."""
+        for seed in (89, 97, 150, 156):
             entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
-        self.assertEqual([entry["outcome"] for entry in entries], ["says why not"] * 2)
+        self.assertEqual([entry["outcome"] for entry in entries], ["says why not"] * 4)
         self.assertIn("penetrate", entries[0]["reason"])
-        self.assertIn("warning", entries[1]["reason"])
+        for entry in entries[1:]:
+            self.assertIn("warning", entry["reason"])
+
+    def test_points_that_meet(self):
+        """Edges that cross get a row with their common normal (80), also where one of them is at the rim of a contact
+        surface (131), points of both bodies get rows at once (495)."""
+        for seed in (80, 131, 495):
+            entries, _ = self.run_seeds(seeds="%d:%d" % (seed, seed + 1))
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"] * 3)
 
     def test_rounding_is_no_force(self):
         """A floating part that another one has left behind: forces of rounding are not called uncertain."""
