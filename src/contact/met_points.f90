@@ -191,7 +191,7 @@ contains
           ! Into b: the edge of a is behind that of b.
           n = -sign(1/norm2(n), dot_product(n, b%normal(:, g) + b%normal(:, other_g)))*n
           crossed = dot_product(n, of_a - of_b)
-                if (crossed < depth .or. crossed >= least) cycle
+          if (crossed < depth .or. crossed >= least) cycle
           if (.not. behind_edge(a%set, a%adjacency, f, e, n, -1.0_dp)) cycle
           if (.not. behind_edge(b%set, b%adjacency, g, k, -n, -1.0_dp)) cycle
           least = crossed

@@ -1,7 +1,7 @@
 !> Physical groups of a mesh, by name.
 module dotyk_mesh_physical_group
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_files, only: is_foreign_mesh
+  use dotyk_base_files, only: is_cad_file, is_foreign_mesh
   use dotyk_base_text, only: join, nearest_name, quoted, text_t
   use dotyk_base_wildcard, only: has_wildcard, matches
   use dotyk_mesh_mesh, only: mesh_t
@@ -71,14 +71,15 @@ contains
     type(text_t), allocatable :: names(:)
     character(:), allocatable :: suggestion, kind
     integer :: other
-    kind = trim(kind_name(dimension))
+    kind = 'physical '//trim(kind_name(dimension))
+    if (is_cad_file(mesh%file)) kind = trim(merge('solid', 'face ', dimension == 3))
     call group_names(mesh, dimension, names)
     suggestion = nearest_name(name, names)
-    message = 'mesh '//quoted(mesh%file)//' has no physical '//kind// &
+    message = 'mesh '//quoted(mesh%file)//' has no '//kind// &
               trim(merge(' like', '     ', has_wildcard(name)))//' '//quoted(name)
     if (suggestion /= '') message = message//' (did you mean '//quoted(suggestion)//'?)'
     if (size(names) > 0) then
-      message = message//'; its physical '//kind//'s: '//names_text(names)
+      message = message//'; its '//kind//'s: '//names_text(names)
     else if (is_foreign_mesh(mesh%file)) then
       message = message//', nor any other: they are sets and surfaces of a deck, groups, or the values of arrays '// &
                 'of integers of the cells or points'
