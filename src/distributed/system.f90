@@ -39,6 +39,7 @@ module dotyk_distributed_system
     type(solver_t), private :: of_contact, of_bodies  !! Linear solvers: with active rows, and without.
   contains
     procedure :: init => system_init
+    procedure :: take_rows => system_take_rows
     procedure :: start => system_start
     procedure :: set_active => system_set_active
     procedure :: solve => system_solve
@@ -81,7 +82,7 @@ contains
   subroutine system_init(self, bodies, operator, error)
     class(distributed_system_t), target, intent(inout) :: self
     type(distributed_stiffness_t), target, intent(in) :: bodies  !! The stiffness; lives longer.
-    !> Rows of B, weights and gaps of all bodies, the same on all ranks.
+    !> Rows of B of all bodies, the same on all ranks.
     type(contact_operator_t), intent(in) :: operator
     type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
     self%bodies => bodies
@@ -91,7 +92,6 @@ contains
     self%load = bodies%load
     call self%contact%init(bodies, operator%n_rows, without_rounding(operator%block), error)
     if (allocated(error)) return
-    self%gap = operator%gap - self%contact%rows%prescribed
     call self%alone%init_like(self%contact, error)
     if (allocated(error)) return
     ! Incomplete factors are hardly ever positive where the matrix is nearly singular, and gain nothing on linear
@@ -100,6 +100,13 @@ contains
     call set_up(self, self%alone, self%of_bodies, error)
     if (.not. allocated(error)) call sample_spectrum(self, error)
   end subroutine system_init
+
+  !> Take the gaps of the rows, which the bending of facets may have changed.
+  subroutine system_take_rows(self, qp)
+    class(distributed_system_t), target, intent(inout) :: self
+    type(contact_qp_t), intent(in) :: qp  !! All rows.
+    self%gap = qp%gap - self%contact%rows%prescribed
+  end subroutine system_take_rows
 
   !> The start: displacements without contact, and floating bodies at rest on a Winkler foundation; pressures of the
   !> rows that they close.

@@ -190,7 +190,7 @@ contains
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes, problem%slides())
       coarse%max_unbalanced = qp%coarse%max_unbalanced
-      if (.not. scene%is_split()) call find_deviations(problem, qp%block, modes, coarse)
+      call find_deviations(problem, qp%block, modes, coarse)
       call qp%set_loads(scene%operator%gap, scene%operator%theta, free%initial_penetration, free%load_displacement, &
                         free%energy, free%norm_square, coarse)
       do b = 1, size(compliance%body)

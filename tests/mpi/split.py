@@ -86,9 +86,10 @@ class Split(RankCase):
         self.write(name + ".geo", geo)
         return "&body name='%s', mesh='%s.geo', volume='block', material='%s' /" % (name, name, material)
 
-    def compare(self, namelist, rank_numbers=RANKS):
-        """The scene on ranks, split, against the same on one rank with factors."""
+    def compare(self, namelist, rank_numbers=RANKS, reference="&solver"):
+        """The scene on ranks, split, against the same on one rank: with factors, unless the reference says otherwise."""
         text = namelist.read_text()
+        namelist.write_text(text.replace("&solver", reference))
         expected = self.folder / "factors.vtkhdf"
         done = subprocess.run([os.environ["DOTYK"], str(namelist), "--output", str(expected)], env=ENVIRONMENT, capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
@@ -136,7 +137,8 @@ class Split(RankCase):
         self.compare(self.puck(1))
 
     def test_puck_of_quadratic_elements(self):
-        self.compare(self.puck(2))
+        """Moments hold its spin: how far they let it go differs between pressures and displacements by 3e-7 of the energy."""
+        self.compare(self.puck(2), reference="&solver response='multigrid', ")
 
     def test_pegs_under_a_lid(self):
         """Five floating bodies, one on top of the others; the second scene has linear elements beside quadratic ones."""
