@@ -20,7 +20,7 @@ module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: half_digits, least_gain, rounding
-  use dotyk_linalg_dense, only: least_squares, orthonormal_range, symmetric_eigen
+  use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_tied_groups, only: find_held_groups
@@ -69,8 +69,6 @@ module dotyk_scheme_proximal_motion
   !> Directions that are held from the first step on are spins: nothing but facets resists them. They are rotations by
   !> more than this fraction.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
-  !> Translations that rows resist by less, relative to others, do not follow a rotation [].
-  real(dp), parameter :: hardly_resisted = 1.0e-2_dp
   integer, parameter :: most_steps = 60  !! Steps at most.
 
 contains
@@ -142,8 +140,7 @@ contains
     real(dp), allocatable, intent(out) :: loaded(:, :)
     type(error_t), allocatable :: error
     real(dp), allocatable :: root(:), g(:, :), d(:, :), values(:), vectors(:, :), q(:, :), columns(:, :)
-    real(dp), allocatable :: rotation(:, :), shift(:, :), moved(:, :)
-    integer :: n, n_translations, rank
+    integer :: k, n, n_translations, rank
     n = size(springs, 1)
     allocate (direction(n, 0), loaded(n, 0))
     if (n == 0 .or. .not. allocated(qp%coarse%deviation)) return
@@ -155,29 +152,18 @@ contains
       d = spread(sqrt(foundation(row)), 2, n)*qp%coarse%deviation(b)%value/spread(root, 1, size(row))
       if (.not. maxval(abs(d)) > 0) return
       allocate (values(n), vectors(n, n), q(n, n))
+      call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
+      if (allocated(error)) return
       columns = qp%coarse%translation(b)%value(:, :3)*spread(root, 2, 3)
       ! What is left of translations that supports hold is rounding.
       columns(:, pack([1, 2, 3], norm2(columns, 1) < half*maxval(norm2(columns, 1)))) = 0
       call orthonormal_range(columns, half, q, n_translations)
-      ! Rotations are normal to translations.
-      call symmetric_eigen(matmul(q, transpose(q)), values, vectors, error)
-      if (allocated(error) .or. n_translations == n) return
-      rotation = vectors(:, :n - n_translations)
-      ! With the translations that leave least resistance: spins about axes beside the centre.
-      allocate (shift(max(size(row), n), size(rotation, 2)), source=0.0_dp)
-      shift(:size(row), :) = matmul(g, rotation)
-      if (n_translations > 0) &
-        call least_squares(matmul(g, q(:, :n_translations)), shift, hardly_resisted, rank, error)
-      if (allocated(error)) return
-      moved = rotation - matmul(q(:, :n_translations), shift(:n_translations, :))
-      g = matmul(g, moved)
-      d = matmul(d, moved)
-      deallocate (values, vectors)
-      allocate (values(size(rotation, 2)), vectors(size(rotation, 2), size(rotation, 2)))
-      call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
-      if (allocated(error)) return
-      rank = count(values < 0)
-      direction = matmul(rotation, vectors(:, :rank))/spread(root, 2, rank)
+      associate (found => vectors(:, :count(values < 0)), translation => q(:, :n_translations))
+        columns = found - matmul(translation, matmul(transpose(translation), found))
+        columns(:, pack([(k, k=1, size(found, 2))], norm2(columns, 1) < half)) = 0
+      end associate
+      call orthonormal_range(columns, half, q, rank)
+      direction = q(:, :rank)/spread(root, 2, rank)
       ! Nodes are not centred: the weight of a body has a moment about their mean.
       associate (unit => qp%coarse%translation(b)%value(:, :3), of_centre => qp%coarse%translation(b)%value(:, 4:6))
         loaded = direction - matmul(unit, matmul(transpose(of_centre), direction))
