@@ -69,7 +69,7 @@ contains
     real(dp), allocatable :: m(:), of_rows(:)
     logical, allocatable :: working(:), violated(:)
     real(dp) :: accuracy, start, last
-    integer :: round, attempt, limit, i
+    integer :: round, attempt, limit
     logical :: has_equilibrium
     start = wall_time()
     if (any(presses_rigid_rows(qp, is_rigid))) then
@@ -89,12 +89,7 @@ contains
     else
       call screen_rows(qp, working)
     end if
-    if (.not. system%is_for_rows) then
-      ! Rows far from contact, whose normals differ much from those of the slave surface, tell nothing of spins.
-      call restrict_qp(qp, working, part)
-      call motion%init(part, foundation_stiffness(part), [(.true., i=1, part%n_rows)], 0*qp%coarse%resultant)
-      working = .true.
-    end if
+    if (.not. system%is_for_rows) working = .true.
     call clear(state)
     held = qp
     limit = min(most_sets, settings%max_iterations)

@@ -155,8 +155,6 @@ contains
       call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
       if (allocated(error)) return
       columns = qp%coarse%translation(b)%value(:, :3)*spread(root, 2, 3)
-      ! What is left of translations that supports hold is rounding.
-      columns(:, pack([1, 2, 3], norm2(columns, 1) < half*maxval(norm2(columns, 1)))) = 0
       call orthonormal_range(columns, half, q, n_translations)
       associate (found => vectors(:, :count(values < 0)), translation => q(:, :n_translations))
         columns = found - matmul(translation, matmul(transpose(translation), found))
