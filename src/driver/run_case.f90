@@ -46,7 +46,7 @@ contains
     type(accuracy_t) :: accuracy
     character(:), allocatable :: lines, before
     integer :: threads
-    logical :: is_last, reached
+    logical :: is_last, is_stopped, reached
     code = exit_converged
     reached = .false.
     call monitor%begin(arguments%quiet)
@@ -87,9 +87,11 @@ contains
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
       call accuracy%remove_views()
       call monitor%log%take(lines)
-      is_last = allocated(error) .or. interrupted()
+      is_stopped = interrupted()
+      is_last = allocated(error) .or. is_stopped
       if (.not. is_last) call accuracy%conclude(case, code, monitor%log, reached, is_last, error)
-      if (allocated(error) .and. accuracy%n_meshes > 1 .and. .not. interrupted()) then
+      is_stopped = interrupted()
+      if (allocated(error) .and. accuracy%n_meshes > 1 .and. .not. is_stopped) then
         ! The results of the last mesh are there.
         call monitor%log%line('  accuracy         not reached: mesh '//to_text(accuracy%n_meshes)//': '//error%message)
         deallocate (error)

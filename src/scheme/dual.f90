@@ -205,7 +205,7 @@ contains
     type(contact_qp_t) :: with_springs
     type(proximal_motion_t) :: motion
     real(dp), allocatable :: foundation(:)
-    logical, allocatable :: active(:), is_held(:)
+    logical, allocatable :: active(:), all_rows(:), is_held(:)
     logical :: starts_inside, done
     integer :: k
     if (warm) then
@@ -222,9 +222,10 @@ contains
       if (allocated(error)) return
     end if
     foundation = foundation_stiffness(qp)
+    all_rows = [(.true., k=1, qp%n_rows)]
     with_springs = qp
     starts_inside = .not. warm .and. is_heap(qp)
-    call motion%init(qp, foundation, qp%is_tied, [(0.0_dp, k=1, qp%coarse%n)])
+    call motion%init(qp, foundation, qp%is_tied, all_rows, [(0.0_dp, k=1, qp%coarse%n)])
     call motion%apply(qp, with_springs)
     call find_held_rows(qp, with_springs, compliance, system, state, is_held, error)
     if (allocated(error) .or. state%ended == ended_rigid_constraint) return
@@ -237,7 +238,7 @@ contains
         call rest_on_winkler_foundation(with_springs, now, active)
       end if
     end if
-    call motion%init(qp, foundation, active, 0*now%alpha)
+    call motion%init(qp, foundation, active, all_rows, 0*now%alpha)
     do
       call motion%apply(qp, with_springs)
       if (motion%has_changed) call system%forget()

@@ -53,7 +53,7 @@ contains
     call choose_coupling(part, compliance, linear_solver, kept, system)
     if (system%needs_entries()) call compliance%form(part)
     with_springs = part
-    call motion%init(part, foundation_stiffness(part), kept, alpha(:, 1))
+    call motion%init(part, foundation_stiffness(part), kept, kept, alpha(:, 1))
     call motion%apply(part, with_springs)
     call drop_rigid_constraints(part, compliance, yields, kept, is_rigid)
     call system%init(with_springs, compliance, kept, error)

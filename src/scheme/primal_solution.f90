@@ -2,9 +2,8 @@
 !> any linear systems (`dotyk_scheme_proximal_system`). Any theta >= 0, held and floating bodies, whose motions that
 !> contact does not restrain are held by springs (`dotyk_scheme_proximal_motion`).
 !>
-!> As in the dual scheme, rows that stay inactive on a Winkler foundation are screened where the systems are made for
-!> their rows, and join the working set where the displacement violates them. It ends by its bound (`error_bound`),
-!> which is asked for by more and more accurate solutions.
+!> All rows are in the systems, for inactive ones cost little. It ends by its bound (`error_bound`), which is asked for by
+!> more and more accurate solutions.
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -26,13 +25,11 @@ module dotyk_scheme_primal_solution
     ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_undetermined_motion, only: find_undetermined
-  use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, near_violation, &
-    screen_rows
+  use dotyk_scheme_working_set, only: near_violation, screen_rows
   implicit none
   private
   public :: presses_rigid_rows, solve_by_displacements
 
-  integer, parameter :: most_rounds = 6  !! How often violated rows enter the working set; then all rows do.
   !> How often a bound above the tolerance is followed by a more accurate solution.
   integer, parameter :: most_attempts = 5
   integer, parameter :: most_sets = 100  !! Active sets at most: where it converges, it takes a third of them.
@@ -60,16 +57,16 @@ contains
     !> Where to begin if it has pressures; without pressures on return where there is no solution.
     type(solver_state_t), intent(inout) :: state
     type(error_t), allocatable, intent(out) :: error  !! Allocated where numbers are not finite, or PETSc fails.
-    ! With the rows of the working set alone, and with the loads less what the springs carry.
+    ! With the rows that displacements move alone, and with the loads less what the springs carry.
     type(contact_qp_t) :: part, held
     type(coarse_space_t) :: coarse
     type(proximal_outcome_t) :: outcome
     type(proximal_motion_t) :: motion
     type(iterate_t) :: now
     real(dp), allocatable :: m(:), of_rows(:)
-    logical, allocatable :: working(:), violated(:)
+    logical, allocatable :: near(:)
     real(dp) :: accuracy, start, last
-    integer :: round, attempt, limit
+    integer :: attempt, limit
     logical :: has_equilibrium
     start = wall_time()
     if (any(presses_rigid_rows(qp, is_rigid))) then
@@ -82,82 +79,56 @@ contains
       if (state%ended == ended_no_equilibrium) return
     end if
     allocate (m(qp%n_rows), source=0.0_dp)
-    if (allocated(state%pressure)) then
-      m(:) = state%pressure
-      working = m > 0 .or. qp%is_tied
-      if (allocated(state%penetration)) call add_violated(state%penetration, .not. qp%is_tied, working)
-    else
-      call screen_rows(qp, working)
-    end if
-    if (.not. system%is_for_rows) working = .true.
+    if (allocated(state%pressure)) m(:) = state%pressure
     call clear(state)
     held = qp
     limit = min(most_sets, settings%max_iterations)
     accuracy = min(share*tolerance, least_accuracy)
-    rounds: do round = 1, most_rounds
-      if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
-      if (round == most_rounds .or. .not. is_worth_screening(working)) working = .true.
-      working = working .and. .not. is_rigid
-      call restrict_qp(qp, working, part)
-      call system%take_rows(part)
-      of_rows = pack(m, working)
-      if (.not. allocated(u)) then
-        allocate (u(system%n), source=0.0_dp)
-        call system%start(part, of_rows, u)
-      end if
-      last = huge(last)
-      do attempt = 1, most_attempts
-        call solve_proximal(system, part, system%gap, system%load, accuracy, max(1, limit - total%steps), motion, &
-                            of_rows, u, outcome, error)
-        state%ended = outcome%ended
-        if (allocated(error) .or. any(outcome%ended == [ended_rigid_constraint, ended_costly])) return
-        total%steps = total%steps + outcome%steps
-        total%cg_steps = total%cg_steps + outcome%cg_steps
-        if (any(motion%excess > qp%coarse%max_unbalanced) .and. .not. all(working .or. is_rigid)) then
-          ! Rows that stop the bodies may have been screened.
-          working = .true.
-          deallocate (u)
-          motion = proximal_motion_t()
-          cycle rounds
-        end if
-        m(:) = unpack(of_rows, working, 0*m)
-        coarse = qp%coarse
-        coarse%resultant = coarse%resultant - motion%imbalance
-        call held%replace_modes(coarse)
-        call balance(held, m)
-        of_rows = pack(m, working)
-        now%lambda = qp%weight*m
-        now%alpha = system%resultants(u)/qp%coarse%scale
-        now%penetration = qp%initial_penetration
-        call system%find_penetrations(qp, u, now%penetration)
-        violated = .not. (working .or. is_rigid) .and. &
-          now%penetration > rounding*maxval(abs(qp%initial_penetration)) - &
-          slack(qp%weight, qp%theta, qp%is_tied, now%lambda, now%penetration)
-        has_equilibrium = is_balanced(held, now%lambda, now%alpha) .and. &
-                          .not. any(motion%excess > qp%coarse%max_unbalanced)
-        call judge(has_equilibrium .and. .not. any(violated))
-        ! Errors that no longer fall at one accuracy may do so at a smaller one.
-        if (system%is_interrupted() .or. .not. (outcome%converged .or. outcome%ended == ended_stalled)) exit rounds
-        if (any(violated)) exit
-        if (state%error_bound <= tolerance) exit rounds
-        if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
-        if (total%steps >= limit) exit rounds
-        last = state%error_bound
-        ! The residual that left this bound may be far below what was asked for: forces on active rows count for little
-        ! in the norm of the preconditioner.
-        accuracy = share*min(accuracy, max(rounding, max(outcome%residual, outcome%change)/ &
-                                                     max(outcome%norm, tiny(last))))
-        call monitor%step(state%history, tolerance, state%error_bound)
-      end do
-      if (.not. any(violated)) exit rounds
-      call add_violated(now%penetration, violated, working)
-    end do rounds
+    call restrict_qp(qp, .not. is_rigid, part)
+    call system%take_rows(part)
+    of_rows = pack(m, .not. is_rigid)
+    if (.not. allocated(u)) then
+      allocate (u(system%n), source=0.0_dp)
+      call system%start(part, of_rows, u)
+    end if
+    call screen_rows(part, near)
+    call motion%init(part, foundation_stiffness(part), of_rows > 0 .or. part%is_tied, near, 0*part%coarse%resultant)
+    last = huge(last)
+    do attempt = 1, most_attempts
+      call solve_proximal(system, part, system%gap, system%load, accuracy, max(1, limit - total%steps), motion, &
+                          of_rows, u, outcome, error)
+      state%ended = outcome%ended
+      if (allocated(error) .or. any(outcome%ended == [ended_rigid_constraint, ended_costly])) return
+      total%steps = total%steps + outcome%steps
+      total%cg_steps = total%cg_steps + outcome%cg_steps
+      m(:) = unpack(of_rows, .not. is_rigid, 0*m)
+      coarse = qp%coarse
+      coarse%resultant = coarse%resultant - motion%imbalance
+      call held%replace_modes(coarse)
+      call balance(held, m)
+      of_rows = pack(m, .not. is_rigid)
+      now%lambda = qp%weight*m
+      now%alpha = system%resultants(u)/qp%coarse%scale
+      now%penetration = qp%initial_penetration
+      call system%find_penetrations(qp, u, now%penetration)
+      has_equilibrium = is_balanced(held, now%lambda, now%alpha) .and. &
+                        .not. any(motion%excess > qp%coarse%max_unbalanced)
+      call judge()
+      ! Errors that no longer fall at one accuracy may do so at a smaller one.
+      if (system%is_interrupted() .or. .not. (outcome%converged .or. outcome%ended == ended_stalled)) exit
+      if (state%error_bound <= tolerance .or. total%steps >= limit) exit
+      if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit
+      last = state%error_bound
+      ! The residual that left this bound may be far below what was asked for: forces on active rows count for little
+      ! in the norm of the preconditioner.
+      accuracy = share*min(accuracy, max(rounding, max(outcome%residual, outcome%change)/max(outcome%norm, tiny(last))))
+      call monitor%step(state%history, tolerance, state%error_bound)
+    end do
     call find_undetermined(motion, qp, foundation_stiffness(qp), now%lambda > 0 .or. qp%is_tied, state%indeterminate)
     call state%indeterminate%scale(qp%coarse%scale)
     state%imbalance = motion%imbalance/qp%coarse%scale
     state%rest = motion%rest
     state%excess = motion%excess
-    state%screened = count(.not. working)
     call state%history%finish()
     state%iterations = state%history%n
     state%pressure = m
@@ -167,7 +138,7 @@ contains
     state%bound_is_guaranteed = .false.
     state%ended = ended_solves
     if (.not. (outcome%converged .or. outcome%ended == ended_stalled)) state%ended = outcome%ended
-    if (any(violated) .or. state%ended == ended_limit) &
+    if (state%ended == ended_limit) &
       state%ended = merge(ended_limit, ended_solves, total%steps >= settings%max_iterations)
     if (.not. has_equilibrium) state%ended = ended_unbalanced
     if (system%is_interrupted()) state%ended = ended_interrupted
@@ -176,16 +147,14 @@ contains
   contains
 
     !> Bound, energy and penetration of the iterate, for the state and its history.
-    subroutine judge(has_bound)
-      !> Whether there is a bound: not where rows outside of the working set penetrate, or forces do not balance.
-      logical, intent(in) :: has_bound
+    subroutine judge()
       real(dp) :: norm, bound
       norm = max(reference_norm(qp, now), tiny(norm))
       state%error_bound = huge(norm)
-      if (has_bound) then
+      if (has_equilibrium) then
         bound = hypot(system%error_of_isolated, &
                       error_bound(system, part%weight, part%theta, part%is_tied, system%load, u, &
-                                  pack(now%lambda, working), pack(now%penetration, working)))
+                                  pack(now%lambda, .not. is_rigid), pack(now%penetration, .not. is_rigid)))
         if (bound <= largest_square*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if

@@ -61,7 +61,6 @@ contains
     end do
     call self%init(qp%block, qp%n_rows, grid, body, qp%is_tied)
     self%compliance => compliance
-    self%is_for_rows = .true.
     self%norm_0 = sqrt(max(0.0_dp, qp%norm_square_0))
     self%gap = -qp%initial_penetration
     allocate (self%load(self%n))

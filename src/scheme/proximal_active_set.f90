@@ -77,7 +77,7 @@ contains
     !> Relative error of the displacements in the energy norm to end at, estimated [].
     real(dp), intent(in) :: tolerance
     integer, intent(in) :: most_steps  !! Greatest number of linear systems.
-    !> Springs on motions of floating bodies; with their feet at rest where it is new.
+    !> Springs on motions of floating bodies.
     type(proximal_motion_t), intent(inout) :: motion
     !> Pressures: those that start the active set, then the solution (n_rows) [pressure].
     real(dp), intent(inout) :: pressure(:)
@@ -110,7 +110,6 @@ contains
     now%aim = first_aim
     last = huge(last)
     foundation = foundation_stiffness(qp)
-    if (.not. allocated(motion%centre)) call motion%init(qp, foundation, now%active, 0*qp%coarse%resultant)
     do while (outcome%steps < most_steps)
       outcome%steps = outcome%steps + 1
       now%softness = qp%theta + now%prox

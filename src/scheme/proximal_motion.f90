@@ -74,12 +74,15 @@ module dotyk_scheme_proximal_motion
 contains
 
   !> The first springs, with their feet at given amplitudes.
-  subroutine motion_init(self, qp, foundation, active, alpha)
+  subroutine motion_init(self, qp, foundation, active, near, alpha)
     class(proximal_motion_t), intent(out) :: self
     type(contact_qp_t), intent(in) :: qp  !! Contact rows and rigid body modes.
     !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
     real(dp), intent(in) :: foundation(:)
     logical, intent(in) :: active(:)  !! Rows that are expected to be active (n_rows).
+    !> Rows that may become active: others tell nothing of spins, for their normals are those of contact far from where
+    !> it is (n_rows).
+    logical, intent(in) :: near(:)
     real(dp), intent(in) :: alpha(:)  !! (n_modes) [length]
     integer :: b
     call find_held_groups(qp, foundation, self%group, self%is_held)
@@ -93,7 +96,8 @@ contains
         if (self%is_held(self%group(b))) deallocate (self%stiffness(b)%value)
         if (self%is_held(self%group(b))) allocate (self%stiffness(b)%value(0, 0))
         self%n_active(b) = count(active(qp%block(b)%row))
-        call find_uncertain(qp, b, foundation, self%stiffness(b)%value, self%held(b)%value, self%loaded(b)%value)
+        call find_uncertain(qp, b, merge(foundation, 0.0_dp, near), self%stiffness(b)%value, self%held(b)%value, &
+                            self%loaded(b)%value)
         call hold(self%held(b)%value, self%stiffness(b)%value)
       end do
     end associate
@@ -155,6 +159,8 @@ contains
       call symmetric_eigen(matmul(transpose(g), g) - matmul(transpose(d), d)/spins**2, values, vectors, error)
       if (allocated(error)) return
       columns = qp%coarse%translation(b)%value(:, :3)*spread(root, 2, 3)
+      ! What is left of translations that supports hold is rounding.
+      columns(:, pack([1, 2, 3], norm2(columns, 1) < half*maxval(norm2(columns, 1)))) = 0
       call orthonormal_range(columns, half, q, n_translations)
       associate (found => vectors(:, :count(values < 0)), translation => q(:, :n_translations))
         columns = found - matmul(translation, matmul(transpose(translation), found))

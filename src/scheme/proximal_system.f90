@@ -40,8 +40,6 @@ module dotyk_scheme_proximal_system
     !> Loads and forces of prescribed displacements, as far as u carries them (n) [force].
     real(dp), allocatable :: load(:)
     real(dp) :: error_of_isolated = 0  !! Error of bodies that touch no other, at most [sqrt(energy)].
-    !> Whether the systems are made for the rows of a working set, so that it is worth screening others.
-    logical :: is_for_rows = .false.
     integer :: n_iterations = 0, most_iterations = huge(1)  !! Iterations so far, and at most [].
   contains
     procedure :: take_rows => system_take_rows
