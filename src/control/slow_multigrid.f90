@@ -11,6 +11,7 @@ module dotyk_control_slow_multigrid
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_response_multigrid_response, only: multigrid_response_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_scheme_linear_solver_choice, only: work_of_ties
   implicit none
   private
   public :: factor_is_better, find_slow_ones, replace_slow_ones
@@ -32,12 +33,14 @@ contains
   !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 1.1 to
   !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
   !> held below.
-  subroutine find_slow_ones(classes, n_cases, slot, size_of)
+  subroutine find_slow_ones(classes, n_cases, n_tied, slot, size_of)
     type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
     integer, intent(in) :: n_cases  !! Number of load cases: a factor serves all of them, p-multigrid solves each.
+    !> Tied rows of each body, all of which are active: their entries of the compliance take work, too (n_bodies).
+    integer, intent(in) :: n_tied(:)
     type(operator_slot_t), intent(in) :: slot(:)  !! Analysed, or factorized and tried (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)  !! Analysed; says which ones are slow on return (n_bodies).
-    real(dp) :: flops
+    real(dp) :: flops, ratio
     integer :: b
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
@@ -45,8 +48,12 @@ contains
         size_of(b)%steps = operator%expected_steps()
         if (.not. size_of(b)%steps > 0) size_of(b)%steps = usual_steps
         flops = size_of(b)%whole_flops
-        if (.not. flops > 0) flops = size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2* &
-          merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
+        if (.not. flops > 0) then
+          ratio = (n/max(1, operator%grid%interpolation%n))**2* &
+                  merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
+          ! Entries of factors grow by the power 2/3 of their operations; paths of the elimination tree are not known.
+          flops = size_of(b)%flops*ratio + work_of_ties(n_tied(b), 0.0_dp, size_of(b)%entries*ratio**(2.0_dp/3))
+        end if
         size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n_cases, n*count(classes%first == b), flops)
       end associate
     end do

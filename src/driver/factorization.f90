@@ -11,7 +11,7 @@ module dotyk_driver_factorization
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_driver_load_case, only: solve_free
-  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
+  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors, tied_rows
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -144,7 +144,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! As in `factorize_scene`.
     has_returned = .false.
     if (.not. may_return_to_factors(case, scene)) return
-    call find_slow_ones(scene%problem%classes, case%n_cases(), scene%slot, scene%size_of)
+    call find_slow_ones(scene%problem%classes, case%n_cases(), tied_rows(scene), scene%slot, scene%size_of)
     if (.not. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)) return
     call return_to_factors(case, scheme, scene, monitor, has_returned, error)
   end subroutine use_factors

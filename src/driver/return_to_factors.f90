@@ -22,7 +22,7 @@ module dotyk_driver_return_to_factors
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
-  public :: may_return_to_factors, return_to_factors
+  public :: may_return_to_factors, return_to_factors, tied_rows
 
 contains
 
@@ -78,15 +78,12 @@ contains
       else
         call check_memory(memory_now(), size_of, warning, error)
         fits = .not. allocated(error)
-        ! Rows of ties are all active; how many contact rows will be is not known.
-        do b = 1, size(slot)
-          scene%size_of(b)%whole_flops = size_of(b)%flops + work_of_ties( &
-            count(scene%operator%block(b)%row > sum(problem%pair%n_rows)), size_of(b)%path_entries, &
-            real(size_of(b)%class_entries, dp))
-        end do
+        ! How many contact rows will be active is not known.
+        scene%size_of%whole_flops = size_of%flops + work_of_ties(tied_rows(scene), size_of%path_entries, &
+                                                                 real(size_of%class_entries, dp))
         ! Not yet solved, the factors are for their cost, which is known now.
         if (any([(allocated(scene%slot(b)%multigrid), b=1, size(slot))])) then
-          call find_slow_ones(problem%classes, case%n_cases(), scene%slot, scene%size_of)
+          call find_slow_ones(problem%classes, case%n_cases(), tied_rows(scene), scene%slot, scene%size_of)
           fits = fits .and. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)
         end if
       end if
@@ -112,4 +109,12 @@ contains
       call move_alloc(size_of, scene%size_of)
     end associate
   end subroutine return_to_factors
+
+  !> Tied rows of each body.
+  pure function tied_rows(scene) result(n)
+    type(scene_t), intent(in) :: scene  !! The scene, built.
+    integer :: n(size(scene%problem%body))  !! (n_bodies)
+    integer :: b
+    n = [(count(scene%operator%block(b)%row > sum(scene%problem%pair%n_rows)), b=1, size(n))]
+  end function tied_rows
 end module dotyk_driver_return_to_factors

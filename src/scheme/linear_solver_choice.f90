@@ -133,7 +133,7 @@ contains
   end subroutine add_costs
 
   !> Operations that the tied rows of a body take of its factor, at the speed of a factorization.
-  pure real(dp) function work_of_ties(n_rows, path, solve) result(work)
+  elemental real(dp) function work_of_ties(n_rows, path, solve) result(work)
     integer, intent(in) :: n_rows  !! Tied rows of the body.
     real(dp), intent(in) :: path, solve  !! As in `compliance_t`.
     real(dp) :: cost(2), bytes
