@@ -63,15 +63,13 @@ contains
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
     class(contact_solution_t), intent(in) :: self
-    real(dp), allocatable :: alpha(:)
     associate (state => self%state, qp => self%qp)
-      allocate (alpha, source=state%alpha/qp%coarse%scale)
-      energies%strain = qp%energy_norm(state%pressure, state%penetration, alpha)**2/2
+      energies%strain = state%norm(qp)**2/2
       energies%penalty = sum(qp%penalty_of_rows(state%pressure, state%penetration))
-      energies%load_work = qp%load_work(state%pressure, alpha)
       if (allocated(state%terms)) then
-        energies%strain = state%terms(1)
         energies%load_work = state%terms(2)
+      else
+        energies%load_work = qp%load_work(state%pressure, state%alpha/qp%coarse%scale)
       end if
     end associate
   end function solution_energies

@@ -51,7 +51,7 @@ contains
     real(dp) :: distance(size(problem%body)), stored(size(problem%body)), found_rounding, rounding, gaps, norm, left
     associate (tolerance => run%settings%tolerance)
       rounding = 0
-      norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
+      norm = state%norm(qp)
       stored = 0
       found_rounding = 0
       if (are_needed) then
@@ -103,7 +103,7 @@ contains
         ! The work of the tensions of bolts is none of loads on displacements.
         state%energy = state%energy - sum(qp%coarse%resultant*state%alpha, mask=qp%coarse%is_slide)
       end if
-      norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
+      norm = state%norm(qp)
       call expect_rounding(problem, displacements%body, norm, distance)
       is_found = [(allocated(compliance%body(b)%found), b=1, size(distance))]
       gaps = 0
@@ -175,7 +175,7 @@ contains
         return
       end if
       rounding = (compliance%distance(qp, state%pressure - last%pressure, state%alpha - last%alpha) + left)/ &
-                 max(tiny(left), qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale))
+                 max(tiny(left), state%norm(qp))
       if (rounding <= max(least_residual, small_correction*run%settings%tolerance) .or. &
           .not. rounding < least_gain*before) exit
       before = rounding

@@ -74,7 +74,7 @@ contains
     type(penalty_reference_t) :: reference
     real(dp) :: distance
     call budget%init()
-    budget%norm = qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
+    budget%norm = state%norm(qp)
     if (want_mesh) then
       call estimate_mesh_error(problem, displacements, qp%pair_first_row, state%pressure, qp%theta, kept, budget, error)
       if (allocated(error)) return

@@ -149,7 +149,7 @@ contains
   real(dp) function uncertainty(qp, state)
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! Where a scheme ended.
-    uncertainty = state%error_bound*qp%energy_norm(state%pressure, state%penetration, state%alpha/qp%coarse%scale)
+    uncertainty = state%error_bound*state%norm(qp)
   end function uncertainty
 
   !> Whether a scheme found a solution.

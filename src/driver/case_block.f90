@@ -13,10 +13,11 @@ module dotyk_driver_case_block
   use dotyk_control_kept_estimates, only: most_of_memory
   use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_driver_engines, only: engine_factors, engine_none, engine_rebuilt, first_engine, take_engine, &
+  use dotyk_driver_engines, only: engine_factors, engine_grid_solves, engine_none, engine_rebuilt, first_engine, &
+    take_engine, &
     take_next_engine, why_not_taken
   use dotyk_driver_factorization, only: factorize_scene
-  use dotyk_driver_load_case, only: begin_case, case_solution_t, leave_case, resume_case
+  use dotyk_driver_load_case, only: begin_case, case_solution_t, leave_case, resume_case, solve_free
   use dotyk_driver_results, only: write_on_the_way
   use dotyk_driver_run_settings, only: goal_of, may_use_multigrid
   use dotyk_driver_scene, only: scene_t
@@ -225,6 +226,9 @@ contains
                               monitor%timing%stage(stage_factorize)%wall - before)
     end if
     if (solved%engine == engine_none) solved%engine = first_engine(scene)
+    ! Pressures alone are unknown there.
+    if (solved%engine == engine_grid_solves .and. scene%is_rough) call solve_free(scene, .false., error)
+    if (allocated(error)) return
     solved%run = run
     call take_engine(solved%engine, case, scene, solved%run%scheme)
     if ((case%n_cases() > 1 .or. size(scene%quantity) > 0) .and. solved%engine == engine_factors) &

@@ -68,7 +68,7 @@ contains
                    [(i > sum(problem%pair%n_rows), i=1, scene%operator%n_rows)], seam)
       call compliance%init(qp, response, operators, side_by_side)
       if (case%n_cases() > 1) scene%modes = problem%modes
-      call solve_free(scene, error)
+      call solve_free(scene, scene%has_multigrid(), error)
       if (allocated(error)) return
       if (any(scene%size_of%forms_matrix)) then
         call set_stage('forming the compliance')

@@ -68,7 +68,7 @@ contains
     end associate
     call scene%compliance%forget_displacements()
     scene%compliance%n_sweeps = 0
-    call solve_free(scene, error)
+    call solve_free(scene, scene%has_multigrid(), error)
     if (.not. allocated(error)) call stop_if_interrupted(error)
     call monitor%lap(stage_iterate)
   end subroutine begin_case
@@ -172,8 +172,9 @@ contains
   end subroutine load_all
 
   !> Solve without contact: the QP of the loads that act on the bodies.
-  subroutine solve_free(scene, error)
+  subroutine solve_free(scene, roughly, error)
     type(scene_t), intent(inout) :: scene  !! With factors, rows of the QP and compliance.
+    logical, intent(in) :: roughly  !! As in `solve_without_contact`.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a mode at the contact rows is not finite.
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
@@ -185,8 +186,9 @@ contains
       if (allocated(error)) return
       call set_stage('solving without contact')
       call solve_without_contact(problem%body, problem%ranks, qp%block, scene%operator%gap, compliance%response, &
-                                 problem%classes%first, compliance%side_by_side, problem%n_blas, free, &
+                                 problem%classes%first, compliance%side_by_side, problem%n_blas, roughly, free, &
                                  problem%isolated)
+      scene%is_rough = free%is_rough
       scene%n_full_solves = free%n_solves
       call coarse%init(qp%block, qp%n_rows, modes, problem%slides())
       coarse%max_unbalanced = qp%coarse%max_unbalanced
@@ -195,6 +197,7 @@ contains
                         free%energy, free%norm_square, coarse)
       do b = 1, size(compliance%body)
         call move_alloc(free%u_0(b)%value, compliance%body(b)%free)
+        call move_alloc(free%load(b)%value, compliance%body(b)%load)
         call move_alloc(free%left(b)%value, compliance%body(b)%left)
       end do
     end associate

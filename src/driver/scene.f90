@@ -25,6 +25,8 @@ module dotyk_driver_scene
     type(factor_size_t), allocatable :: size_of(:)  !! Sizes of the factors (n_bodies).
     integer :: n_full_solves = 0  !! Solves with whole factors so far.
     integer :: case = 1  !! The load case that acts on it; 0: parts of several.
+    !> Whether the solution without contact is a rough one, which a scheme of displacements corrects.
+    logical :: is_rough = .false.
     logical :: is_factorized = .false.  !! Whether the factors, or what is in their place, belong to the bodies.
     !> Rigid body modes as the supports leave them; kept where there are several load cases (n_bodies).
     type(body_modes_t), allocatable :: modes(:)

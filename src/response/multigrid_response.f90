@@ -34,6 +34,7 @@ module dotyk_response_multigrid_response
     procedure :: prepare => response_prepare
     procedure :: expected_steps => response_expected_steps
     procedure :: solve => response_solve
+    procedure :: solve_roughly => response_solve_roughly
     procedure :: solve_from => response_solve_from
     procedure :: subtract_forces => response_subtract_forces
     procedure :: solve_error => response_solve_error
@@ -49,6 +50,7 @@ module dotyk_response_multigrid_response
 
   !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
   real(dp), parameter :: accuracy = 1.0e-10_dp
+  real(dp), parameter :: rough = 1.0e-2_dp  !! The same of a start that is improved on [].
   !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
   integer, parameter :: most_steps = 200
   !> Iterations that measure the Ritz values: the least one is found to some percent by then where a solve takes up to
@@ -212,6 +214,24 @@ contains
     if (least > 0) self%grid%least = min(self%grid%least, least)
     !$omp end critical (multigrid_response)
   end subroutine response_solve
+
+  !> x := K^+ x to some percent: what it leaves is for `subtract_forces` to tell.
+  subroutine response_solve_roughly(self, x)
+    class(multigrid_response_t), intent(in) :: self
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
+    type(cg_outcome_t) :: outcome
+    real(dp), allocatable :: b(:), s(:)
+    if (self%is_whole) then
+      call self%solve(x)
+      return
+    end if
+    allocate (b(self%grid%n), s(self%grid%n))
+    call self%grid%to_system(x, b)
+    call remove_components(self%grid%n, self%grid%mode, b)
+    call conjugate_gradient(self%grid, b, s, rough, most_steps, outcome)
+    call remove_components(self%grid%n, self%grid%mode, s)
+    call self%grid%to_equations(s, x)
+  end subroutine response_solve_roughly
 
   !> x := K^+ x from an approximate solution, which is kept as it is where it leaves a small part of the forces only:
   !> that of the primal scheme, whose bound knows what it leaves.

@@ -19,7 +19,8 @@ module dotyk_response_response
     real(dp), allocatable :: mode(:, :)
   contains
     procedure(solve_interface), deferred :: solve  !! x := K^+ x.
-    procedure :: solve_block => response_solve_block  !! The same for a block of right-hand sides.
+    procedure :: solve_roughly => response_solve_roughly  !! The same to some percent, where that takes less time.
+    procedure :: solve_block => response_solve_block  !! x := K^+ x for a block of right-hand sides.
     procedure :: solve_from => response_solve_from  !! x := K^+ x, from an approximation where that helps.
     procedure :: subtract_forces => response_subtract_forces  !! f := f - K x, what a solve leaves.
     !> Whether a solve of all bodies costs no more than one of them, and that solve.
@@ -129,6 +130,13 @@ contains
     associate (not_needed => same_type_as(self, self))
     end associate
   end function response_solves_together
+
+  !> A factor gives the exact solution in the same time.
+  subroutine response_solve_roughly(self, x)
+    class(response_t), intent(in) :: self
+    real(dp), intent(inout) :: x(:)  !! Right-hand side [force] in, solution [length] out (n_equations).
+    call self%solve(x)
+  end subroutine response_solve_roughly
 
   !> Never called where bodies are not solved together.
   subroutine response_solve_together(self, x)

@@ -262,10 +262,16 @@ contains
 
   !> ||u||_A for relative errors; more than rounding of what the initial penetrations would store in the foundation, so
   !> that rounding errors of a scene at rest are not compared with each other [sqrt(energy)].
-  real(dp) function reference_norm(qp, now) result(norm)
+  real(dp) function reference_norm(qp, now, terms) result(norm)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     type(iterate_t), intent(in) :: now  !! The iterate.
-    norm = qp%energy_norm(now%lambda/qp%weight, now%penetration, now%alpha)
+    !> Strain energy and work of the loads where displacements tell them (2) [energy].
+    real(dp), intent(in), optional :: terms(:)
+    if (present(terms)) then
+      norm = sqrt(2*max(0.0_dp, terms(1)))
+    else
+      norm = qp%energy_norm(now%lambda/qp%weight, now%penetration, now%alpha)
+    end if
     norm = max(norm, half_digits*sqrt(sum(foundation_stiffness(qp)*qp%initial_penetration**2)))
   end function reference_norm
 

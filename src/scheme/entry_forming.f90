@@ -32,8 +32,8 @@ module dotyk_scheme_entry_forming
     !> Displacement without contact, u_0, and the last one by a scheme that finds displacements, u without its rigid
     !> body modes; allocated for bodies that are solved iteratively (n_equations) [length].
     real(dp), allocatable :: free(:), found(:)
-    !> Forces that the solve of u_0 has left; allocated where `free` is (n_equations) [force].
-    real(dp), allocatable :: left(:)
+    !> Loads, and the forces that the solve of u_0 has left; allocated where `free` is (n_equations) [force].
+    real(dp), allocatable :: load(:), left(:)
   end type body_operator_t
 
   type, public :: row_blocks_t  !! Forward substitution of one body's rows, in blocks.

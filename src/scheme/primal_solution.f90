@@ -149,7 +149,8 @@ contains
     !> Bound, energy and penetration of the iterate, for the state and its history.
     subroutine judge()
       real(dp) :: norm, bound
-      norm = max(reference_norm(qp, now), tiny(norm))
+      call system%find_terms(u, state%terms)
+      norm = max(reference_norm(qp, now, state%terms), tiny(norm))
       state%error_bound = huge(norm)
       if (has_equilibrium) then
         bound = hypot(system%error_of_isolated, &
@@ -158,10 +159,9 @@ contains
         if (bound <= largest_square*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
-      call system%find_terms(u, state%terms)
       if (allocated(state%terms)) then
         state%energy = state%terms(1) - state%terms(2) + &
-          sum(qp%weight*max(0.0_dp, now%penetration)**2/qp%theta, mask=qp%theta > 0)/2
+          sum(qp%penalty_of_rows(m, now%penetration))
       else
         state%energy = qp%energy(m, now%penetration, now%alpha)
       end if

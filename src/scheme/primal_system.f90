@@ -15,10 +15,13 @@ module dotyk_scheme_primal_system
 
   type, extends(contact_multigrid_t), public :: primal_system_t  !! The system.
     class(body_compliance_t), pointer :: compliance => null()  !! With p-multigrids for all bodies.
+    real(dp), allocatable, private :: whole_load(:)  !! The loads; those of `load` are what u_0 leaves of them (n) [force].
+    real(dp), private :: strain_energy_0 = 0, work_0 = 0  !! Strain energy of u_0, and work of the loads on it [energy].
   contains
     procedure :: take_rows => system_take_rows
     procedure :: start => system_start
     procedure :: find_penetrations => system_find_penetrations
+    procedure :: find_terms => system_find_terms
     procedure :: keep_displacements => system_keep_displacements
     procedure :: destroy => system_destroy
   end type primal_system_t
@@ -63,8 +66,10 @@ contains
     self%compliance => compliance
     self%norm_0 = sqrt(max(0.0_dp, qp%norm_square_0))
     self%gap = -qp%initial_penetration
-    allocate (self%load(self%n))
-    call load_by_contact(self, qp, compliance, self%load)
+    self%strain_energy_0 = qp%norm_square_0/2
+    self%work_0 = self%strain_energy_0 - qp%energy_0
+    allocate (self%load(self%n), self%whole_load(self%n))
+    call load_by_contact(self, qp, compliance, self%load, self%whole_load)
     self%error_of_isolated = find_error_of_isolated(self, compliance)
   end subroutine system_take_rows
 
@@ -122,28 +127,31 @@ contains
   end subroutine system_start
 
   !> The loads that u_0 does not balance: their resultants on the rigid body modes as forces, R e, and what the solves
-  !> of u_0 have left.
-  subroutine load_by_contact(self, qp, compliance, load)
+  !> of u_0 have left; and all loads.
+  subroutine load_by_contact(self, qp, compliance, load, whole)
     class(primal_system_t), intent(in) :: self
     type(contact_qp_t), intent(in) :: qp  !! With the resultants.
     class(body_compliance_t), intent(in) :: compliance  !! With the forces that u_0 leaves.
-    real(dp), intent(out), contiguous :: load(:)  !! (n) [force]
+    real(dp), intent(out), contiguous :: load(:), whole(:)  !! (n) [force]
     integer :: b, k, j
     load = 0
     j = 0
     do b = 1, size(self%body)
-      associate (grid => self%grid(self%body(b)%representative)%p)
+      associate (grid => self%grid(self%body(b)%representative)%p, first => self%first(b) + 1, last => self%first(b + 1))
         if (self%body(b)%first_motion == 0) then
           associate (own => compliance%body(self%body(b)%block))
-            if (allocated(own%left) .and. allocated(own%free)) &
-              call grid%to_system(own%left, load(self%first(b) + 1:self%first(b + 1)))
+            if (allocated(own%left) .and. allocated(own%free)) call grid%to_system(own%left, load(first:last))
           end associate
         end if
         do k = 1, size(grid%mode, 2)
           j = j + 1
-          call add_multiple(grid%n, qp%coarse%resultant(j)/qp%coarse%scale(j), grid%mode(:, k), &
-                            load(self%first(b) + 1:self%first(b + 1)))
+          call add_multiple(grid%n, qp%coarse%resultant(j)/qp%coarse%scale(j), grid%mode(:, k), load(first:last))
         end do
+        whole(first:last) = load(first:last)
+        if (self%body(b)%first_motion > 0) cycle
+        associate (own => compliance%body(self%body(b)%block))
+          if (allocated(own%load)) call grid%to_system(own%load, whole(first:last))
+        end associate
       end associate
     end do
   end subroutine load_by_contact
@@ -198,6 +206,18 @@ contains
       end associate
     end do
   end subroutine system_find_penetrations
+
+  !> Strain energy and work of the loads. K u_0 is the loads without what u_0 leaves of them.
+  subroutine system_find_terms(self, u, terms)
+    class(primal_system_t), intent(in) :: self
+    real(dp), intent(in), contiguous :: u(:)  !! Displacements by contact (n) [length].
+    real(dp), allocatable, intent(inout) :: terms(:)  !! (2) [energy]
+    real(dp), allocatable :: f(:)
+    allocate (f(self%n))
+    call self%strain_forces(u, f)
+    terms = [self%strain_energy_0 + self%product(u, self%whole_load - self%load) + self%product(u, f)/2, &
+             self%work_0 + self%product(u, self%whole_load)]
+  end subroutine system_find_terms
 
   !> Leave the displacements to the compliance, without rigid body motions.
   subroutine system_keep_displacements(self, v, compliance)

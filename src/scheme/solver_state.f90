@@ -7,6 +7,7 @@ module dotyk_scheme_solver_state
   use dotyk_base_options, only: stop_residual
   use dotyk_base_thresholds, only: one_digit
   use dotyk_scheme_bounds, only: iteration_constants_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
   implicit none
@@ -82,6 +83,7 @@ module dotyk_scheme_solver_state
     !> the same iterates as without the interruption.
     class(paused_t), allocatable :: paused
   contains
+    procedure :: norm => state_norm
     procedure :: has_converged => state_has_converged
     procedure :: was_interrupted => state_was_interrupted
     procedure :: add_rounding => state_add_rounding
@@ -90,6 +92,17 @@ module dotyk_scheme_solver_state
   public :: ending_name
 
 contains
+
+  !> Energy norm of the displacements [sqrt(energy)].
+  pure real(dp) function state_norm(self, qp) result(norm)
+    class(solver_state_t), intent(in) :: self
+    type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
+    if (allocated(self%terms)) then
+      norm = sqrt(2*max(0.0_dp, self%terms(1)))
+    else
+      norm = qp%energy_norm(self%pressure, self%penetration, self%alpha/qp%coarse%scale)
+    end if
+  end function state_norm
 
   !> Whether the solution is one to the tolerance.
   pure logical function state_has_converged(self) result(has_converged)

@@ -61,7 +61,7 @@ contains
       call make_operators(problem%body, classes, problem%ranks, block, problem%report, size_of, direct, response, &
                           operators)
       call solve_without_contact(problem%body, problem%ranks, block, operator%gap, response, classes%first, .true., &
-                                 1, free, problem%isolated)
+                                 1, .false., free, problem%isolated)
       call coarse%init(block, operator%n_rows, modes)
     end associate
     allocate (foundation(operator%n_rows), source=1.0_dp)
