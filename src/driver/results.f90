@@ -20,6 +20,7 @@ module dotyk_driver_results
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
   use dotyk_log_force_tables, only: show_balance, show_pair_results
+  use dotyk_log_greatest_values, only: show_greatest_values
   use dotyk_log_quantity_table, only: show_quantities
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_timing, only: stage_recover, stage_write
@@ -82,16 +83,17 @@ contains
                                  pair_solution, contact_pressure, error, contact, forgotten)
         if (allocated(error)) return
       end if
-      if (solution%state%ended /= ended_time) then
-        call show_pair_results(monitor%log, problem%pair, pair_solution)
-        call show_quantities(monitor%log, solution%quantities)
-        call show_balance(monitor%log, problem, balance)
-      end if
       allocate (nodal_stress(size(problem%body)))
       if (case%output%field(field_nodal_stress) .and. is_known) then
         call set_stage('recovering stresses at nodes')
         call recover_nodal_stresses(problem, solution%displacements, scene%kept, nodal_stress, error)
         if (allocated(error)) return
+      end if
+      if (solution%state%ended /= ended_time) then
+        call show_greatest_values(monitor%log, problem, displacements, nodal_stress)
+        call show_pair_results(monitor%log, problem%pair, pair_solution)
+        call show_quantities(monitor%log, solution%quantities)
+        call show_balance(monitor%log, problem, balance)
       end if
       call monitor%lap(stage_recover)
       monitor%timing%total = monitor%watch%since_start()

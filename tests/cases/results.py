@@ -175,6 +175,21 @@ class Results(dotyk_case.Case):
         self.column(("quad9", "tri6"))
         self.check_layout(2)
 
+    def test_greatest_values_in_the_log(self):
+        """Values, bodies and places are those of the fields."""
+        for kinds in (("hex20", "tet10"), ("tri6", "quad8")):
+            log = self.column(kinds)
+            root = self.results("column.vtkhdf")["VTKHDF"]
+            ends = np.cumsum(root["NumberOfPoints"][:])
+            for word, field in (("displacement", np.linalg.norm(root["PointData/displacement"][:], axis=1)),
+                                ("von Mises", root["PointData/nodal_von_mises"][:])):
+                found = re.search(r"^  %s +greatest (\S+) in '(\w+)' at \((\S+), (\S+), (\S+)\)$" % word, log, re.M)
+                self.assertAlmostEqual(float(found[1]) / field.max(), 1, delta=1e-4)
+                # Both bodies have nodes where they touch.
+                body = slice(0, ends[0]) if found[2] == "lower" else slice(ends[0], ends[1])
+                at = np.linalg.norm(root["Points"][body] - [float(v) for v in found.groups()[2:]], axis=1).argmin()
+                self.assertAlmostEqual(field[body][at] / field.max(), 1, delta=1e-6)
+
     def test_vtk(self):
         self.column(("prism18", "hex27"))
         self.check_vtk("--straight", "--volumes", "1", "1")
