@@ -81,7 +81,7 @@ contains
     if (.not. allocated(error)) call body%assemble_loads(error)
     if (.not. allocated(error)) call operator%analyze(body, modes, error)
     if (.not. allocated(error)) call operator%factorize(body, report, error)
-    if (.not. allocated(error)) call operator%prepare(body, error)
+    if (.not. allocated(error)) call operator%prepare(error)
     if (allocated(error)) then
       write (*, '(a)') label//' '//error%message
       entry = 'error'

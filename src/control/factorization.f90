@@ -269,7 +269,7 @@ contains
     do b = 1, size(body)
       if (.not. allocated(slot(b)%multigrid) .or. allocated(failed(b)%error)) cycle
       if (interrupted()) exit
-      call slot(b)%multigrid%prepare(body(b), failed(b)%error)
+      call slot(b)%multigrid%prepare(failed(b)%error)
     end do
     call stop_if_interrupted(error)
     if (.not. allocated(error)) call collect(body, ranks, failed, error)

@@ -126,6 +126,6 @@ contains
     call move_alloc(whole, slot%multigrid)
     size_of = new_size(1)
     call slot%multigrid%factorize_whole(body, modes, stiffness, report, error)
-    if (.not. allocated(error)) call slot%multigrid%prepare(body, error)
+    if (.not. allocated(error)) call slot%multigrid%prepare(error)
   end subroutine replace
 end module dotyk_control_slow_multigrid

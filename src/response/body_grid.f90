@@ -47,6 +47,7 @@ module dotyk_response_body_grid
     procedure :: to_equations => grid_to_equations
     procedure :: least_eigenvalue => grid_least_eigenvalue
     procedure :: take_spectrum => grid_take_spectrum
+    procedure :: measure_spectrum => grid_measure_spectrum
     procedure :: make_sure_of_least => grid_make_sure_of_least
     procedure :: force_norm => grid_force_norm
     procedure(solve_corners), deferred :: solve_coarse  !! x := K_c^+ x in the corner space, about.
@@ -160,17 +161,17 @@ contains
     share = least_share/sqrt(real(self%n, dp))
   end function share_of_start
 
-  !> Make sure that no eigenvalue is far below the least Ritz value: conjugate gradients from a start without order go
-  !> on until all that is left of it is less than what the eigenvector of such an eigenvalue would leave. Some
-  !> iterations where p-multigrid converges fast, up to some hundreds where it does not.
+  !> Measure the Ritz values by conjugate gradients from a start without order, until all that is left of it is less than
+  !> what an eigenvector with an eigenvalue far below the least of them would leave: ten iterations where p-multigrid
+  !> converges fast.
   !>
   !> The start is the sum of forces without order and of those of displacements without order: weak and strong
   !> eigenvectors have a share.
-  subroutine grid_make_sure_of_least(self)
+  subroutine grid_measure_spectrum(self, most_steps, outcome)
     class(body_grid_t), intent(inout) :: self
-    type(cg_outcome_t) :: outcome
+    integer, intent(in) :: most_steps  !! Iterations at most.
+    type(cg_outcome_t), intent(out) :: outcome  !! The iteration.
     real(dp), allocatable :: b(:), x(:)
-    if (self%is_sure) return
     allocate (b(self%n), x(self%n))
     call without_order(self%n, self%constraint%equation, golden, x)
     call self%multiply(x, b)
@@ -181,6 +182,14 @@ contains
     call remove_components(self%n, self%mode, b)
     call conjugate_gradient(self, b, x, small_of_share*share_of_start(self), most_steps, outcome)
     call self%take_spectrum(outcome)
+  end subroutine grid_measure_spectrum
+
+  !> Make sure that no eigenvalue is far below the least Ritz value, in some hundred iterations if need be.
+  subroutine grid_make_sure_of_least(self)
+    class(body_grid_t), intent(inout) :: self
+    type(cg_outcome_t) :: outcome
+    if (self%is_sure) return
+    call self%measure_spectrum(most_steps, outcome)
     ! What is left may be more than what a weak eigenvector leaves.
     if (.not. self%is_sure) self%least = min(self%least, outcome%eigenvalue_bound(share_of_start(self))/margin)
     self%is_sure = .true.

@@ -5,7 +5,6 @@
 module dotyk_response_multigrid_response
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_thresholds, only: golden
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
@@ -53,11 +52,8 @@ module dotyk_response_multigrid_response
   real(dp), parameter :: rough = 1.0e-2_dp  !! The same of a start that is improved on [].
   !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
   integer, parameter :: most_steps = 200
-  !> Iterations that measure the Ritz values: the least one is found to some percent by then where a solve takes up to
-  !> 30 iterations; more iterations measure those of a slower one, up to 100.
-  integer, parameter :: trial_steps = 14, longer_trial = 45
-  !> Residual of the trial above which it is a longer one: compact bodies leave 1e-8 [].
-  real(dp), parameter :: most_left = 1.0e-5_dp
+  !> Iterations that measure Ritz values at most before a body is solved: those of a solve that takes up to 100.
+  integer, parameter :: trial_steps = 45
   real(dp), parameter :: usual_reduction = 1.0e-8_dp  !! Reduction of the residual of a solve of `expected_steps`.
   real(dp), parameter :: near = 0.05_dp  !! Residual of a start that is kept, as a fraction of the right-hand side [].
   !> Operations of a solve, as a multiple of the entries of the block rows.
@@ -141,32 +137,15 @@ contains
   end subroutine response_analyze_whole
 
   !> Make the smoother, and measure how good the preconditioner is.
-  subroutine response_prepare(self, body, error)
+  subroutine response_prepare(self, error)
     class(multigrid_response_t), intent(inout) :: self
-    type(body_t), intent(in) :: body  !! The body, with its loads.
     !> Allocated where a diagonal block of the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: b(:), x(:), of_equation(:)
     type(cg_outcome_t) :: outcome
-    real(dp) :: norm
-    integer :: i
     call self%grid%make_smoother(error)
     if (allocated(error) .or. self%is_whole) return
-    allocate (b(self%grid%n), x(self%grid%n))
-    ! Loads excite the weak eigenvectors, forces without order, of the same norm, all of them.
-    of_equation = [(modulo(i*golden, 1.0_dp) - 0.5_dp, i=1, size(body%rhs))]
-    call self%grid%to_system(of_equation, x)
-    call remove_components(self%grid%n, self%grid%mode, x)
-    call self%grid%to_system(body%rhs, b)
-    call remove_components(self%grid%n, self%grid%mode, b)
-    norm = self%grid%force_norm(b)
-    if (norm > 0) b(:) = b/norm
-    norm = self%grid%force_norm(x)
-    if (norm > 0) b(:) = b + x/norm
-    call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
-    if (outcome%reduction > most_left) call conjugate_gradient(self%grid, b, x, 0.0_dp, longer_trial, outcome)
     self%grid%greatest = 0
-    call self%grid%take_spectrum(outcome)
+    call self%grid%measure_spectrum(trial_steps, outcome)
     self%trial = outcome%reduction
     self%steps_of_trial = outcome%steps
   end subroutine response_prepare
