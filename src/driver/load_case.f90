@@ -42,7 +42,7 @@ module dotyk_driver_load_case
     type(isolated_body_t), allocatable, private :: isolated(:)
   end type case_solution_t
 
-  public :: begin_case, leave_case, resume_case, solve_free
+  public :: act, begin_case, leave_case, resume_case, solve_free
 
 contains
 

@@ -39,6 +39,9 @@ class Free(dotyk_case.Case):
         for part in parts:
             self.assertIn(part, done.stderr)
         self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
+        if "no equilibrium" in done.stderr:
+            # --check tells it before
+            self.assertIn("warning: the run will end with exit code 3: " + done.stderr.strip(), self.dotyk("case.nml", "--check"))
 
     def check_good(self, file, steps=8, bound=1e-8, converged=1):
         """What holds for every solution without penalty."""
