@@ -47,11 +47,22 @@ contains
     class(log_t), intent(inout) :: self
     logical, intent(in) :: quiet  !! Print errors only.
     self%quiet = quiet
-    self%terminal = c_isatty(1_c_int) /= 0
+    self%terminal = c_isatty(1_c_int) /= 0 .and. .not. is_launched()
     self%live = .false.
     self%drawn = -huge(1.0_dp)
     self%pause = 2
   end subroutine log_init
+
+  !> Whether a launcher such as mpirun started this process: it gives it a terminal of its own, wherever the output goes.
+  logical function is_launched()
+    character(*), parameter :: variable(*) = [character(9) :: 'PMIX_RANK', 'PMI_RANK']
+    integer :: i, length
+    is_launched = .false.
+    do i = 1, size(variable)
+      call get_environment_variable(trim(variable(i)), length=length)
+      is_launched = is_launched .or. length > 0
+    end do
+  end function is_launched
 
   !> Print a line.
   subroutine log_line(self, text)

@@ -16,7 +16,7 @@ module dotyk_elasticity_support_directions
   private
 
   type, public :: support_directions_t  !! Conditions of all supports of a body, by nodes.
-    !> Surface of each support; of size 0 or not allocated without supports (n_supports).
+    !> Surfaces with supports; of size 0 or not allocated without supports (n_supports).
     type(text_t), allocatable :: place(:)
     integer, allocatable :: node(:)  !! Node of each condition, ascending (n).
     integer, allocatable :: source(:)  !! Support of each condition, 0 for the axis of symmetry (n).
@@ -38,17 +38,31 @@ module dotyk_elasticity_support_directions
 
 contains
 
-  !> Take the conditions of all supports.
+  !> Take the conditions of all supports; those of one surface are one support.
   subroutine directions_init(self, place, conditions, n_nodes)
     class(support_directions_t), intent(out) :: self
-    type(text_t), intent(in) :: place(:)  !! Surface of each support (n_supports).
+    type(text_t), intent(in) :: place(:)  !! Surface of each `&support` (n).
     type(nodal_vector_list_t), intent(in) :: conditions  !! Dirichlet conditions; source 0 is the axis of symmetry.
     integer, intent(in) :: n_nodes  !! Number of nodes.
     integer, allocatable :: first(:), order(:)
+    integer :: number(0:size(place)), s, k, n
     call conditions%by_node(n_nodes, first, order)
-    self%place = place
+    number(0) = 0
+    n = 0
+    do s = 1, size(place)
+      do k = 1, s
+        if (place(k)%s == place(s)%s) exit
+      end do
+      number(s) = n + 1
+      if (k < s) number(s) = number(k)
+      n = max(n, number(s))
+    end do
+    allocate (self%place(n))
+    do s = 1, size(place)
+      self%place(number(s))%s = place(s)%s
+    end do
     self%node = conditions%node(order)
-    self%source = conditions%source(order)
+    self%source = number(conditions%source(order))
     self%direction = conditions%direction(:, order)
   end subroutine directions_init
 

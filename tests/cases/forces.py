@@ -173,6 +173,13 @@ Physical Surface("end") = {Surface In BoundingBox{1 - e, -e, -e, 1 + e, 1 + e, 1
         support = Table(own["supports"])
         self.assertGreater(abs(support("force", "block:wall x")[2]), 0.1)
         np.testing.assert_allclose(support.array["force"].sum(axis=0), (-0.5, 0, 2), atol=1e-12)
+        # Several supports of one surface have one reaction.
+        own, _ = self.run_scene([block, *("&support body='block', surface='bottom', fix='%s' /" % fix for fix in ("x", "yz")),
+                                 "&load body='block', surface='top', traction=0.5,0,-2 /", SOLVER])
+        self.check_equilibrium(own)
+        support = Table(own["supports"])
+        self.assertEqual(support.names, ["block:bottom"])
+        np.testing.assert_allclose(support("force", "block:bottom"), (-0.5, 0, 2), atol=1e-12)
 
     def test_eccentric_press(self):
         """The centre of pressure of a block that nothing but contact and smooth walls hold lies under its load."""

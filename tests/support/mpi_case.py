@@ -103,8 +103,10 @@ class RankCase(dotyk_case.Case):
         return self.printed()
 
     def run_ranks(self, ranks, *arguments, code=0, before="", seconds=120):
-        """Run to the end; what was printed."""
-        return self.ends(self.start(ranks, *arguments, before=before), code, seconds=seconds)
+        """Run to the end; what was printed, which nothing redraws: mpirun gives the program a terminal that is none."""
+        printed = self.ends(self.start(ranks, *arguments, before=before), code, seconds=seconds)
+        self.assertNotIn("\x1b", printed)
+        return printed
 
     def assertOnce(self, text, printed):
         self.assertEqual(printed.count(text), 1, printed)
