@@ -103,7 +103,12 @@ contains
     integer :: i
     wanted = groups_named(mesh, name, dimension)
     if (.not. any(wanted)) then
-      call set_error(error, unknown_group(mesh, name, dimension))
+      if (has_wildcard(name)) then
+        call set_error(error, unknown_group(mesh, name, dimension)//'; a * in volume stands for the numbers 1, 2, ... '// &
+                       'of repeat, which makes a body of each')
+      else
+        call set_error(error, unknown_group(mesh, name, dimension))
+      end if
       return
     end if
     do i = 1, size(wanted)
