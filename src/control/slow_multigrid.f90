@@ -20,9 +20,9 @@ module dotyk_control_slow_multigrid
   !> (`benchmark_multigrid table`).
   real(dp), parameter :: most_steps = 100
   real(dp), parameter :: usual_steps = 14  !! Iterations of a solve before the trial: those of compact elements.
-  !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: four
-  !> cycles, those of trial, solution without contact and active sets, of 1e4 operations each.
-  real(dp), parameter :: work_of_step = 4.0e4_dp
+  !> Operations of a factorization per unknown, in the time of a contact problem per iteration of one solve: three
+  !> cycles, those of trial, rough solution without contact and active sets, of 1e4 operations each.
+  real(dp), parameter :: work_of_step = 3.0e4_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
   !> the operations of theirs, a tenth of the square of the unknowns.
   real(dp), parameter :: of_aggregates = 0.1_dp
