@@ -14,8 +14,7 @@ module dotyk_driver_case_block
   use dotyk_control_mesh_error, only: estimate_mesh_errors
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_engines, only: engine_factors, engine_grid_solves, engine_none, engine_rebuilt, first_engine, &
-    take_engine, &
-    take_next_engine, why_not_taken
+    take_engine, take_next_engine, why_not_taken
   use dotyk_driver_factorization, only: factorize_scene
   use dotyk_driver_load_case, only: begin_case, case_solution_t, leave_case, resume_case, solve_free
   use dotyk_driver_results, only: write_on_the_way
