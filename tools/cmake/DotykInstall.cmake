@@ -34,8 +34,11 @@ foreach(command ${commands})
   install(FILES ${made}/links/dotyk-${command} DESTINATION ${completions})
 endforeach()
 
-# Pages and examples.
-install(FILES README.md CHANGELOG.md CITATION.cff DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# Pages and examples. The name of the changelog is Debian's.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS CHANGELOG.md LICENSE)
+configure_file(CHANGELOG.md ${made}/changelog COPYONLY)
+execute_process(COMMAND gzip -9nfk ${made}/changelog COMMAND_ERROR_IS_FATAL ANY)
+install(FILES README.md CITATION.cff ${made}/changelog.gz DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 install(DIRECTORY inputs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples USE_SOURCE_PERMISSIONS FILES_MATCHING
         REGEX "/[^.][^/]*\\.(geo|nml|step|py|md|png)$" PATTERN ".dotyk" EXCLUDE PATTERN __pycache__ EXCLUDE)
@@ -56,13 +59,13 @@ if(DEFINED ENV{DEBEMAIL} AND DEFINED ENV{DEBFULLNAME})
 endif()
 find_program(DOTYK_DPKG dpkg)
 if(DOTYK_DPKG)
-  # Its changelog names the releases; what changed is in CHANGELOG.md.
+  # Its own changelog names the releases.
   file(STRINGS CHANGELOG.md releases REGEX "^## \\[")
   foreach(release ${releases})
     string(REGEX MATCH "\\[(.*)\\] - (.*)" _ ${release})
     execute_process(COMMAND date --utc --rfc-email --date ${CMAKE_MATCH_2} OUTPUT_VARIABLE date COMMAND_ERROR_IS_FATAL ANY)
     string(APPEND changelog "dotyk (${CMAKE_MATCH_1}-1) unstable; urgency=medium\n\n  * Release ${CMAKE_MATCH_1}: see "
-           "/usr/share/doc/dotyk/CHANGELOG.md.\n\n -- ${CPACK_PACKAGE_CONTACT}  ${date}\n")
+           "changelog.gz.\n\n -- ${CPACK_PACKAGE_CONTACT}  ${date}\n")
   endforeach()
   file(CONFIGURE OUTPUT ${made}/changelog.Debian CONTENT "@changelog@" @ONLY)
   execute_process(COMMAND gzip -9nfk ${made}/changelog.Debian COMMAND_ERROR_IS_FATAL ANY)
@@ -72,13 +75,15 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ
     WORLD_EXECUTE)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "frictionless contact of linear elastic bodies")
-set(CPACK_DEBIAN_PACKAGE_DESCRIPTION "dotyk computes the frictionless unilateral contact of any number of linear elastic
-bodies by finite elements, with bounds of the iteration error and estimates of the
-discretization error. Bodies are meshes of gmsh, CAD files, decks of Abaqus and CalculiX,
-or grids of VTK; results are files for ParaView.
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION "dotyk computes the frictionless unilateral contact of any number of
+linear elastic bodies by finite elements, with bounds of the iteration
+error and estimates of the discretization error. Bodies are meshes of
+gmsh, CAD files, decks of Abaqus and CalculiX, or grids of VTK; results
+are files for ParaView.
 .
-With the program come a Python package that writes scenes, runs them and reads results,
-commands that draw and list results and convert decks, and examples.")
+With the program come a Python package that writes scenes, runs them and
+reads results, commands that draw and list results and convert decks, and
+examples.")
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
