@@ -54,6 +54,9 @@ class Installed(dotyk_case.Case):
         self.assertTrue(os.access(self.doc / "examples/hertz/check.py", os.X_OK))
         self.assertEqual(names(self.doc / "docs", "*.md"), names(dotyk_case.ROOT / "docs", "*.md"))
         self.assertEqual(names(self.package, "*.py"), names(pathlib.Path(dotyk_case.PACKAGE) / "dotyk", "*.py"))
+        for page in (self.doc / "README.md", *(self.doc / "docs").glob("*.md"), self.doc / "examples/README.md"):
+            for link in re.findall(r"\]\((?:\.\./)?((?:inputs|docs)/[^)#]+)", page.read_text()):
+                self.assertTrue((self.doc / link).exists(), (page, link))
         self.assertIn((dotyk_case.ROOT / "LICENSE").read_text(), (self.doc / "copyright").read_text())
         self.assertEqual(gzip.decompress((self.doc / "changelog.gz").read_bytes()), (dotyk_case.ROOT / "CHANGELOG.md").read_bytes())
 

@@ -42,6 +42,9 @@ install(FILES README.md CITATION.cff ${made}/changelog.gz DESTINATION ${CMAKE_IN
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 install(DIRECTORY inputs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples USE_SOURCE_PERMISSIONS FILES_MATCHING
         REGEX "/[^.][^/]*\\.(geo|nml|step|py|md|png)$" PATTERN ".dotyk" EXCLUDE PATTERN __pycache__ EXCLUDE)
+# Links of the pages lead to inputs.
+file(CREATE_LINK examples ${made}/links/inputs SYMBOLIC)
+install(FILES ${made}/links/inputs DESTINATION ${CMAKE_INSTALL_DOCDIR})
 file(READ LICENSE licence)
 file(CONFIGURE OUTPUT ${made}/copyright @ONLY CONTENT "@licence@
 The program is linked with the supernodal module of CHOLMOD, which is under the GNU General Public License, version 2 or

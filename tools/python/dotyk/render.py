@@ -605,7 +605,7 @@ def main():
     try:
         import vtkmodules.vtkIOHDF  # noqa: F401
     except ImportError:
-        sys.exit("dotyk-render: VTK for Python is missing (Debian: apt install python3-vtk9)")
+        sys.exit("dotyk-render: VTK for Python is missing (Debian: apt install python3-vtk9; elsewhere: pip install vtk)")
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
         if shutil.which("xvfb-run") is None:
             sys.exit("dotyk-render: no display and no xvfb-run (Debian: apt install xvfb xauth)")
