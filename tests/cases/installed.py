@@ -51,7 +51,8 @@ class Installed(dotyk_case.Case):
             self.assertEqual((self.share / "man/man1" / (name + ".1.gz")).resolve().name, "dotyk.1.gz")
         for pattern in ("*.nml", "*.geo", "*.step", "check.py"):
             self.assertEqual(names(self.doc / "examples", pattern), names(dotyk_case.INPUTS, pattern))
-        self.assertTrue(os.access(self.doc / "examples/hertz/check.py", os.X_OK))
+        for path in (self.doc / "examples").rglob("*.*"):
+            self.assertEqual(oct(path.stat().st_mode & 0o777), "0o755" if path.suffix == ".py" else "0o644", path)
         self.assertEqual(names(self.doc / "docs", "*.md"), names(dotyk_case.ROOT / "docs", "*.md"))
         self.assertEqual(names(self.package, "*.py"), names(pathlib.Path(dotyk_case.PACKAGE) / "dotyk", "*.py"))
         for page in (self.doc / "README.md", *(self.doc / "docs").glob("*.md"), self.doc / "examples/README.md"):

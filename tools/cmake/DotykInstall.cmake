@@ -40,8 +40,12 @@ configure_file(CHANGELOG.md ${made}/changelog COPYONLY)
 execute_process(COMMAND gzip -9nfk ${made}/changelog COMMAND_ERROR_IS_FATAL ANY)
 install(FILES README.md CITATION.cff ${made}/changelog.gz DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
-install(DIRECTORY inputs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples USE_SOURCE_PERMISSIONS FILES_MATCHING
-        REGEX "/[^.][^/]*\\.(geo|nml|step|py|md|png)$" PATTERN ".dotyk" EXCLUDE PATTERN __pycache__ EXCLUDE)
+# Permissions of their own: those of a source archive may let a group write.
+install(DIRECTORY inputs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples FILES_MATCHING
+        REGEX "/[^.][^/]*\\.(geo|nml|step|md|png)$" PATTERN .dotyk EXCLUDE)
+install(DIRECTORY inputs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples
+        FILE_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE
+        FILES_MATCHING PATTERN check.py PATTERN .dotyk EXCLUDE PATTERN __pycache__ EXCLUDE)
 # Links of the pages lead to inputs.
 file(CREATE_LINK examples ${made}/links/inputs SYMBOLIC)
 install(FILES ${made}/links/inputs DESTINATION ${CMAKE_INSTALL_DOCDIR})
