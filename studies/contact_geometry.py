@@ -132,7 +132,7 @@ def spheres(dotyk, folder):
 
 def hertz(dotyk, folder):
     """inputs/hertz."""
-    sys.path[:0] = [str(ROOT/'inputs/hertz'), str(ROOT/'tools')]
+    sys.path.insert(0, str(ROOT/'inputs/hertz'))
     import check
     geo, scene = ((ROOT/'inputs/hertz'/name).read_text() for name in ('hertz.geo', 'hertz.nml'))
     for order in (1, 2):

@@ -8,7 +8,7 @@ set -euo pipefail
 
 packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev libopenblas-pthread-dev libmuparser-dev
   gmsh python3 python3-h5py python3-numpy python3-meshio)
-tests=(python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
+tests=(python3-scipy python3-matplotlib python3-vtk9 xvfb xauth man-db bash-completion)
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --run) tests=() ;;

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Both contacts of ball_between_plates.vtkhdf against Hertz: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong.
 
-How contact radius and peak pressure are measured: tools/contact_surface.py, as in inputs/hertz.
+How contact radius and peak pressure are measured: dotyk.contact_surface, as in inputs/hertz.
 """
 import os
 import sys
@@ -9,9 +9,9 @@ import sys
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
-import contact_surface  # noqa: E402
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
 import dotyk  # noqa: E402
+from dotyk import contact_surface  # noqa: E402
 
 YOUNG, POISSON, RADIUS = 210e9, 0.3, 0.01  # as in ball_between_plates.nml and .geo
 SYMMETRY = 4                               # a quarter is computed

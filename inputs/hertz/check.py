@@ -2,7 +2,7 @@
 """How far hertz.vtkhdf and fine.vtkhdf are from Hertz's theory: check.py [results file ...]. Needs h5py and numpy. Exit code 1: wrong.
 
 The contact radius is 2.5 times the mean square of the distance from the axis, weighted by the pressure; the peak pressure is the force
-within half of it, over what it is for a peak of 1 (tools/contact_surface.py: all rows count, and the force on each is compared with
+within half of it, over what it is for a peak of 1 (dotyk.contact_surface: all rows count, and the force on each is compared with
 that of the exact pressure, as vertices at the rim carry a mean). `estimator_error` is what this makes of the exact pressure.
 (A fit of p^2 over r^2 at the vertices within 0.9 a, where p is the nearest broken line to the exact pressure, gives an a that is
 2.8 % too large with 5 elements over a: that is an error of the fit, not of the pressure.)
@@ -13,8 +13,8 @@ import sys
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
-import contact_surface  # noqa: E402
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+from dotyk import contact_surface  # noqa: E402
 
 YOUNG, POISSON, RADIUS = 210e9, 0.3, 0.01  # as in hertz.nml and hertz.geo
 SYMMETRY = 4  # a quarter is computed

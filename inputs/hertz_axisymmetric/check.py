@@ -2,7 +2,7 @@
 """How far hertz_axisymmetric.vtkhdf is from Hertz's theory: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong.
 
 The contact radius is 2.5 times the mean square of the radius, weighted by the pressure, and its root; the peak pressure is the force
-within half of it, over what it is for a peak of 1 (tools/contact_surface.py); `estimator` is what this makes of the exact pressure.
+within half of it, over what it is for a peak of 1 (dotyk.contact_surface); `estimator` is what this makes of the exact pressure.
 The depression is that of the half-space at the axis, a^2/(2 R); the approach, a^2/R, is measured at the ball's centre.
 
 Measured, errors in % with n elements over a (n in the geometry):
@@ -26,9 +26,9 @@ import sys
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
-import contact_surface  # noqa: E402
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
 import dotyk  # noqa: E402
+from dotyk import contact_surface  # noqa: E402
 
 YOUNG, POISSON, RADIUS, FORCE = 210e3, 0.3, 100.0, 12.0  # as in hertz_axisymmetric.nml and .geo
 

@@ -23,8 +23,8 @@ import sys
 import numpy as np
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, os.path.join(FOLDER, '../../tools'))
-import contact_surface  # noqa: E402
+sys.path.insert(0, os.path.join(FOLDER, '../../tools/python'))
+from dotyk import contact_surface  # noqa: E402
 
 STIFFNESS, RADIUS, APPROACH = 20e3/(1 - 0.3**2)/2, 25.0, 4.0  # of the pair
 # Number of surface_a's body, whether axisymmetric, parts of the whole, direction of the force.

@@ -2,6 +2,7 @@
 module dotyk_driver_arguments
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_text, only: nearest_name, text_t, to_text
+  use dotyk_input_command_line, only: list_options, option_t, usage_text
   implicit none
   private
 
@@ -19,6 +20,7 @@ module dotyk_driver_arguments
     logical :: version = .false.  !! Print the version and stop.
     logical :: help = .false.  !! Print the help and stop.
     logical :: reference = .false.  !! Print the input reference in Markdown and stop.
+    logical :: manual = .false.  !! Print the manual page and stop.
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
@@ -50,18 +52,15 @@ contains
     type(arguments_t), intent(out) :: arguments  !! Arguments that the words spell.
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(10)
-    integer :: i
-    options(1)%s = '--check'
-    options(2)%s = '--threads'
-    options(3)%s = '--output'
-    options(4)%s = '--quiet'
-    options(5)%s = '--version'
-    options(6)%s = '--help'
-    options(7)%s = '--restart'
-    options(8)%s = '--no-shell'
-    options(9)%s = '--remesh'
-    options(10)%s = '--partition'
+    type(option_t), allocatable :: options(:)
+    type(text_t), allocatable :: names(:)
+    character(:), allocatable :: meant
+    integer :: i, k
+    call list_options(options)
+    allocate (names(size(options)))
+    do k = 1, size(options)
+      names(k)%s = options(k)%name
+    end do
     arguments%case_file = ''
     arguments%output = ''
     arguments%restart = ''
@@ -83,6 +82,8 @@ contains
         arguments%help = .true.
       case ('--help=markdown')
         arguments%reference = .true.
+      case ('--help=man')
+        arguments%manual = .true.
       case ('--threads', '--output', '--restart', '--partition')
         if (i == size(words)) then
           call set_error(error, 'option '//words(i)%s//' needs a value')
@@ -105,8 +106,8 @@ contains
       case default
         if (index(words(i)%s, '-') == 1 .and. len(words(i)%s) > 1) then
           call set_error(error, "unknown option '"//words(i)%s//"'")
-          if (len(nearest_name(words(i)%s, options)) > 0) &
-            error%message = error%message//' (did you mean '//nearest_name(words(i)%s, options)//'?)'
+          meant = nearest_name(words(i)%s, names)
+          if (len(meant) > 0) error%message = error%message//' (did you mean '//meant//'?)'
           error%message = error%message//'; dotyk --help lists the options'
           return
         else if (len(arguments%case_file) > 0) then
@@ -117,9 +118,9 @@ contains
         arguments%case_file = words(i)%s
       end select
     end do
-    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
-      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
-                     '[--restart RESULTS.vtkhdf] [--partition N] [--no-shell] [--remesh] [--quiet], or dotyk --help')
+    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. &
+                                                   arguments%reference .or. arguments%manual)) &
+      call set_error(error, 'no case given: '//usage_text('CASE.nml')//', or dotyk --help')
   end subroutine parse_arguments
 
   !> The number of an option.

@@ -75,7 +75,7 @@ contains
     path = case%scene%output
     path = path(:index(path, '.', back=.true.))//'faces.vtu'
     call drawing%write(path, written)
-    if (written) call log%line('  the faces are drawn in '//path//': tools/render.py shows their numbers')
+    if (written) call log%line('  the faces are drawn in '//path//': dotyk-render shows their numbers')
 
   contains
 

@@ -7,6 +7,7 @@ module dotyk_driver_command
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_run_case, only: run_case
   use dotyk_input_help, only: help_text
+  use dotyk_input_manual, only: manual_text
   use dotyk_input_reference, only: reference_text
   use dotyk_output_hdf5_reason, only: start_hdf5
   use dotyk_ranks_communication, only: built_with, this_rank
@@ -22,7 +23,7 @@ contains
     call start_hdf5()
   end subroutine start_libraries
 
-  !> Print help, reference or version, or run a case.
+  !> Print help, reference, manual page or version, or run a case.
   subroutine execute_command(arguments, code, error)
     type(arguments_t), intent(in) :: arguments  !! The command line.
     integer, intent(out) :: code  !! Exit code where there is no error.
@@ -33,6 +34,8 @@ contains
       call print_output(help_text(), error)
     else if (arguments%reference) then
       call print_output(reference_text(), error)
+    else if (arguments%manual) then
+      call print_output(manual_text(), error)
     else if (arguments%version) then
       call print_output('dotyk '//version//' ('//compiler//', '//build_type//built_with//')', error)
     else

@@ -1,4 +1,4 @@
-!> A picture of the faces of CAD files with their numbers: facets in a file for ParaView and tools/render.py.
+!> A picture of the faces of CAD files with their numbers: facets in a file for ParaView and dotyk-render.
 module dotyk_driver_face_drawing
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text

@@ -1,16 +1,28 @@
 !> The text of `--help`: command line, exit codes, and the groups and keys of the table that checks them.
 module dotyk_input_help
   use dotyk_base_text, only: join, split_words, text_t, to_text
+  use dotyk_input_command_line, only: list_exit_codes, list_options, option_t, usage_text
   use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_t, kind_formula, &
     kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
   private
-  public :: help_text, occurrence, values_text
+  public :: help_text, meaning_of, occurrence, values_text
 
   integer, parameter :: width = 110  !! Longest line.
   integer, parameter :: indent = 2, values_column = 27, meaning_column = 50  !! Columns of keys, values and meanings.
+  integer, parameter :: option_column = 17  !! Blanks before the meanings of options.
   character, parameter :: lf = new_line('a')
+
+  !> Parts of the text that the manual page has, too: the purpose, interrupts, and how input is written.
+  character(*), parameter, public :: purpose = &
+    'dotyk computes the frictionless unilateral contact of linear elastic bodies.', interrupt_text = &
+    'An interrupt (Ctrl-C, SIGTERM) ends the run after the current iteration with exit code 1; a second interrupt '// &
+    'ends the run at once.', namelist_text = &
+    'The input file is a sequence of groups, such as &body name=''block'', volume=''block'', material=''steel'' /. '// &
+    'Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment. '// &
+    'Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as sin, '// &
+    'exp, sqrt, abs, min, max, log (natural). Units are free, but must be consistent.'
 
 contains
 
@@ -18,35 +30,23 @@ contains
   function help_text() result(text)
     character(:), allocatable :: text
     type(group_keyword_t), allocatable :: groups(:)
+    type(option_t), allocatable :: options(:)
+    type(text_t), allocatable :: codes(:)
+    character(:), allocatable :: meanings
     integer :: i, k
     call list_keywords(groups)
-    text = &
-      'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
-      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf]'//lf// &
-      '             [--partition N] [--no-shell] [--remesh] [--quiet]'//lf// &
-      '       dotyk --version | --help'//lf// &
-      '  --check        check the input and print a summary of the scene, without solving'//lf// &
-      '  --threads N    number of threads; if absent, one per processor'//lf// &
-      '  --output FILE  results file, relative to the working directory; overrides output of &scene'//lf// &
-      '  --restart RESULTS.vtkhdf'//lf// &
-      '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
-      '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
-      '  --partition N  divide the meshes of large bodies for runs on N ranks (mpirun -n N), without solving'//lf// &
-      '  --no-shell     .geo files start no programs and write no files but their mesh'//lf// &
-      '  --remesh       make kept meshes again (they are, too, where a file that they depend on is newer)'//lf// &
-      '  --quiet        print errors only'//lf// &
-      '  --version      print the version'//lf// &
-      '  --help         print this text (--help=markdown: the input reference, docs/input.md)'//lf//lf// &
-      'exit codes: 0 converged; 1 not converged (results are written and marked); 2 bad input;'//lf// &
-      '  3 the problem cannot be solved as posed; 4 a file could not be written;'//lf// &
-      '  5 out of memory, or another failure of the machine'//lf// &
-      'An interrupt (Ctrl-C, SIGTERM) ends the run after the current iteration with exit code 1;'//lf// &
-      'a second interrupt ends the run at once.'//lf//lf// &
-      'The input file is a sequence of groups, such as'//lf// &
-      '  &body name=''block'', volume=''block'', material=''steel'' /'//lf// &
-      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'//lf// &
-      '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as '// &
-      'sin,'//lf//'  exp, sqrt, abs, min, max, log (natural). Units are free, but must be consistent.'//lf
+    call list_options(options)
+    call list_exit_codes(codes)
+    text = purpose//lf//lf//'usage: '//wrapped(usage_text('case.nml'), 7, 13)//lf//'       dotyk --version | --help'//lf
+    do i = 1, size(options)
+      text = text//option_text(options(i))
+    end do
+    meanings = ''
+    do i = lbound(codes, 1), ubound(codes, 1)
+      meanings = meanings//' '//to_text(i)//' '//codes(i)%s//trim(merge(';', ' ', i < ubound(codes, 1)))
+    end do
+    text = text//lf//'exit codes: '//wrapped(meanings, 12, indent)//lf//wrapped(interrupt_text, 0, 0)//lf//lf// &
+           wrapped(namelist_text, 0, indent)//lf
     do i = 1, size(groups)
       text = text//lf//'&'//groups(i)%name//'  ('//occurrence(groups(i)%occurs)//') '// &
              wrapped(groups(i)%meaning, len(groups(i)%name) + len(occurrence(groups(i)%occurs)) + 6, 6)//lf
@@ -72,10 +72,22 @@ contains
     end select
   end function occurrence
 
-  !> The lines of one key.
-  function key_text(row) result(text)
-    type(keyword_t), intent(in) :: row  !! The key.
+  !> The lines of one option; its meaning begins on a line of its own where there is no room before it.
+  function option_text(option) result(text)
+    type(option_t), intent(in) :: option  !! The option.
     character(:), allocatable :: text
+    text = repeat(' ', indent)//trim(option%name//' '//option%value)
+    if (len(text) + 1 < option_column) then
+      text = padded(text, option_column)
+    else
+      text = text//lf//repeat(' ', option_column)
+    end if
+    text = text//wrapped(option%meaning, option_column, option_column)//lf
+  end function option_text
+
+  !> The meaning of a key with its unit, limits, names and default.
+  pure function meaning_of(row) result(meaning)
+    type(keyword_t), intent(in) :: row  !! The key.
     character(:), allocatable :: meaning
     type(text_t), allocatable :: names(:)
     meaning = row%meaning
@@ -88,9 +100,15 @@ contains
     end if
     if (row%required) meaning = meaning//' (required)'
     if (len(row%default) > 0) meaning = meaning//' (default: '//row%default//')'
+  end function meaning_of
+
+  !> The lines of one key.
+  function key_text(row) result(text)
+    type(keyword_t), intent(in) :: row  !! The key.
+    character(:), allocatable :: text
     text = padded(repeat(' ', indent)//row%key, values_column - 1)
     text = text//padded(values_text(row), meaning_column - values_column)
-    text = text//wrapped(meaning, meaning_column - 1, meaning_column - 1)//lf
+    text = text//wrapped(meaning_of(row), meaning_column - 1, meaning_column - 1)//lf
   end function key_text
 
   !> Number and type of the values of a key: "2 or 3 reals", "text".

@@ -58,7 +58,7 @@ contains
       if (any(kind == ['.msh', '.vtu', '.med'])) nature = 'a mesh'
       if (kind == '.inp') then
         nature = 'a deck of Abaqus or CalculiX'
-        advice = ': tools/inp2dotyk.py makes a first scene from it; as a mesh, '//advice(3:)
+        advice = ': dotyk-convert makes a first scene from it; as a mesh, '//advice(3:)
       end if
     end if
     if (len(nature) == 0) return

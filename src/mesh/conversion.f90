@@ -1,5 +1,5 @@
-!> Meshes made of other files: gmsh meshes geometries, and a program of this one, tools/mesh2msh, converts meshes of
-!> other formats to MSH 4.1.
+!> Meshes made of other files: gmsh meshes geometries, and a program of this one, mesh2msh of its Python package,
+!> converts meshes of other formats to MSH 4.1.
 !>
 !> A mesh is kept (`dotyk_mesh_mesh_cache`) and made again by the rule of make: where the file, a file that was read for
 !> it, options of the user, or the programs are newer. It has the time at which its making began. It is written under a
@@ -15,7 +15,7 @@ module dotyk_mesh_conversion
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: text_t, to_text
-  use dotyk_base_version, only: source_directory
+  use dotyk_base_version, only: module_directory, source_directory
   use dotyk_mesh_cad_script, only: cad_script, script_of_solid
   use dotyk_mesh_conversion_log, only: advice, conversion_log_t, is_complete
   use dotyk_mesh_mesh_cache, only: find_cache
@@ -277,13 +277,13 @@ contains
     end if
   end function executable
 
-  !> Folder of mesh2msh: beside the program where that is installed, or else in its sources.
+  !> Folder of mesh2msh: in the package that is installed with the program, or else in its sources.
   function converter() result(folder)
     character(:), allocatable :: folder
     logical :: found
-    folder = directory_of(behind_links('/proc/self/exe'))//'../share/dotyk/mesh2msh'
+    folder = directory_of(behind_links('/proc/self/exe'))//module_directory//'/dotyk/mesh2msh'
     inquire (file=folder//'/__main__.py', exist=found)
-    if (.not. found) folder = source_directory//'/tools/mesh2msh'
+    if (.not. found) folder = source_directory//'/tools/python/dotyk/mesh2msh'
   end function converter
 
   !> Whether gmsh loses the end of a geometry: of several statements on a last line that has no end it reads the first.

@@ -1,17 +1,13 @@
 #!/usr/bin/python3
 """Meshes that mesh2msh converts: what meshio reads (MED and others), format 2.2 of gmsh, and programs that are missing. Decks and .vtu files
 are in inp.py and vtu.py."""
-import sys
-
 import numpy as np
 
 import dotyk_case
 from decks import deck
+from dotyk.mesh2msh.other import MIRRORED
 from vtu import FIELD, elements, turned
 from vtu_files import grid
-
-sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
-from mesh2msh.other import MIRRORED  # noqa: E402
 
 MATERIAL = "&material name='m', young=30, poisson=0.3 /\n"
 BODY = "&body name='part', volume='%s', material='m' /\n"

@@ -3,6 +3,7 @@
 import csv
 import io
 import subprocess
+import sys
 
 import numpy as np
 
@@ -366,14 +367,14 @@ Physical Surface("bottom") = {Surface In BoundingBox{-9, -9, -e, 9, 9, e}};  Phy
                     self.assertIn("load on surface 'top': ", printed)
 
     def test_tables(self):
-        """tools/summary.py prints them as CSV."""
+        """dotyk-summary prints them as CSV."""
         for name, z in (("lower", 0.0), ("upper", 1.0)):
             self.write(name + ".geo", block_geo("hex8", 2, (0.0, 0.0, z), (1.0, 1.0, 1.0)))
         self.write("column.nml", column_nml(3))
         self.dotyk("column.nml")
         own = self.results("column.vtkhdf")["dotyk"]
         for table, n in (("contacts", 1), ("supports", 6), ("bodies", 2), ("loads", 0)):
-            done = subprocess.run([str(dotyk_case.ROOT / "tools/summary.py"), "--csv", table, "column.vtkhdf"],
+            done = subprocess.run([sys.executable, "-Bm", "dotyk.summary", "--csv", table, "column.vtkhdf"],
                                   cwd=self.folder, text=True, capture_output=True, check=True)
             rows = list(csv.DictReader(io.StringIO(done.stdout)))
             self.assertEqual(len(rows), n, done.stderr)

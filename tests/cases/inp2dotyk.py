@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""tools/inp2dotyk.py: decks of CalculiX and Abaqus become scenes, whose answers are exact; what is not carried over is said."""
+"""dotyk-convert: decks of CalculiX and Abaqus become scenes, whose answers are exact; what is not carried over is said."""
 import re
 import subprocess
 import sys
@@ -9,7 +9,7 @@ import numpy as np
 import dotyk_case
 from decks import CUBE, HEXAHEDRON, SHAPES, corners
 
-TOOL = dotyk_case.ROOT / "tools" / "inp2dotyk.py"
+TOOL = [sys.executable, "-Bm", "dotyk.convert", "deck.inp"]
 YOUNG, AREA = 200.0, 1.0
 # A unit cube on another one, 0.001 apart: nodes 11 to 18, element 2.
 UPPER = "".join("%d, %g, %g, %g\n" % (11 + i, x, y, z + 1.001) for i, (x, y, z) in enumerate(HEXAHEDRON))
@@ -24,7 +24,7 @@ class Inp2Dotyk(dotyk_case.Case):
     def convert(self, text, code=0):
         """The namelist of a deck, and what the tool says."""
         self.write("deck.inp", text)
-        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp", "-o", "deck.nml"], cwd=self.folder, text=True, capture_output=True)
+        done = subprocess.run([*TOOL, "-o", "deck.nml"], cwd=self.folder, text=True, capture_output=True)
         self.assertEqual(done.returncode, code, done.stderr)
         return (self.folder / "deck.nml").read_text() if code < 2 else "", done.stderr
 
@@ -40,7 +40,7 @@ class Inp2Dotyk(dotyk_case.Case):
         """A scene beside the deck, perhaps made by hand, is kept."""
         self.write("deck.inp", TWO % ("", "HARD", "*CLOAD\nhead, 3, -1.\n"))
         self.write("deck.nml", "by hand")
-        done = subprocess.run([sys.executable, "-B", TOOL, "deck.inp"], cwd=self.folder, text=True, capture_output=True)
+        done = subprocess.run(TOOL, cwd=self.folder, text=True, capture_output=True)
         self.assertEqual(done.returncode, 2)
         self.assertIn("deck.nml exists", done.stderr)
         self.assertEqual((self.folder / "deck.nml").read_text(), "by hand")

@@ -270,12 +270,11 @@ class LoadCases(dotyk_case.Case):
                         one, other = (r.nodes if field == "nodes" else r[field] for r in (one, other))
                         np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(other).max())
                 np.testing.assert_allclose(case.pairs["joint"].force, own.pairs["joint"].force, atol=1e-12)
-        tool = dotyk_case.ROOT / "tools/summary.py"
-        rows = subprocess.run([sys.executable, "-B", tool, "--csv", "supports", "cases.vtkhdf"], cwd=self.folder, check=True,
+        rows = subprocess.run([sys.executable, "-Bm", "dotyk.summary", "--csv", "supports", "cases.vtkhdf"], cwd=self.folder, check=True,
                               capture_output=True, text=True).stdout.splitlines()
         self.assertEqual(rows[0].split(",")[:3], ["file", "case", "name"])
         self.assertEqual([row.split(",")[1] for row in rows[1:]], [name for name in NAMES for _ in range(3)])
-        text = subprocess.run([sys.executable, "-B", tool, "cases.vtkhdf"], cwd=self.folder, check=True,
+        text = subprocess.run([sys.executable, "-Bm", "dotyk.summary", "cases.vtkhdf"], cwd=self.folder, check=True,
                               capture_output=True, text=True).stdout
         self.assertEqual(text.count("\ncase '"), len(NAMES))
 
@@ -288,7 +287,7 @@ class LoadCases(dotyk_case.Case):
         except ImportError as reason:
             self.skipTest(str(reason))
         file = self.with_cases()
-        draw = [sys.executable, "-B", dotyk_case.ROOT / "tools" / "render.py", "cases.vtkhdf", "--size", "160,100", "--field", "displacement"]
+        draw = [sys.executable, "-Bm", "dotyk.render", "cases.vtkhdf", "--size", "160,100", "--field", "displacement"]
         for case in (), ("--case", "hot"):
             done = subprocess.run([*draw, *case], cwd=self.folder, text=True, capture_output=True)
             self.assertIn(", case '%s', displacements x " % (case or (0, NAMES[0]))[1], done.stdout, done.stderr)

@@ -98,8 +98,8 @@ class Messages(dotyk_case.Case):
         self.assertIn("is a mesh of gmsh, no namelist file: a scene names it by mesh=",
                       self.dotyk("mesh.msh", code=2))
         self.assertIn("is a geometry of gmsh", self.dotyk("lower.geo", code=2))
-        for name, text, words in (("deck.inp", "**\n*NODE\n1, 0, 0\n", "inp2dotyk.py makes a first scene from it"),
-                                  ("deck", "*Heading\na\n", "inp2dotyk.py makes a first scene from it"),
+        for name, text, words in (("deck.inp", "**\n*NODE\n1, 0, 0\n", "dotyk-convert makes a first scene from it"),
+                                  ("deck", "*Heading\na\n", "dotyk-convert makes a first scene from it"),
                                   ("part.step", "ISO-10303-21;\nHEADER;\n", "is a CAD file, no namelist file"),
                                   ("part.STL", "solid a\n facet normal 0 0 1\n", "is a CAD file, no namelist file"),
                                   ("part.vtu", "<VTKFile>\n", "is a mesh, no namelist file: a scene names it by mesh=")):

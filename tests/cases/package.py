@@ -178,13 +178,12 @@ class Runs(dotyk_case.Case):
             dotyk.run(column(), self.case, ranks=0)
 
     def test_summary_into_a_closed_pipe(self):
-        """summary.py FILE | head says nothing about the reader that has left."""
+        """dotyk-summary FILE | head says nothing about the reader that has left."""
         dotyk.run(column(), self.case, threads=1)
-        script = dotyk_case.ROOT / "tools" / "summary.py"
         for more in ([], ["--csv", "supports"]):
             reader, writer = os.pipe()
             os.close(reader)
-            done = subprocess.run([sys.executable, "-B", str(script), *more, str(self.case)], stdout=writer, stderr=subprocess.PIPE,
+            done = subprocess.run([sys.executable, "-Bm", "dotyk.summary", *more, str(self.case)], stdout=writer, stderr=subprocess.PIPE,
                                   text=True, check=False)
             os.close(writer)
             self.assertEqual(done.stderr, "")

@@ -76,7 +76,7 @@ class RigidBodies(dotyk_case.Case):
                                          "rotation=0,0.004,0, point=1.5,2.75,6 /", 0.01, 0.004)
         self.assertIn("plate:rigid body     force (0, 0, -1.5)", printed)
         self.assertIn("  plate                (0, 0, -0.01), rotation (0, 0.004, 0) rad\n", printed)
-        table = subprocess.run([sys.executable, "-B", dotyk_case.ROOT / "tools" / "summary.py", "--csv", "rigid_bodies", "case.vtkhdf"],
+        table = subprocess.run([sys.executable, "-Bm", "dotyk.summary", "--csv", "rigid_bodies", "case.vtkhdf"],
                                cwd=self.folder, text=True, capture_output=True, check=True).stdout
         self.assertEqual(table, "file,name,body,displacement_x,displacement_y,displacement_z,point_x,point_y,point_z,rotation_x,"
                          "rotation_y,rotation_z\ncase.vtkhdf,plate,2,0,0,-0.01,1.5,2.75,6,0,0.004,0\n")

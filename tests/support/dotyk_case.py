@@ -13,7 +13,10 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 INPUTS = ROOT / "inputs"
-sys.path.insert(0, str(ROOT / "tools" / "python"))
+PACKAGE = str(ROOT / "tools" / "python")
+sys.path.insert(0, PACKAGE)
+# For the commands of the package that tests start.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (PACKAGE, os.environ.get("PYTHONPATH"))))
 
 
 class Case(unittest.TestCase):

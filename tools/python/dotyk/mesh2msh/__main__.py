@@ -1,6 +1,6 @@
 """Converts a mesh to gmsh's format MSH 4.1, binary: what dotyk starts for files of other formats.
 
-usage: python3 tools/mesh2msh FILE DIMENSION OUT.msh
+usage: python3 tools/python/dotyk/mesh2msh FILE DIMENSION OUT.msh
 
 FILE.inp are decks of Abaqus and CalculiX, FILE.vtu unstructured grids of VTK, FILE.msh meshes of gmsh's format 2.2; other formats are those
 that meshio reads. DIMENSION is that of space, 2 or 3. Its lines are those of gmsh: "Info    : Reading 'FILE'...", "Error   : TEXT"; and
@@ -19,10 +19,12 @@ except ImportError:
     print("Error   : %s: numpy, which converting meshes needs, is missing: install it (Debian: apt install python3-numpy)" % sys.argv[1])
     sys.exit(2)
 
-# As a package, beside which inp2dotyk is.
+# As a package of its own: that of dotyk needs h5py, too. Its other modules are none for others.
 sys.path[0] = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 from mesh2msh import deck, msh, msh22, other, vtu  # noqa: E402
 from mesh2msh.mesh import Fault  # noqa: E402
+
+del sys.path[0]
 
 
 def main(path, dimension, output):

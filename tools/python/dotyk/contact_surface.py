@@ -7,13 +7,9 @@ given one in the mean square. As (integral of p f) = (integral of p times the pr
     sum_i w_i p_i f_i,   f = surface.projection(f),
 is the integral of p f to a higher order than with values f_i at the vertices.
 """
-import os
-import sys
-
 import numpy as np
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), 'python'))
-import dotyk  # noqa: E402
+from .results import Results
 
 # Corners and mid nodes of the facets of an element in VTK's order of nodes, by VTK's number of the element.
 FACETS = {5: [(0, 1), (1, 2), (2, 0)], 9: [(0, 1), (1, 2), (2, 3), (3, 0)],
@@ -32,7 +28,7 @@ class ContactSurface:
     """
 
     def __init__(self, path, pair, body=0, axisymmetric=False, n_gauss=12):
-        with dotyk.Results(path) as results:
+        with Results(path) as results:
             rows, body = results.pairs[pair], list(results.bodies.values())[body]
             self.position, self.weight, self.pressure, self.projected = rows.position, rows.weight, rows.pressure, rows.pressure_projected
             self.force, self.converged, points = rows.force, results.converged, body.nodes

@@ -54,7 +54,7 @@ class Scene(Steps, Materials, Loads, Rigid, Contacts):
         analysis = "" if self.deck.analysis == "3d" else ", analysis='%s'" % self.deck.analysis
         scene = "&scene title=%s, mesh=%s%s /" % (quoted(deck_path.stem), quoted(self.sets.name), analysis)
         comments = ["! Not carried over: " + text for text in self.left]
-        lines = ["! Made from %s by inp2dotyk.py." % deck_path.name, *comments, scene, *self.lines, "&solver theta=0 /"]
+        lines = ["! Made from %s by dotyk-convert." % deck_path.name, *comments, scene, *self.lines, "&solver theta=0 /"]
         name = os.path.relpath(deck_path, self.sets.parent)
         self.sets.write_text("\n".join(["** Sets and surfaces for %s" % self.path.name, "*INCLUDE, INPUT=" + name, *self.more]) + "\n")
         self.path.write_text("\n".join(lines) + "\n")

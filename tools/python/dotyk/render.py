@@ -1,11 +1,10 @@
-#!/usr/bin/env python3
 """Renders a results file to a picture, without a screen: the deformed shape, coloured by a field. Also the faces of CAD files that
 `dotyk --check` writes (CASE.faces.vtu), with their numbers.
 
-examples: tools/render.py hertz.vtkhdf
-          tools/render.py hertz.vtkhdf -o hertz.png --field contact_pressure --scale 20 --view 1,-2,0.7 --edges
-          tools/render.py assembly.faces.vtu --view 1,2,-1
-          tools/render.py hertz.vtkhdf --clip 0,1,0 --range 0,4e8 --unit MPa --factor 1e-6
+examples: dotyk-render hertz.vtkhdf
+          dotyk-render hertz.vtkhdf -o hertz.png --field contact_pressure --scale 20 --view 1,-2,0.7 --edges
+          dotyk-render assembly.faces.vtu --view 1,2,-1
+          dotyk-render hertz.vtkhdf --clip 0,1,0 --range 0,4e8 --unit MPa --factor 1e-6
 Needs VTK for Python (Debian: python3-vtk9) and, where there is no display, xvfb-run (Debian: xvfb, xauth).
 """
 import argparse
@@ -37,7 +36,7 @@ def pair(text):
 
 def arguments():
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser("dotyk-render", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("file", help="results file (.vtkhdf), or faces with their numbers (.faces.vtu)")
     add("-o", "--output", help="picture (.png); default: the results file's name with .png")
@@ -75,7 +74,7 @@ def read_grid(path):
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # VTK 9.1 warns of version 2.0 and reads it
     reader = vtkHDFReader()
     if not pathlib.Path(path).is_file() or not reader.CanReadFile(path):
-        sys.exit("render: '%s' is not a results file" % path)
+        sys.exit("dotyk-render: '%s' is not a results file" % path)
     reader.SetFileName(path)
     reader.Update()
     grid = reader.GetOutputDataObject(0)
@@ -86,7 +85,7 @@ def read_grid(path):
         join.Update()
         grid = join.GetOutput()
     if grid.GetNumberOfCells() == 0:
-        sys.exit("render: '%s' has no elements" % path)
+        sys.exit("dotyk-render: '%s' has no elements" % path)
     return grid
 
 
@@ -100,12 +99,12 @@ def read_faces(path):
 
     reader = vtkXMLUnstructuredGridReader()
     if not pathlib.Path(path).is_file() or not reader.CanReadFile(path):
-        sys.exit("render: '%s' is no file of faces" % path)
+        sys.exit("dotyk-render: '%s' is no file of faces" % path)
     reader.SetFileName(path)
     reader.Update()
     grid = reader.GetOutput()
     if grid.GetCellData().GetArray("face") is None:
-        sys.exit("render: '%s' has no faces: dotyk --check CASE.nml writes them as CASE.faces.vtu" % path)
+        sys.exit("dotyk-render: '%s' has no faces: dotyk --check CASE.nml writes them as CASE.faces.vtu" % path)
     # Facets of a body that meet get the same points.
     body = np.repeat(vtk_to_numpy(grid.GetCellData().GetArray("body")), np.diff(vtk_to_numpy(grid.GetCells().GetOffsetsArray())))
     _, first, which = np.unique(np.column_stack((vtk_to_numpy(grid.GetPoints().GetData()), body)), axis=0, return_index=True, return_inverse=True)
@@ -190,9 +189,9 @@ def take_case(grid, path, name):
 
     names = cases_of(path)
     if not names:
-        sys.exit("render: '%s' has no load cases" % path)
+        sys.exit("dotyk-render: '%s' has no load cases" % path)
     if name not in names:
-        sys.exit("render: no load case '%s'; there are %s" % (name, ", ".join(names)))
+        sys.exit("dotyk-render: no load case '%s'; there are %s" % (name, ", ".join(names)))
     with h5py.File(path) as file:
         steps = file["VTKHDF/Steps"]
         for place, data, n in (("PointData", grid.GetPointData(), grid.GetNumberOfPoints()),
@@ -221,7 +220,7 @@ def only_bodies(grid, numbers):
 
     cells = np.flatnonzero(np.isin(vtk_to_numpy(grid.GetCellData().GetArray("body")), numbers)).astype(np.int64)
     if len(cells) == 0:
-        sys.exit("render: no such body")
+        sys.exit("dotyk-render: no such body")
     node, selection, extract = vtkSelectionNode(), vtkSelection(), vtkExtractSelection()
     node.SetFieldType(vtkSelectionNode.CELL)
     node.SetContentType(vtkSelectionNode.INDICES)
@@ -272,7 +271,7 @@ def colour_array(grid, options):
         data.AddArray(colour)
         return place
     names = [d.GetArrayName(i) for d in (grid.GetPointData(), grid.GetCellData()) for i in range(d.GetNumberOfArrays())]
-    sys.exit("render: no field '%s'; the file has %s" % (options.field, ", ".join(names)))
+    sys.exit("dotyk-render: no field '%s'; the file has %s" % (options.field, ", ".join(names)))
 
 
 def nodal_means(grid, values):
@@ -355,7 +354,7 @@ def cut_open(grid, normal, point):
     clip.InsideOutOn()
     clip.Update()
     if clip.GetOutput().GetNumberOfCells() == 0:
-        sys.exit("render: the plane of --clip cuts everything away")
+        sys.exit("dotyk-render: the plane of --clip cuts everything away")
     return clip.GetOutput()
 
 
@@ -590,31 +589,30 @@ def render(options):
     writer.SetInputConnection(image.GetOutputPort())
     writer.Write()
     if writer.GetErrorCode() or not pathlib.Path(output).is_file():
-        sys.exit("render: '%s' cannot be written" % output)
+        sys.exit("dotyk-render: '%s' cannot be written" % output)
     if of_faces:
         print("%s: faces %s" % (output, ", ".join(map(str, numbers))))
         return
     of_case = ", case '%s'" % (options.case or cases[0]) if cases else ""
     print("%s: %s, %g to %g%s, displacements x %g" % (output, options.field, *limits, of_case, factor))
     if factor > 1:
-        print("render: magnified displacements let bodies seem to overlap: --scale 1 shows them as they are")
+        print("dotyk-render: magnified displacements let bodies seem to overlap: --scale 1 shows them as they are")
 
 
 def main():
-    """Parse, find a Python with VTK and a display, render."""
+    """Parse, find VTK and a display, render."""
     options = arguments()
     try:
         import vtkmodules.vtkIOHDF  # noqa: F401
     except ImportError:
-        if not os.path.samefile(sys.executable, "/usr/bin/python3"):
-            os.execv("/usr/bin/python3", ["/usr/bin/python3", "-B", os.path.abspath(__file__)] + sys.argv[1:])
-        sys.exit("render: VTK for Python is missing (Debian: apt install python3-vtk9)")
+        sys.exit("dotyk-render: VTK for Python is missing (Debian: apt install python3-vtk9; elsewhere: pip install vtk)")
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
         if shutil.which("xvfb-run") is None:
-            sys.exit("render: no display and no xvfb-run (Debian: apt install xvfb xauth)")
-        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24", sys.executable, "-B", os.path.abspath(__file__)]
-        sys.exit(subprocess.run(command + sys.argv[1:]).returncode)
+            sys.exit("dotyk-render: no display and no xvfb-run (Debian: apt install xvfb xauth)")
+        command = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24", sys.executable, "-B", *sys.argv]
+        sys.exit(subprocess.run(command).returncode)
     render(options)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -4,8 +4,7 @@ import re
 
 import numpy as np
 
-from mesh2msh import deck
-
+from ..mesh2msh import deck
 from .cards import OF_PARTS, refuse_decimal_commas
 from .elements import CORNERS, EDGES, FACES, corners, shape_functions
 

@@ -1,22 +1,16 @@
-#!/usr/bin/env python3
 """Prints what a results file says of the run: how it was made, how it converged, the contacts, the time.
 
-usage: tools/summary.py FILE.vtkhdf ...      --input: the input text too
-       tools/summary.py --csv contacts|quantities|supports|loads|ties|bodies|rigid_bodies FILE.vtkhdf ...      one table, comma-separated
+examples: dotyk-summary hertz.vtkhdf                        all of a file
+          dotyk-summary --csv contacts step_*.vtkhdf        one table of many files, comma-separated
 """
 import argparse
 import csv
 import os
 import sys
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "python"))
-try:
-    import dotyk
-    import numpy as np
-except ImportError:
-    if not os.path.samefile(sys.executable, "/usr/bin/python3"):
-        os.execv("/usr/bin/python3", ["/usr/bin/python3", "-B", os.path.abspath(__file__)] + sys.argv[1:])
-    sys.exit("summary: h5py is missing (Debian: apt install python3-h5py)")
+import numpy as np
+
+from .results import Results
 
 # Attributes that are printed first; the others follow in alphabetical order.
 FIRST = ("status", "converged", "error_bound", "error_penalty", "error_discretization", "error_contact", "force",
@@ -60,7 +54,7 @@ def print_results(results):
 
 def print_file(path, with_input):
     """All of one file."""
-    with dotyk.Results(path) as results:
+    with Results(path) as results:
         bodies = results.bodies.values()
         print("%s: %d bodies, %d nodes, %d elements" % (
             path, len(bodies), sum(body.n_nodes for body in bodies), sum(body.n_cells for body in bodies)))
@@ -78,7 +72,7 @@ def csv_rows(path, table, with_cases):
     """Column names and rows of one table of a file: contact pairs, or resultants of supports, loads, ties or bodies, or motions; with the load cases if
     wanted."""
     columns, rows = ["file", *["case"] * with_cases, "name"], []
-    with dotyk.Results(path) as whole:
+    with Results(path) as whole:
         for results in cases_of(whole):
             if table == "contacts":
                 names, sources = list(results.pairs), [pair.attributes for pair in results.pairs.values()]
@@ -105,7 +99,7 @@ def csv_rows(path, table, with_cases):
 
 def has_cases(path):
     """Whether a file has load cases."""
-    with dotyk.Results(path) as results:
+    with Results(path) as results:
         return bool(results.cases)
 
 
@@ -122,9 +116,21 @@ def print_csv(paths, table):
 
 
 def main():
+    """Parse and print; a reader that leaves early, such as head, is no error of which to speak."""
+    try:
+        print_all()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Nothing is left to be flushed at the exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return 0
+
+
+def print_all():
     """Parse and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="+", metavar="FILE")
+    parser = argparse.ArgumentParser("dotyk-summary", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+", metavar="RESULTS.vtkhdf", help="results files")
     parser.add_argument("--input", action="store_true", help="print the input text too")
     parser.add_argument("--csv", choices=("contacts", "quantities", "supports", "loads", "ties", "bodies", "rigid_bodies"),
                         help="print one table, comma-separated: forces, moments, areas, extremes, motions")
@@ -135,20 +141,15 @@ def main():
         except BrokenPipeError:
             raise
         except (OSError, KeyError) as reason:
-            sys.exit("summary: not a results file: %s" % reason)
+            sys.exit("dotyk-summary: not a results file: %s" % reason)
     for path in options.files:
         try:
             print_file(path, options.input)
         except BrokenPipeError:
             raise
         except (OSError, KeyError) as reason:
-            sys.exit("summary: '%s' is not a results file: %s" % (path, reason))
+            sys.exit("dotyk-summary: '%s' is not a results file: %s" % (path, reason))
 
 
-try:
-    main()
-    sys.stdout.flush()
-except BrokenPipeError:
-    # The reader has what it wants (head). Nothing is left to be flushed at the exit.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    sys.exit(1)
+if __name__ == "__main__":
+    sys.exit(main())

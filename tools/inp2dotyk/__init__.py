@@ -1,1 +1,0 @@
-"""Scenes of dotyk from decks of CalculiX and Abaqus: the modules of tools/inp2dotyk.py."""
