@@ -53,7 +53,7 @@ contains
     self%pause = 2
   end subroutine log_init
 
-  !> Whether a launcher such as mpirun started this process: it gives it a terminal of its own, wherever the output goes.
+  !> Whether a launcher such as mpirun started this process: it gives it a terminal of its own, wherever output goes.
   logical function is_launched()
     character(*), parameter :: variable(*) = [character(9) :: 'PMIX_RANK', 'PMI_RANK']
     integer :: i, length

@@ -61,7 +61,8 @@ contains
     order = largest_first(real(body%n_unknowns(), dp))
     call set_blas_threads(n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
-    !$omp& shared(body, ranks, block, response, representative, part, isolated, order, solution, side_by_side, roughly) &
+    !$omp& shared(body, ranks, block, response, representative, part, isolated, order, solution, side_by_side) &
+    !$omp& shared(roughly) &
     !$omp& if (side_by_side)
     do i = 1, size(body)
       b = order(i)

@@ -104,8 +104,8 @@ contains
     wanted = groups_named(mesh, name, dimension)
     if (.not. any(wanted)) then
       if (has_wildcard(name)) then
-        call set_error(error, unknown_group(mesh, name, dimension)//'; a * in volume stands for the numbers 1, 2, ... '// &
-                       'of repeat, which makes a body of each')
+        call set_error(error, unknown_group(mesh, name, dimension)//'; a * in volume stands for the numbers 1, 2, '// &
+                       '... of repeat, which makes a body of each')
       else
         call set_error(error, unknown_group(mesh, name, dimension))
       end if

@@ -161,9 +161,9 @@ contains
     share = least_share/sqrt(real(self%n, dp))
   end function share_of_start
 
-  !> Measure the Ritz values by conjugate gradients from a start without order, until all that is left of it is less than
-  !> what an eigenvector with an eigenvalue far below the least of them would leave: ten iterations where p-multigrid
-  !> converges fast.
+  !> Measure the Ritz values by conjugate gradients from a start without order, until all that is left of it is less
+  !> than what an eigenvector with an eigenvalue far below the least of them would leave: ten iterations where
+  !> p-multigrid converges fast.
   !>
   !> The start is the sum of forces without order and of those of displacements without order: weak and strong
   !> eigenvectors have a share.

@@ -1,11 +1,11 @@
 !> The primal scheme: the engine of `dotyk_scheme_primal_solution` for bodies whose compliance operators are
 !> p-multigrids (`dotyk_response_multigrid_response`).
 !>
-!> Unknown is v = u - u_0, the displacement by contact forces and rigid body motions: `K v = r_0 + R e - B^T lambda` with
-!> r_0 what the rough solution u_0 without contact leaves of the loads, e the resultants of these on the rigid body modes
-!> R, and `B v <= -y_0`. The start is the contact of the bodies in their corner spaces (`dotyk_scheme_corner_contact`).
-!> Near-null-space modes, which have a stiffness, are left to the dual scheme, and so are supports that press rows
-!> together (`why_not`).
+!> Unknown is v = u - u_0, the displacement by contact forces and rigid body motions: `K v = r_0 + R e - B^T lambda`
+!> with r_0 what the rough solution u_0 without contact leaves of the loads, e the resultants of these on the rigid body
+!> modes R, and `B v <= -y_0`. The start is the contact of the bodies in their corner spaces
+!> (`dotyk_scheme_corner_contact`). Near-null-space modes, which have a stiffness, are left to the dual scheme, and so
+!> are supports that press rows together (`why_not`).
 module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

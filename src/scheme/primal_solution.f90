@@ -2,8 +2,8 @@
 !> any linear systems (`dotyk_scheme_proximal_system`). Any theta >= 0, held and floating bodies, whose motions that
 !> contact does not restrain are held by springs (`dotyk_scheme_proximal_motion`).
 !>
-!> All rows are in the systems, for inactive ones cost little. It ends by its bound (`error_bound`), which is asked for by
-!> more and more accurate solutions.
+!> All rows are in the systems, for inactive ones cost little. It ends by its bound (`error_bound`), which is asked for
+!> by more and more accurate solutions.
 module dotyk_scheme_primal_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

@@ -15,7 +15,7 @@ module dotyk_scheme_primal_system
 
   type, extends(contact_multigrid_t), public :: primal_system_t  !! The system.
     class(body_compliance_t), pointer :: compliance => null()  !! With p-multigrids for all bodies.
-    real(dp), allocatable, private :: whole_load(:)  !! The loads; those of `load` are what u_0 leaves of them (n) [force].
+    real(dp), allocatable, private :: whole_load(:)  !! All loads; `load` is what u_0 leaves of them (n) [force].
     real(dp), private :: strain_energy_0 = 0, work_0 = 0  !! Strain energy of u_0, and work of the loads on it [energy].
   contains
     procedure :: take_rows => system_take_rows
@@ -137,7 +137,8 @@ contains
     load = 0
     j = 0
     do b = 1, size(self%body)
-      associate (grid => self%grid(self%body(b)%representative)%p, first => self%first(b) + 1, last => self%first(b + 1))
+      associate (grid => self%grid(self%body(b)%representative)%p, &
+                 first => self%first(b) + 1, last => self%first(b + 1))
         if (self%body(b)%first_motion == 0) then
           associate (own => compliance%body(self%body(b)%block))
             if (allocated(own%left) .and. allocated(own%free)) call grid%to_system(own%left, load(first:last))
