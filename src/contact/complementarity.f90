@@ -14,7 +14,7 @@ module dotyk_contact_complementarity
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: complementarity_error, gaps_under_pressure
+  public :: complementarity_error
 
 contains
 

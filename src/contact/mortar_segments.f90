@@ -27,7 +27,7 @@ module dotyk_contact_mortar_segments
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: build_segment_rules, segment_degree
+  public :: build_segment_rules
 
   !> Segments cover a slave facet, or overlap, where the sum of their areas differs from its area by this fraction.
   real(dp), parameter :: area_tolerance = 1.0e-9_dp

@@ -23,7 +23,7 @@ module dotyk_driver_arguments
     logical :: manual = .false.  !! Print the manual page and stop.
   end type arguments_t
 
-  public :: read_arguments, parse_arguments, command_line_text
+  public :: read_arguments, command_line_text
 
   !> Threads at most: more than any machine for one body has; a larger number is a mistake. Ranks at most likewise.
   integer, parameter :: most_threads = 1024, most_ranks = 1000000

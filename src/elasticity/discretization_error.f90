@@ -31,7 +31,7 @@ module dotyk_elasticity_discretization_error
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
   implicit none
   private
-  public :: estimate_discretization_error, estimate_discretization_errors
+  public :: estimate_discretization_errors
 
   !> Strains below this fraction of the sum of their absolute terms are rounding errors: displacements of an
   !> ill-conditioned system carry some hundred epsilon themselves.
@@ -39,29 +39,8 @@ module dotyk_elasticity_discretization_error
 
 contains
 
-  !> Squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
-  subroutine estimate_discretization_error(mesh, analysis, material, u, square, norm_square, error)
-    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
-    real(dp), intent(in), contiguous :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
-    !> Squared errors of the elements, in the order of the blocks (n_elements) [energy].
-    real(dp), intent(out) :: square(:)
-    real(dp), intent(out) :: norm_square  !! Squared energy norm of the displacement [energy].
-    !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
-    type(error_t), allocatable, intent(out) :: error
-    type(gradient_recovery_t) :: recovery(size(material))
-    real(dp), allocatable :: all_u(:, :, :), all_square(:, :)
-    real(dp) :: all_norms(1)
-    all_u = reshape(u, [1, size(u, 1), size(u, 2)])
-    allocate (all_square(1, size(square)))
-    call estimate_discretization_errors(mesh, analysis, material, all_u, recovery, all_square, all_norms, error)
-    square = all_square(1, :)
-    norm_square = all_norms(1)
-  end subroutine estimate_discretization_error
-
-  !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
-  !> own elements where the rank holds a part of the body.
+  !> Squared error of each element in the energy norm, A(e,e), and squared norms A(u,u) of the displacements, of several
+  !> bodies of one mesh and material; of the own elements where the rank holds a part of the body.
   subroutine estimate_discretization_errors(mesh, analysis, material, u, recovery, square, norm_square, error, &
                                             thermal, partner, product)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.

@@ -15,7 +15,7 @@ module dotyk_elasticity_stress_of_means
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
   implicit none
   private
-  public :: has_constant_dilatation, take_stress_of_means
+  public :: take_stress_of_means
 
   !> Projected part of the bulk modulus over the other one from which on the means are better: from Poisson's ratio
   !> 0.475 on [].

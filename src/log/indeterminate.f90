@@ -10,7 +10,7 @@ module dotyk_log_indeterminate
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
-  public :: note_undetermined, note_rest, names_in_short, without_places, kinds_of_motion
+  public :: note_undetermined, note_rest
 
   integer, parameter :: most_named = 20  !! Greatest number of names, or of parts of the line; more are summed up.
   !> Bodies that a motion moves by less than this fraction of the body that it moves most take no part in it [].

@@ -25,7 +25,7 @@ module dotyk_scheme_relaxation
     procedure :: apply => penalty_compliance_apply
   end type penalty_compliance_t
 
-  public :: estimate_lambda_max, upper_estimate, relaxation_parameter, choose_relaxation
+  public :: estimate_lambda_max, upper_estimate, choose_relaxation
 
   real(dp), parameter :: tolerance = 1.0e-2_dp  !! Relative residual at which the Ritz value is taken for converged.
   !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.

@@ -5,6 +5,8 @@ module test_bodies
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: analysis_dimension
   use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
+  use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t
   use dotyk_elasticity_held_body, only: hold_body
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_support, only: collect_supports, support_t
@@ -33,9 +35,30 @@ module test_bodies
     procedure :: repeat => box_repeat
   end type box_t
 
-  public :: hold_own_part, make_support, make_body, solve, rotation, nodal_forces, steel
+  public :: estimate_discretization_error, hold_own_part, make_support, make_body, solve, rotation, nodal_forces, steel
 
 contains
+
+  !> Of one body: squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
+  subroutine estimate_discretization_error(mesh, analysis, material, u, square, norm_square, error)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
+    real(dp), intent(in), contiguous :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    !> Squared errors of the elements, in the order of the blocks (n_elements) [energy].
+    real(dp), intent(out) :: square(:)
+    real(dp), intent(out) :: norm_square  !! Squared energy norm of the displacement [energy].
+    !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
+    type(error_t), allocatable, intent(out) :: error
+    type(gradient_recovery_t) :: recovery(size(material))
+    real(dp), allocatable :: all_u(:, :, :), all_square(:, :)
+    real(dp) :: all_norms(1)
+    all_u = reshape(u, [1, size(u, 1), size(u, 2)])
+    allocate (all_square(1, size(square)))
+    call estimate_discretization_errors(mesh, analysis, material, all_u, recovery, all_square, all_norms, error)
+    square = all_square(1, :)
+    norm_square = all_norms(1)
+  end subroutine estimate_discretization_error
 
   !> Reduce a body to the part of a rank.
   subroutine hold_own_part(body, element_rank, rank, number)
