@@ -39,7 +39,8 @@ module test_bodies
 
 contains
 
-  !> Of one body: squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
+  !> Of one body: squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of its
+  !> displacement.
   subroutine estimate_discretization_error(mesh, analysis, material, u, square, norm_square, error)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
