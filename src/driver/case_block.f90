@@ -225,7 +225,7 @@ contains
                               monitor%timing%stage(stage_factorize)%wall - before)
     end if
     if (solved%engine == engine_none) solved%engine = first_engine(scene)
-    ! Pressures alone are unknown there.
+    ! The dual scheme takes the solution without contact for exact.
     if (solved%engine == engine_grid_solves .and. scene%is_rough) call solve_free(scene, .false., error)
     if (allocated(error)) return
     solved%run = run

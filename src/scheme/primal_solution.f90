@@ -159,12 +159,7 @@ contains
         if (bound <= largest_square*norm) state%error_bound = bound/norm
         if (bound <= 0) state%error_bound = 0
       end if
-      if (allocated(state%terms)) then
-        state%energy = state%terms(1) - state%terms(2) + &
-          sum(qp%penalty_of_rows(m, now%penetration))
-      else
-        state%energy = qp%energy(m, now%penetration, now%alpha)
-      end if
+      state%energy = state%terms(1) - state%terms(2) + sum(qp%penalty_of_rows(m, now%penetration))
       state%max_penetration = max(0.0_dp, maxval(now%penetration, mask=.not. qp%is_tied))
       call state%history%add(wall_time() - start, outcome%change, outcome%change/norm, state%error_bound, &
                              state%energy, state%max_penetration, count(m > 0 .and. .not. qp%is_tied))

@@ -80,8 +80,8 @@ contains
     !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
     real(dp), intent(in) :: foundation(:)
     logical, intent(in) :: active(:)  !! Rows that are expected to be active (n_rows).
-    !> Rows that may become active: others tell nothing of spins, for their normals are those of contact far from where
-    !> it is (n_rows).
+    !> Rows that may become active. Others tell nothing of spins: a body would have to turn far before they touch
+    !> (n_rows).
     logical, intent(in) :: near(:)
     real(dp), intent(in) :: alpha(:)  !! (n_modes) [length]
     integer :: b

@@ -204,7 +204,7 @@ contains
     end associate
   end subroutine system_find_penetrations
 
-  !> Strain energy and work of the loads, where the displacements tell them more accurately than the QP does.
+  !> Strain energy and work of the loads by the displacements: of systems that know the loads of the bodies.
   subroutine system_find_terms(self, u, terms)
     class(proximal_system_t), intent(in) :: self
     real(dp), intent(in), contiguous :: u(:)  !! Displacements (n) [length].
