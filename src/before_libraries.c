@@ -1,6 +1,7 @@
 /* Checks before the libraries are initialized: OpenBLAS starts its threads as it is loaded; where their buffers do not
  * fit, it ends the program with a signal, or tries for ever. Where stacks are too small, threads cannot be started, or
- * the program ends with a signal in the middle of a run. */
+ * the program ends with a signal in the middle of a run. And OpenBLAS chooses its kernels: for processors that are
+ * newer than it those of the oldest, which are up to four times slower. */
 #define _GNU_SOURCE
 #include <sched.h>
 #include <stdio.h>
@@ -63,6 +64,30 @@ static int number_of(char **environment, const char *name) {
   return 0;
 }
 
+#ifdef __x86_64__
+/* Functions of OpenBLAS with kernels for several processors; others do not have them. */
+__attribute__((weak)) void gotoblas_dynamic_init(void);
+__attribute__((weak)) void gotoblas_dynamic_quit(void);
+__attribute__((weak)) char *openblas_get_corename(void);
+
+/* Choose the kernels by what the processor can do, where OpenBLAS does not know it and the user has not chosen. */
+static void choose_kernels(char **environment) {
+  static const char key[] = "OPENBLAS_CORETYPE";
+  if (!gotoblas_dynamic_init || !gotoblas_dynamic_quit || !openblas_get_corename) return;
+  for (; *environment; environment++)
+    if (strncmp(*environment, key, sizeof key - 1) == 0 && (*environment)[sizeof key - 1] == '=') return;
+  __builtin_cpu_init();
+  if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) return;
+  gotoblas_dynamic_init();
+  if (strcmp(openblas_get_corename(), "Prescott") != 0) return;
+  gotoblas_dynamic_quit();
+  int has_512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
+  setenv(key, has_512 ? "SkylakeX" : "Haswell", 0);
+  gotoblas_dynamic_init();
+}
+#endif
+
 static void look_at_machine(int n_arguments, char **arguments, char **environment) {
   struct rlimit most;
   cpu_set_t set;
@@ -71,6 +96,9 @@ static void look_at_machine(int n_arguments, char **arguments, char **environmen
   (void)n_arguments;
   (void)arguments;
   look_at_stacks(environment);
+#ifdef __x86_64__
+  choose_kernels(environment);
+#endif
   if (getrlimit(RLIMIT_AS, &most) != 0 || most.rlim_cur == RLIM_INFINITY) return;
   if (sched_getaffinity(0, sizeof set, &set) == 0) threads = CPU_COUNT(&set);
   int wanted = number_of(environment, "OPENBLAS_NUM_THREADS");

@@ -1,17 +1,21 @@
-!> Gaps of quadratic facets: whether they have the part r of the gap that facets resemble only where they bend
-!> (gap_interpolation.f90).
+!> Gaps of facets: whether they have the part r of the gap that quadratic facets resemble only where they bend, and
+!> linear ones never (gap_interpolation.f90).
 !>
-!> Facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure at
+!> Quadratic facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure at
 !> vertices none of which a bent facet has are touched between bodies that hardly bend: it has not. Facets at the rim of
 !> the contact, and those without pressure, keep what they have.
+!>
+!> Contact that spans no facet is as stiff as a facet, whatever its own width, which the mesh does not know: the approach
+!> of the bodies there is uncertain by r.
 module dotyk_contact_facet_bending
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, n_element_kinds
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: bending_of_points
+  public :: bending_of_points, narrow_uncertainty
 
   type, public :: bending_t  !! What the solutions of a pair have added to its gaps.
     real(dp), allocatable, private :: at_points(:)  !! Nothing yet where not allocated (n_points) [length].
@@ -46,13 +50,61 @@ contains
     !> [length].
     real(dp), intent(in), optional :: before(:)
     real(dp) :: change(pair%n_points)  !! Changes of the gaps (n_points) [length].
-    type(corner_interpolation_t) :: corners
-    logical, allocatable :: is_active(:), is_bent(:), is_beside(:)
-    integer :: i
+    logical, allocatable :: is_bent(:), is_narrow(:), is_quadratic(:)
+    type(element_kind_t) :: kind
+    integer :: k
     change = 0
     if (present(before)) change = before
-    if (.not. any(abs(pair%bend) > 0 .or. abs(pair%curved) > 0)) return
+    allocate (is_quadratic(n_element_kinds))
+    do k = 1, n_element_kinds
+      kind = element_kind(k)
+      is_quadratic(k) = kind%order > 1
+    end do
+    if (.not. any(is_quadratic(surface_a%kind))) return
+    call find_contact(pair, surface_a, pressure, is_bent, is_narrow)
+    associate (n => pair%n_mortar_points)
+      associate (quadratic => is_quadratic(surface_a%kind(pair%facet_a(:n))))
+        where (is_bent .and. quadratic) change(:n) = pair%bend(:n)
+        if (present(before)) then
+          where (is_narrow .and. quadratic) change(:n) = -pair%curved(:n)
+        end if
+      end associate
+    end associate
+  end function bending_of_points
+
+  !> By how much the gaps of rows with pressure are uncertain where the contact spans no facet [length].
+  function narrow_uncertainty(pair, surface_a, pressure) result(uncertainty)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
+    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows; only their signs count (n_rows) [pressure].
+    real(dp) :: uncertainty(pair%n_rows)  !! (n_rows) [length]
+    logical, allocatable :: is_bent(:), is_narrow(:)
+    real(dp) :: r(pair%n_points)
+    uncertainty = 0
+    if (.not. allocated(pair%bend)) return
+    r = 0
+    call find_contact(pair, surface_a, pressure, is_bent, is_narrow)
+    associate (n => pair%n_mortar_points)
+      where (is_narrow) r(:n) = pair%bend(:n) + pair%curved(:n)
+    end associate
+    call pair%average%multiply(r, uncertainty)
+    uncertainty = merge(abs(uncertainty), 0.0_dp, pressure > 0)
+  end function narrow_uncertainty
+
+  !> Which points are on facets with pressure at all of their vertices, and which on facets with pressure at vertices
+  !> none of which such a facet has; where the gaps are straight neither.
+  subroutine find_contact(pair, surface_a, pressure, is_bent, is_narrow)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
+    real(dp), intent(in) :: pressure(:)  !! As in `bending_of_points` (n_rows) [pressure].
+    logical, allocatable, intent(out) :: is_bent(:)  !! Those on the former (n_mortar_points).
+    logical, allocatable, intent(out) :: is_narrow(:)  !! Those on the latter (n_mortar_points).
+    type(corner_interpolation_t) :: corners
+    logical, allocatable :: is_active(:), is_beside(:)
+    integer :: i
     associate (n => pair%n_mortar_points, m => pair%n_mortar_rows)
+      allocate (is_bent(n), is_narrow(n), source=.false.)
+      if (.not. any(abs(pair%bend) > 0 .or. abs(pair%curved) > 0)) return
       call corners%init(surface_a, pair%facet_a(:n), pair%xi_a(:, :n), pair%sheet_b(:n))
       ! Vertices without a row have almost no area.
       allocate (is_active(0:corners%n), source=.true.)
@@ -67,14 +119,9 @@ contains
       is_beside(0) = .false.
       do i = 1, n
         associate (corner => corners%corner(:, i))
-          if (is_bent(i)) then
-            change(i) = pair%bend(i)
-          else if (present(before) .and. any(is_active(corner)) .and. .not. any(is_active(corner) .and. &
-                                                                                is_beside(corner))) then
-            change(i) = -pair%curved(i)
-          end if
+          is_narrow(i) = any(is_active(corner)) .and. .not. any(is_active(corner) .and. is_beside(corner))
         end associate
       end do
     end associate
-  end function bending_of_points
+  end subroutine find_contact
 end module dotyk_contact_facet_bending

@@ -202,8 +202,9 @@ contains
     real(dp), intent(in) :: area(:)
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
-    real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off where the facet can bend (n_points) [length].
-    real(dp), allocatable, intent(out) :: curved(:)  !! What of r is left there (n_points) [length].
+    real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off (n_points) [length].
+    !> What of r is left where the facet can bend (n_points) [length].
+    real(dp), allocatable, intent(out) :: curved(:)
     !> How uncertain the gaps are: bodies that touch between the vertices do so at the least gap, and rows have that of
     !> a linear function [length].
     real(dp), intent(out) :: uncertainty
@@ -247,8 +248,8 @@ contains
     if (properties%order > 1) then
       curved = r*min(1.0_dp, abs(least)/greatest)
       r = r - curved
-      bend = r
     end if
+    bend = r
     gap = gap - r
     uncertainty = abs(minval(gap) - least)
   end subroutine straighten

@@ -57,7 +57,7 @@ module dotyk_contact_pair
     !> length^2].
     real(dp), allocatable :: weight(:)
     real(dp), allocatable :: gap(:)  !! Gaps d (n_points) [length].
-    !> What was taken off the gaps of the points on quadratic facets, as nothing bends these (n_points) [length].
+    !> What was taken off the gaps of the points, as nothing bends their facets (n_points) [length].
     real(dp), allocatable :: bend(:)
     real(dp), allocatable :: curved(:)  !! What of that part they still have (n_points) [length].
     real(dp), allocatable :: uncertainty(:)  !! How uncertain the gaps are (n_points) [length].

@@ -41,6 +41,9 @@ module dotyk_control_couple_penetration
 
   public :: check_bodies, split_parts
 
+  !> Displacement relative to the size of a body from which on small displacements no longer describe it [].
+  real(dp), parameter, public :: large_displacement = 0.5_dp
+
   !> Thickness of parts relative to their smallest facet: less is not looked for.
   real(dp), parameter :: least_thickness = 0.01_dp
   !> Depths below this fraction of the largest displacement of the two bodies beside their common rigid motion are not
@@ -188,7 +191,9 @@ contains
     end if
     if (found%worst%between_rows < told_part*tolerance%moved) found%worst%between_rows = 0
     if (found%worst%depth > 0) then
-      if (a == b .or. any(met%facet_b == 0)) met = met(:0)
+      ! Rows between places that are far from each other before deformation would hold what slides off.
+      if (a == b .or. any(met%facet_b == 0) .or. &
+          tolerance%moved > large_displacement*min(size_of(parts_a), size_of(parts_b))) met = met(:0)
       if (.not. all(is_meant(problem, list, met))) met = met(:0)
       if (size(met) > 0) call add_other_side(pack(met_b, is_meant(problem, list, met_b) .and. met_b%facet_b > 0), &
                                              2*tolerance%moved, met)
@@ -314,6 +319,13 @@ contains
       end do
     end subroutine append
   end subroutine measure_motion
+
+  !> Greatest diagonal of the parts of a body before deformation [length].
+  pure real(dp) function size_of(parts)
+    type(parts_t), intent(in) :: parts  !! The parts.
+    integer :: i
+    size_of = maxval([(norm2(maxval(parts%part(i)%x0, 2) - minval(parts%part(i)%x0, 2)), i=1, size(parts%part))])
+  end function size_of
 
   !> Check one part against another one.
   subroutine check_parts(division, p, q, swept, tolerance, only_corners, depth, worst, met)

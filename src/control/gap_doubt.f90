@@ -1,5 +1,6 @@
-!> What hangs on gaps that the meshes do not tell exactly: how contact forces and displacements change where all gaps
-!> are smaller by their uncertainty, and, with several pairs, where every second one is greater instead.
+!> What hangs on gaps that the meshes do not tell exactly, and on contacts narrower than their facets: how contact forces
+!> and displacements change where all gaps are smaller by their uncertainty, and, with several pairs, where every second
+!> one is greater instead.
 !>
 !> The scheme solves the QP again from its solution: the active set is nearly the same, and what it needs of the
 !> compliance is known.
@@ -9,6 +10,7 @@ module dotyk_control_gap_doubt
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
+  use dotyk_contact_facet_bending, only: narrow_uncertainty
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_ranks_exchange, only: greatest
@@ -74,7 +76,10 @@ contains
     end if
     shift = 0
     do k = 1, size(doubt)
-      shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1) = problem%pair(k)%row_uncertainty()
+      associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, pair => problem%pair(k))
+        shift(first:last) = max(pair%row_uncertainty(), &
+                                narrow_uncertainty(pair, problem%surface_a(k), state%pressure(first:last)))
+      end associate
     end do
     moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%penetration + qp%gap)]))
     call estimate_roughly(qp, state, shift, doubt)

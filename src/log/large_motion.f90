@@ -5,6 +5,7 @@ module dotyk_log_large_motion
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_couple_penetration, only: large_displacement
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_mean_rotation, only: mean_rotation
@@ -12,8 +13,7 @@ module dotyk_log_large_motion
   private
   public :: show_large_motion
 
-  !> Displacement relative to the size of a body, and rotation, from which on there is a warning [].
-  real(dp), parameter :: large_displacement = 0.5_dp, large_rotation = 0.05_dp
+  real(dp), parameter :: large_rotation = 0.05_dp  !! Rotation from which on there is a warning [].
   real(dp), parameter :: large_strain = 0.02_dp  !! Strain from which on there is a line [].
 
 contains

@@ -196,6 +196,19 @@ class Penetration(unittest.TestCase):
         self.assertRegex(answer.log, r"large motion +'turned' rotates by 0\.1 rad; .* by 0\.5 %")
         self.assertNotIn("moves by", answer.log)
 
+    def test_block_that_slides_off(self):
+        """Weak springs let a block slide by many times its size: nodes of the face that it slides over get no contact rows."""
+        scene = Scene("3d", "theta=0, tolerance=1e-9")
+        scene.body("base", box("hex8", 4, (0, 0, 0), (1, 1, 1))).fix("base", "bottom", "xyz", [0, 0, 0])
+        scene.body("block", box("hex8", 2, (.2, .2, 1), (.7, .7, 1.5)))
+        scene.load("block", "top", traction=[0.01, 0.02, -0.01])
+        scene.raw("&spring body='block', surface='top', fix='xyz', stiffness=1e-3")
+        scene.pair("contact", "block:bottom", "base:top")
+        answer = scene.solve()
+        self.assertNotIn("(corners)", answer.log)
+        self.assertRegex(answer.log, r"large motion +'block' moves by")
+        np.testing.assert_allclose(answer.force(), [0, 0, 0.0025], atol=1e-5, err_msg=answer.log)
+
     def test_corners_on_corners(self):
         """Grids of four boxes that close their gaps: where four corners meet compression moves them into each other,
         until they have contact rows there."""

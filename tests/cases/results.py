@@ -2,6 +2,7 @@
 """The results file: its whole layout, read back with h5py and with VTK; what happens to older files; the choice of
 fields."""
 import os
+import pathlib
 import re
 import subprocess
 import sys
@@ -284,6 +285,16 @@ class Results(dotyk_case.Case):
         np.testing.assert_allclose(p[low], 2, rtol=1e-6)
         np.testing.assert_allclose(p[side & ~low], 1, rtol=1e-6)
         np.testing.assert_allclose(traction[low & ~side], np.tile([0, 0, 2], (sum(low & ~side), 1)), atol=1e-6)
+
+    def test_kernels(self):
+        """OpenBLAS takes kernels for the processor, also for one that is newer than it; or those that the user wants."""
+        self.column()
+        name = str(self.results("column.vtkhdf")["dotyk"].attrs["blas"])
+        flags = re.search(r"(?m)^flags.*", pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8"))
+        if flags and {"avx2", "fma"} <= set(flags[0].split()):
+            self.assertNotIn("[Prescott]", name)
+            self.dotyk("column.nml", OPENBLAS_CORETYPE="Nehalem")
+            self.assertIn("[Nehalem]", str(self.results("column.vtkhdf")["dotyk"].attrs["blas"]))
 
     def test_no_fields(self):
         self.column(output="fields=''")
