@@ -222,7 +222,7 @@ def read_search(text):
     ranks = re.search(r"(\d+) ranks of", text)
     line = re.search(r"processor time .*", text)
     if not line:
-        sys.exit("scaling: the log has no line 'processor time'")
+        sys.exit("scaling: the log has no line 'processor time': run with --verbose")
     units = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
     seconds = 0.0
     for stage in ("search", "check penetration"):

@@ -10,6 +10,7 @@ module dotyk_base_log
 
   type, public :: log_t  !! Lines to standard output, unless quiet.
     logical :: quiet = .false.  !! Whether only errors are printed.
+    logical :: verbose = .false.  !! Whether details are printed.
     logical :: terminal = .false.  !! Whether standard output is a terminal, where a live line can be redrawn.
     logical, private :: live = .false.  !! Whether the last line is a live line, which the next one replaces.
     real(dp), private :: drawn = -huge(1.0_dp)  !! Wall time of the last live line [s].
@@ -19,6 +20,7 @@ module dotyk_base_log
   contains
     procedure :: init => log_init
     procedure :: line => log_line
+    procedure :: detail => log_detail
     procedure :: hold => log_hold
     procedure :: take => log_take
     procedure :: due => log_due
@@ -43,10 +45,12 @@ module dotyk_base_log
 contains
 
   !> Begin a log.
-  subroutine log_init(self, quiet)
+  subroutine log_init(self, quiet, verbose)
     class(log_t), intent(inout) :: self
     logical, intent(in) :: quiet  !! Print errors only.
+    logical, intent(in) :: verbose  !! Print details, too.
     self%quiet = quiet
+    self%verbose = verbose
     self%terminal = c_isatty(1_c_int) /= 0 .and. .not. is_launched()
     self%live = .false.
     self%drawn = -huge(1.0_dp)
@@ -80,6 +84,13 @@ contains
       call look(self, status)
     end if
   end subroutine log_line
+
+  !> Print a line that is a detail, if these are wanted.
+  subroutine log_detail(self, text)
+    class(log_t), intent(inout) :: self
+    character(*), intent(in) :: text  !! The line.
+    if (self%verbose) call self%line(text)
+  end subroutine log_detail
 
   !> Hold the lines that follow; those within lines that are held already are taken first.
   subroutine log_hold(self)

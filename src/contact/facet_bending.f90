@@ -6,7 +6,7 @@
 !> the contact, and those without pressure, keep what they have.
 !>
 !> Contact that spans no facet is as stiff as a facet, whatever its own width, which the mesh does not know: the approach
-!> of the bodies there is uncertain by r.
+!> of the bodies there is uncertain by a part of r.
 module dotyk_contact_facet_bending
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
@@ -22,6 +22,9 @@ module dotyk_contact_facet_bending
   contains
     procedure :: update => bending_update
   end type bending_t
+
+  !> That part of r, measured: of balls on a block by Hertz, and of balls between plates by finer meshes [].
+  real(dp), parameter :: narrow_part = 1/3.0_dp
 
 contains
 
@@ -88,7 +91,7 @@ contains
       where (is_narrow) r(:n) = pair%bend(:n) + pair%curved(:n)
     end associate
     call pair%average%multiply(r, uncertainty)
-    uncertainty = merge(abs(uncertainty), 0.0_dp, pressure > 0)
+    uncertainty = merge(narrow_part*abs(uncertainty), 0.0_dp, pressure > 0)
   end function narrow_uncertainty
 
   !> Which points are on facets with pressure at all of their vertices, and which on facets with pressure at vertices

@@ -17,6 +17,7 @@ module dotyk_driver_arguments
     logical :: no_shell = .false.  !! Geometries may start no program and write no file but their mesh.
     logical :: remesh = .false.  !! Meshes that are kept are made again.
     logical :: quiet = .false.  !! Print errors only.
+    logical :: verbose = .false.  !! Print details, too.
     logical :: version = .false.  !! Print the version and stop.
     logical :: help = .false.  !! Print the help and stop.
     logical :: reference = .false.  !! Print the input reference in Markdown and stop.
@@ -76,6 +77,8 @@ contains
         arguments%remesh = .true.
       case ('--quiet')
         arguments%quiet = .true.
+      case ('--verbose')
+        arguments%verbose = .true.
       case ('--version')
         arguments%version = .true.
       case ('--help', '-h')

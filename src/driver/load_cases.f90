@@ -22,7 +22,7 @@ module dotyk_driver_load_cases
   use dotyk_log_case_tables, only: add_case_row, case_row_t, show_case_table
   use dotyk_log_outcome, only: note_modes
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_summary, only: show_solution
+  use dotyk_log_summary, only: show_errors, show_outcome
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_monitor, only: phase_estimate
   use dotyk_scheme_scheme, only: reason_none
@@ -55,6 +55,7 @@ contains
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(case_row_t), allocatable :: row(:)
     real(dp), allocatable :: ratio(:)
+    character(:), allocatable :: doubts
     integer :: k, n, n_written
     logical :: is_kept, has_met
     n_written = 0
@@ -82,19 +83,24 @@ contains
         if (k == n) call scene%compliance%destroy()
         if (allocated(solution%state%pressure)) call keep_shortenings(solution%state, scene%problem)
         call find_rotations(scene%problem, solution%state, ratio)
+        ! Results come first.
+        call monitor%log%hold()
         call note_modes(scene%problem, solution%state, ratio, case%solver%max_unbalanced, monitor%log)
         call check_bodies(scene, solution, may_add, monitor, met, has_met)
+        call monitor%log%take(doubts)
         if (has_met) then
+          call monitor%log%line(doubts)
           if (n_written > 0) call file%discard()
           return
         end if
         if (solution%state%has_converged() .and. is_doubtful(solution%gap_doubt)) solution%state%ended = ended_gaps
         call accuracy%observe(case, k, scene%problem, solution, error)
         if (allocated(error)) exit
-        call show_solution(monitor%log, case%output, goal_of(case), case%solver%tolerance, scene%problem, &
-                           scene%compliance%n_sweeps, solution, solved%seconds)
+        call show_outcome(monitor%log, solution%state, case%solver%tolerance, scene%compliance%n_sweeps, solved%seconds)
         call write_results(case, k, scene, solution, monitor, file, pair_solution, error)
         if (allocated(error)) exit
+        call show_errors(monitor%log, case%output, goal_of(case), scene%problem, solution)
+        if (len(doubts) > 0) call monitor%log%line(doubts)
         n_written = k
         if (.not. solution%state%has_converged()) code = exit_not_converged
         if (case%has_cases()) call add_case_row(case%load_case(k)%name, solution, pair_solution, row)

@@ -49,7 +49,7 @@ contains
     logical :: is_last, is_stopped, reached
     code = exit_converged
     reached = .false.
-    call monitor%begin(arguments%quiet)
+    call monitor%begin(arguments%quiet, arguments%verbose)
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)

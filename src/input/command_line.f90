@@ -30,6 +30,7 @@ contains
     call add(options, '--remesh', '', 'make kept meshes again (they are, too, where a file that they depend on is '// &
              'newer)')
     call add(options, '--quiet', '', 'print errors only')
+    call add(options, '--verbose', '', 'print details, too: sizes, iterations, energies, moments, times of processors')
     call add(options, '--version', '', 'print the version', runs=.false.)
     call add(options, '--help', '', 'print this help; --help=markdown: the reference of the input, docs/input.md; '// &
              '--help=man: the manual page', runs=.false.)

@@ -21,7 +21,7 @@ module dotyk_log_force_tables
 
 contains
 
-  !> Two lines for the result of each contact pair; many pairs are summed up.
+  !> A line for the result of each contact pair, and one for details; many pairs are summed up.
   subroutine show_pair_results(log, pair, solution)
     type(log_t), intent(inout) :: log  !! The log.
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
@@ -42,8 +42,8 @@ contains
       call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
                     counted(pair(k)%n_rows, 'constraint')//' active, contact force '// &
                     vector_text(solution(k)%force, sum(pair(k)%row_weight*abs(solution(k)%pressure)))// &
-                    ' on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5))
-      call log%line('    '//details(solution(k)))
+                    ' on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5)//area_of(solution(k)))
+      call log%detail('    '//details(solution(k)))
     end do
     if (size(pair) <= most_shown) return
     call log%line('  '//to_text(size(pair))//' contact pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
@@ -52,7 +52,22 @@ contains
                   to_text(solution(nearest)%least_gap, 4)//' in '//quoted(pair(nearest)%name))
   end subroutine show_pair_results
 
-  !> Moment, centre of pressure, area and extremes of a pair.
+  !> Contact area of a pair, or that it is open.
+  function area_of(solution) result(text)
+    type(pair_solution_t), intent(in) :: solution  !! Pressures and forces of the pair.
+    character(:), allocatable :: text
+    if (solution%n_active == 0) then
+      text = ', open: least gap '//to_text(solution%least_gap, 4)
+      return
+    end if
+    text = ', contact area '//to_text(solution%area, 5)
+    associate (patch => solution%patch, i => maxloc(solution%patch%area, 1))
+      if (size(patch) > 1) text = text//' in '//to_text(size(patch))//' patches (the largest '// &
+                                  to_text(patch(i)%area, 5)//' around '//vector_text(patch(i)%centre)//')'
+    end associate
+  end function area_of
+
+  !> Moment, centre of pressure and places of extremes of a pair.
   function details(solution) result(line)
     type(pair_solution_t), intent(in) :: solution  !! Pressures and forces of the pair.
     character(:), allocatable :: line
@@ -61,12 +76,7 @@ contains
     if (solution%n_active > 0) then
       if (.not. any(ieee_is_nan(solution%centre))) &
         line = line//'centre of pressure '//vector_text(solution%centre)//', '
-      line = line//'contact area '//to_text(solution%area, 5)
-      associate (patch => solution%patch, i => maxloc(solution%patch%area, 1))
-        if (size(patch) > 1) line = line//' in '//to_text(size(patch))//' patches (the largest '// &
-                                    to_text(patch(i)%area, 5)//' around '//vector_text(patch(i)%centre)//')'
-      end associate
-      line = line//', peak pressure at '//vector_text(solution%peak_position)//', '
+      line = line//'peak pressure at '//vector_text(solution%peak_position)//', '
       if (solution%peak_covered < well_covered) &
         line = line//'where the master covers '//to_text(100*solution%peak_covered, 2)//' % of the vertex (no '// &
                'measure of the pressure beside it), '
@@ -108,32 +118,33 @@ contains
         at = [b, s]
       end do
     end do
+    if (n > 1 .and. n <= most_shown) call log%line('  all together         force '//vector_text(total, largest))
     if (n > most_shown) then
       call log%line('  '//counted(n, 'support')//': force '//vector_text(total)//' together; the largest:')
       call log%line(support_line(at(1), at(2)))
     end if
     call show_motions(log, body, balance)
     if (size(body) > 1 .and. size(body) <= most_shown) then
-      call log%line('  body                 strain energy')
+      call log%detail('  body                 strain energy')
       do b = 1, size(body)
         label = body(b)%name
         if (.not. balance%body(b)%spring_energy > 0) then
-          call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6))
+          call log%detail('  '//label//' '//to_text(balance%body(b)%energy, 6))
         else
-          call log%line('  '//label//' '//to_text(balance%body(b)%energy, 6)//', of its springs '// &
+          call log%detail('  '//label//' '//to_text(balance%body(b)%energy, 6)//', of its springs '// &
                         to_text(balance%body(b)%spring_energy, 6))
         end if
       end do
     else if (size(body) > 1) then
       b = maxloc(balance%body%energy, 1)
-      call log%line('  '//counted(size(body), 'body', 'bodies')//': strain energy '// &
+      call log%detail('  '//counted(size(body), 'body', 'bodies')//': strain energy '// &
                     to_text(sum(balance%body%energy), 6)//' together, the largest '// &
                     to_text(balance%body(b)%energy, 6)//' in '//quoted(body(b)%name))
     end if
     if (.not. maxval(balance%body%force_scale) > 0) return
     moments = ''
     if (balance%moment_error > 0) moments = ', moments '//to_text(balance%moment_error, 2)
-    call log%line('  equilibrium          sum of loads, contact forces and reactions of a body, relative to their '// &
+    call log%detail('  equilibrium          sum of loads, contact forces and reactions of a body, relative to their '// &
                   'size: forces '//to_text(balance%force_error, 2)//moments//' at most')
 
   contains

@@ -157,31 +157,57 @@ contains
     end subroutine warn
   end subroutine warn_of_formulas
 
-  !> One line for each body that has any.
+  !> One line for each body that has any, or for successive ones with the same.
   subroutine show_initial_states(log, body)
     type(log_t), intent(inout) :: log  !! The log.
     type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    character(:), allocatable :: line
+    character(:), allocatable :: line, next
     character(20) :: label
-    integer :: b, n
+    integer :: b, n, n_like
+    line = ''
     n = 0
+    n_like = 0
     do b = 1, size(body)
-      associate (state => body(b)%initial)
-        if (.not. state%is_set()) cycle
-        n = n + 1
-        if (n == 1) then
-          call log%line('')
-          call log%line('  body                 temperature, initial stress')
-        end if
-        if (n > most_shown) cycle
-        line = 'no temperature'
-        if (allocated(state%temperature)) line = to_text(state%range(1), 6)
-        if (state%range(2) > state%range(1)) line = line//' to '//to_text(state%range(2), 6)
-        if (allocated(state%stress)) line = line//', initial stress'
-        label = body(b)%name
-        call log%line('  '//label//' '//line)
-      end associate
+      next = state_text(body(b))
+      if (len(next) > 0 .and. next == line) then
+        n_like = n_like + 1
+        cycle
+      end if
+      call show()
+      line = next
+      label = body(b)%name
+      n_like = 0
     end do
+    call show()
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more body', 'more bodies'))
+
+  contains
+
+    !> The line of a body, and how many bodies after it have the same.
+    subroutine show()
+      if (len(line) == 0) return
+      n = n + 1
+      if (n == 1) then
+        call log%line('')
+        call log%line('  body                 temperature, initial stress')
+      end if
+      if (n > most_shown) return
+      if (n_like > 0) line = line//', and the next '//counted(n_like, 'body', 'bodies')
+      call log%line('  '//label//' '//line)
+    end subroutine show
+
+    !> Temperature and initial stress of a body; empty where it has neither.
+    function state_text(body) result(text)
+      type(body_t), intent(in) :: body  !! The body.
+      character(:), allocatable :: text
+      text = ''
+      associate (state => body%initial)
+        if (.not. state%is_set()) return
+        text = 'no temperature'
+        if (allocated(state%temperature)) text = to_text(state%range(1), 6)
+        if (state%range(2) > state%range(1)) text = text//' to '//to_text(state%range(2), 6)
+        if (allocated(state%stress)) text = text//', initial stress'
+      end associate
+    end function state_text
   end subroutine show_initial_states
 end module dotyk_log_load_tables

@@ -34,11 +34,12 @@ module dotyk_log_run_monitor
 contains
 
   !> Begin the run.
-  subroutine log_monitor_begin(self, quiet)
+  subroutine log_monitor_begin(self, quiet, verbose)
     class(log_monitor_t), intent(inout) :: self
     logical, intent(in) :: quiet  !! Print errors only.
+    logical, intent(in) :: verbose  !! Print details, too.
     call self%watch%start()
-    call self%log%init(quiet)
+    call self%log%init(quiet, verbose)
     ! mpirun shows its ranks a terminal, whatever its own output is.
     if (n_ranks() > 1) self%log%terminal = .false.
     if (.not. quiet) call start_progress(self%log%terminal, long_stage)
@@ -53,11 +54,11 @@ contains
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 
-  !> A line of the log.
+  !> A detail of the log.
   subroutine log_monitor_note(self, text)
     class(log_monitor_t), intent(inout) :: self
     character(*), intent(in) :: text  !! Label and text.
-    call self%log%line('  '//text)
+    call self%log%detail('  '//text)
   end subroutine log_monitor_note
 
   !> End the live line.

@@ -124,7 +124,7 @@ contains
       call log%line(body_line(counted(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
                               sum(size_of%entries), sum(size_of%flops)))
     if (classes%n() < size(body)) &
-      call log%line('  '//counted(size(body), 'body', 'bodies')//' in '// &
+      call log%detail('  '//counted(size(body), 'body', 'bodies')//' in '// &
                     counted(classes%n(), 'congruence class', 'congruence classes')//': '// &
                     counted(classes%n(), 'factorization'))
     if (size(case%contact) + size(case%tie) == 0) call log%line('  no contact pairs: one linear solve per body')
@@ -178,9 +178,9 @@ contains
                     'smoothed aggregation (PETSc)')
       return
     end if
-    call log%line('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
+    call log%detail('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
-    if (any(size_of%form == form_multigrid)) call log%line('  p-multigrid      '// &
+    if (any(size_of%form == form_multigrid)) call log%detail('  p-multigrid      '// &
       counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes '// &
       'there, or of aggregates of linear elements')
     do b = 1, size(size_of)
@@ -189,7 +189,7 @@ contains
       if (size_of(b)%is_slow) then
         call show_slow(log, quoted(body(b)%name), size_of(b))
       else if (is_chosen .and. size_of(b)%form /= form_multigrid) then
-        if (keeps_factor(body(b))) call log%line('  factor           '//quoted(body(b)%name)// &
+        if (keeps_factor(body(b))) call log%detail('  factor           '//quoted(body(b)%name)// &
           ': nearly incompressible: p-multigrid would take many iterations')
       end if
     end do
@@ -197,7 +197,7 @@ contains
       if (.not. any(chosen)) return
       fraction = sum(size_of%product_entries, mask=chosen)/ &
                  max(1.0_dp, real(sum(size_of%class_entries, mask=chosen), dp))
-      call log%line('  compliance       '//counted(count(chosen), 'body', 'bodies')// &
+      call log%detail('  compliance       '//counted(count(chosen), 'body', 'bodies')// &
                     ' with an explicit compliance matrix: a product costs '//to_text(100*fraction, 2)// &
                     ' % of a solve with the factor')
     end associate
@@ -216,7 +216,7 @@ contains
       call log%line('  warning          '//name//': p-multigrid takes '//iterations// &
                     ', and the memory does not suffice for a factor')
     else
-      call log%line('  factor           '//name//': it costs less than p-multigrid with '//iterations)
+      call log%detail('  factor           '//name//': it costs less than p-multigrid with '//iterations)
     end if
   end subroutine show_slow
 
@@ -318,14 +318,14 @@ contains
     lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
     call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), &
                             pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
-    call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
+    call log%detail('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
                   counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
                   surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
     if (body(pair%body_a)%constraint%rigid%is_set) &
       call log%line('    warning: the slave side is a rigid body: where its mesh is finer than that of '// &
                     quoted(body(pair%body_b)%name)//', pressures are not unique; make it surface_b')
     if (pair%n_unprojected > 0 .or. lost > 0) &
-      call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
+      call log%detail('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
                     'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
                     percent(pair%lost_too_far)//' beyond search_radius')
   end subroutine show_pair

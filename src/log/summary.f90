@@ -22,33 +22,29 @@ module dotyk_log_summary
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
-  public :: show_solution
+  public :: show_errors, show_outcome
 
   integer, parameter :: most_digits = 10, least_digits = 3  !! Digits of the potential energy.
 
 contains
 
-  !> How the scheme ended, the error budget, what was not computed, and the conditioning of the bodies.
-  subroutine show_solution(log, output, goal, tolerance, problem, n_sweeps, solution, seconds)
+  !> The errors, what was not computed, and the conditioning of the bodies.
+  subroutine show_errors(log, output, goal, problem, solution)
     type(log_t), intent(inout) :: log  !! The log.
     type(output_input_t), intent(in) :: output  !! `&output`.
     type(solution_goal_t), intent(in) :: goal  !! What was asked for.
-    real(dp), intent(in) :: tolerance  !! Tolerance of the error bound [].
     type(contact_problem_t), intent(in) :: problem  !! The problem.
-    integer, intent(in) :: n_sweeps  !! Right-hand sides of the body that had most.
     type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
-    real(dp), intent(in) :: seconds  !! Time of the scheme [s].
-    call show_state(log, solution%state, tolerance, n_sweeps, seconds)
-    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
+    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies())
     call show_gap_doubt(log, problem%pair, solution%gap_doubt)
     call show_idle_bodies(log, problem, solution%state%pressure, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
     call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
-  end subroutine show_solution
+  end subroutine show_errors
 
   !> How the scheme ended.
-  subroutine show_state(log, state, tolerance, n_sweeps, seconds)
+  subroutine show_outcome(log, state, tolerance, n_sweeps, seconds)
     type(log_t), intent(inout) :: log  !! The log.
     type(solver_state_t), intent(in) :: state  !! State of the scheme.
     real(dp), intent(in) :: tolerance  !! Tolerance of the error bound [].
@@ -58,7 +54,7 @@ contains
     call log%line('')
     if (size(state%pressure) == 0) then
       call log%line('  solved           no contact, '//duration(seconds))
-      call log%line('  potential energy '//to_text(state%energy, 10))
+      call log%detail('  potential energy '//to_text(state%energy, 10))
       return
     end if
     call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')//' (at most '// &
@@ -96,8 +92,8 @@ contains
     if (state%ended == ended_diverged .and. allocated(state%constants)) &
       call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit '// &
                     to_text(state%constants%gamma_limit())//"; use gamma_rule='spectral' or a smaller gamma")
-    call log%line('  max penetration  '//to_text(state%max_penetration, 4))
-  end subroutine show_state
+    call log%detail('  max penetration  '//to_text(state%max_penetration, 4))
+  end subroutine show_outcome
 
   !> Digits of the potential energy that hold, and one. It is a minimum, so that its error is half the square of that of
   !> the displacements; not where these, pressures and gaps belong together but for the error of solves by p-multigrid.
@@ -125,8 +121,8 @@ contains
     real(dp), parameter :: much_penalty = 0.02_dp
     work = energies%load_work
     if (abs(work) < no_work*energies%strain) work = 0
-    call log%line('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
-    call log%line('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
+    call log%detail('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
+    call log%detail('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
     if (energies%penalty > much_penalty*energies%strain .and. energies%strain > 0) &
       call log%line('  warning          the penalty term is '//to_text(100*energies%penalty/energies%strain, 2)// &
@@ -202,7 +198,7 @@ contains
     if (.not. goal%stress) call add('stresses')
     if (.not. goal%mesh_error) call add('discretization error')
     if (.not. goal%penalty_error) call add('penalty error')
-    if (len(line) > 0) call log%line('  not computed     '//line)
+    if (len(line) > 0) call log%detail('  not computed     '//line)
   contains
     !> Add an item.
     subroutine add(text)

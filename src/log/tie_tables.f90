@@ -15,6 +15,7 @@ module dotyk_log_tie_tables
   public :: show_ties, show_tie_forces
 
   integer, parameter :: most_shown = 20  !! Greatest number of ties with lines of their own.
+  integer, parameter :: few = 4  !! The same of ties whose area is tied wholly.
   real(dp), parameter :: nearly_all = 0.999_dp  !! Slave surfaces less of which is tied get a word [].
   !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
   real(dp), parameter :: most_turned = 0.02_dp
@@ -33,11 +34,14 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     character(20) :: label
     integer, allocatable :: n_split(:, :)
-    integer :: k, p, q
+    integer :: k, p, q, n
     if (size(tie) == 0) return
     call log%line('')
     call log%line('  tie                  area tied   surfaces')
-    do k = 1, min(size(tie), most_shown)
+    n = 0
+    do k = 1, size(tie)
+      if (n >= merge(most_shown, few, log%verbose .or. tie(k)%tied < nearly_all)) cycle
+      n = n + 1
       associate (rows => tie(k)%component(1))
         label = tie(k)%name
         call log%line('  '//label//' '//adjustr(padded(to_text(100*tie(k)%tied, 4)//' %'))//'   '// &
@@ -49,7 +53,8 @@ contains
         call log%line('    the rest of the slave area projects beside the master surface, or is farther away than '// &
                       'search_radius')
     end do
-    if (size(tie) > most_shown) call log%line('  ... '//counted(size(tie) - most_shown, 'more tie'))
+    if (size(tie) > n) call log%line('  ... '//counted(size(tie) - n, 'more tie')//', at least '// &
+                                     to_text(100*minval(tie%tied), 4)//' % of their area tied')
     do k = 1, size(tie)
       if (tie(k)%oblique > most_oblique) &
         call log%line('  warning: the cut of bolt '//quoted(tie(k)%name)//' has its normal '// &
@@ -157,7 +162,7 @@ contains
     do k = 1, min(size(tie), most_shown)
       associate (all => force(k)%resultant)
         more = ''
-        if (any(abs(all%moment) > 0)) more = ', moment '//vector_text(all%moment)//' about the origin'
+        if (log%verbose .and. any(abs(all%moment) > 0)) more = ', moment '//vector_text(all%moment)//' about the origin'
         if (abs(all%radial) > 0) more = more//', radial '//to_text(all%radial, 5)//' around the circumference'
         if (tie(k)%is_bolt) more = more//', tension '//to_text(force(k)%tension, 5)
         if (tie(k)%is_free) then

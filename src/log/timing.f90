@@ -105,7 +105,7 @@ contains
     processor = [timing%stage%processor, timing%total%processor]
     call greatest(processor)
     call log%line('  time             '//times_text([timing%stage%wall, timing%total%wall]))
-    call log%line('  processor time   '//times_text(processor))
+    call log%detail('  processor time   '//times_text(processor))
     call show_ranks(log, timing%total, timing%memory_of_bodies)
   end subroutine show_timing
 

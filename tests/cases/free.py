@@ -33,7 +33,7 @@ class Free(dotyk_case.Case):
         return text, self.results("case.vtkhdf")
 
     def refuse(self, *parts, code=3):
-        done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, text=True, timeout=60,
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--verbose"], cwd=self.folder, text=True, timeout=60,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         for part in parts:

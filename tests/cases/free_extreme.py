@@ -118,7 +118,7 @@ class FreeExtreme(dotyk_case.Case):
                 yield log, file
 
     def refuse(self, *parts):
-        done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, text=True, timeout=60,
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--verbose"], cwd=self.folder, text=True, timeout=60,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
         for part in parts:

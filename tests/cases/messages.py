@@ -35,7 +35,7 @@ class Messages(dotyk_case.Case):
     def refuse(self, code, *expected, options=()):
         """The case is refused with this exit code; the messages are on the standard error, and no results are
         written."""
-        done = subprocess.run([os.environ["DOTYK"], "case.nml", *options], cwd=self.folder, text=True, timeout=60,
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--verbose", *options], cwd=self.folder, text=True, timeout=60,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         for part in expected:

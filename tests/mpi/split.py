@@ -91,7 +91,7 @@ class Split(RankCase):
         text = namelist.read_text()
         namelist.write_text(text.replace("&solver", reference))
         expected = self.folder / "factors.vtkhdf"
-        done = subprocess.run([os.environ["DOTYK"], str(namelist), "--output", str(expected)], env=ENVIRONMENT, capture_output=True, text=True, check=False)
+        done = subprocess.run([os.environ["DOTYK"], str(namelist), "--verbose", "--output", str(expected)], env=ENVIRONMENT, capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         namelist.write_text(text.replace("&solver", "&solver response='multigrid', "))
         for ranks in rank_numbers:

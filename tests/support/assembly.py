@@ -211,7 +211,7 @@ class Scene:
                 folder = pathlib.Path(KEEP[0]) / ("%03d" % len(list(pathlib.Path(KEEP[0]).glob("*"))))
                 folder.mkdir(parents=True)
             self.write(folder, turn)
-            done = subprocess.run([dotyk or os.environ["DOTYK"], "scene.nml", "--threads", "1"], cwd=folder, text=True,
+            done = subprocess.run([dotyk or os.environ["DOTYK"], "scene.nml", "--verbose", "--threads", "1"], cwd=folder, text=True,
                                   timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                   stderr=subprocess.STDOUT)
             (folder / "scene.log").write_text(done.stdout)

@@ -45,7 +45,9 @@ class Case(unittest.TestCase):
 
     def dotyk(self, *arguments, code=0, timeout=600, **environment):
         """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one
-        text. With exit code 0, no contact row of the results may be violated."""
+        text, with its details. With exit code 0, no contact row of the results may be violated."""
+        if arguments and str(arguments[0]).endswith(".nml"):
+            arguments = (*arguments, "--verbose")
         began = time.time() - 1
         done = subprocess.run([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, timeout=timeout, text=True,
                               env={**os.environ, **environment}, stdin=subprocess.DEVNULL,

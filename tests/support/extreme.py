@@ -124,7 +124,7 @@ def run(scene, folder, timeout=600, threads=2):
     results.unlink(missing_ok=True)
     begun, faults, answer, judged = time.monotonic(), [], None, []
     try:
-        done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--threads", str(threads)], cwd=folder, text=True,
+        done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--verbose", "--threads", str(threads)], cwd=folder, text=True,
                               timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT)
         code, text = done.returncode, done.stdout

@@ -81,7 +81,7 @@ class Scene:
         uncertainties."""
         folder = pathlib.Path(folder)
         matrix = self.write(folder, motion)
-        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--threads", "1"], cwd=folder, text=True,
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--verbose", "--threads", "1"], cwd=folder, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode > 1:
             raise RuntimeError(done.stdout)

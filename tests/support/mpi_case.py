@@ -48,7 +48,7 @@ class RankCase(dotyk_case.Case):
 
     def command(self, ranks, *arguments, before=""):
         """Words that start ranks; `before` is a line of shell that each runs first."""
-        program = [os.environ["DOTYK"], *map(str, arguments)]
+        program = [os.environ["DOTYK"], *map(str, arguments), "--verbose"]
         if before:
             program = ["sh", "-c", before + '; exec "$@"', "sh", *program]
         return [*MPIRUN, "-n", str(ranks), *program]
