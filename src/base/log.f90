@@ -28,6 +28,9 @@ module dotyk_base_log
 
   public :: print_error
 
+  !> Greatest number of lines of a table of one kind of thing; more are summed up.
+  integer, parameter, public :: most_shown = 20
+
   real(dp), parameter :: redraw = 0.1_dp  !! Time between live lines on a terminal [s].
   !> Without a terminal the time between lines of progress doubles up to this [s].
   real(dp), parameter :: longest_pause = 60

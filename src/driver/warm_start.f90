@@ -14,7 +14,7 @@ module dotyk_driver_warm_start
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_output_hdf5_read, only: hdf5_source_t
+  use dotyk_output_hdf5, only: hdf5_file_t
   use dotyk_output_results_file, only: contact_group
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -65,7 +65,7 @@ contains
     real(dp), allocatable, intent(out) :: pressure(:)
     !> Allocated where the file is missing, is no results file, or has other contact rows.
     type(error_t), allocatable, intent(out) :: error
-    type(hdf5_source_t) :: source
+    type(hdf5_file_t) :: source
     character(:), allocatable :: reason, root
     reason = why_no_file(path)
     if (len(reason) > 0) then
@@ -100,19 +100,19 @@ contains
 
   !> The group of a results file that has the results of a load case.
   subroutine find_root(source, name, root, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: name  !! Name of the load case; empty where the case has none.
     character(:), allocatable, intent(out) :: root  !! Path of the group.
     !> Allocated where the file is none of dotyk, or has load cases, but not this one.
     type(error_t), allocatable, intent(out) :: error
     root = '/dotyk'
     if (.not. source%has(root)) then
-      call set_error(error, quoted(source%path)//' is not a results file of dotyk')
+      call set_error(error, quoted(source%label)//' is not a results file of dotyk')
     else if (source%has('/dotyk/cases')) then
       if (len(name) == 0) then
-        call set_error(error, quoted(source%path)//' has load cases, and the case has none')
+        call set_error(error, quoted(source%label)//' has load cases, and the case has none')
       else if (.not. source%has('/dotyk/cases/'//name)) then
-        call set_error(error, quoted(source%path)//' has no load case '//quoted(name))
+        call set_error(error, quoted(source%label)//' has no load case '//quoted(name))
       else
         root = '/dotyk/cases/'//name
       end if
@@ -121,7 +121,7 @@ contains
 
   !> Compare the contact pairs of the file with those of the case, and read their pressures.
   subroutine read_pairs(source, root, length, pair, pressure, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: root  !! Group of the results.
     real(dp), intent(in) :: length  !! Size of the scene [length].
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs of the case (n_pairs).
@@ -132,7 +132,7 @@ contains
     integer :: k, n
     allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
     if (source%n_members(root//'/contact') /= size(pair)) then
-      call set_error(error, quoted(source%path)//' has '// &
+      call set_error(error, quoted(source%label)//' has '// &
                      counted(source%n_members(root//'/contact'), 'contact pair')// &
                      ', and the case has '//to_text(size(pair)))
       return
@@ -141,7 +141,7 @@ contains
     do k = 1, size(pair)
       call read_pair(source, root, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
       if (len(what) > 0) &
-        call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
+        call set_error(error, quoted(source%label)//' has other contact rows: '//what// &
                        '; a warm start needs the same meshes and contact settings')
       if (allocated(error)) return
       n = n + pair(k)%n_rows
@@ -150,7 +150,7 @@ contains
 
   !> Compare one contact pair, and read its pressures.
   subroutine read_pair(source, root, tolerance, pair, pressure, what, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: root  !! Group of the results.
     real(dp), intent(in) :: tolerance  !! Largest distance between the row of the file and that of the case [length].
     type(contact_pair_t), intent(in) :: pair  !! Contact pair of the case.
@@ -186,7 +186,7 @@ contains
       return
     end do
     if (.not. (all(ieee_is_finite(pressure)) .and. all(abs(pressure) <= largest_pressure))) &
-      call set_error(error, quoted(source%path)//': the pressures of pair '//quoted(pair%name)// &
+      call set_error(error, quoted(source%label)//': the pressures of pair '//quoted(pair%name)// &
                      ' are those of a diverged run')
   end subroutine read_pair
 

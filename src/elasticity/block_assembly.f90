@@ -12,7 +12,7 @@ module dotyk_elasticity_block_assembly
   use dotyk_elasticity_corner_space, only: corner_space_t, corner_weights
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
-  use dotyk_elasticity_foundation_points, only: foundation_points_t
+  use dotyk_elasticity_foundation, only: foundation_points_t
   use dotyk_elasticity_material, only: material_t, weight_moduli
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter

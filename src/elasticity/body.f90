@@ -1,27 +1,28 @@
 !> One elastic body: elements, material, Dirichlet conditions and loads, and the linear system K u = f that they define.
+!> What acts on it in one load case are its loads, temperature, initial stress and the values of prescribed
+!> displacements; all else is the same in all load cases.
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
-  use dotyk_elasticity_body_actions, only: body_actions_t, carry_resultants
+  use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness, subtract_dirichlet_lift
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
-  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: initial_state_t
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
-  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
+  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_ranks_exchange, only: add_counts
   implicit none
   private
+  public :: node_graph, strain_energy, assemble_stiffness
 
   !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others. Its stiffness and its
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
@@ -92,7 +93,24 @@ module dotyk_elasticity_body
     procedure :: destroy => stiffness_destroy
   end type stiffness_t
 
-  public :: node_graph, strain_energy, assemble_stiffness
+  type :: body_actions_t  !! Components of `body_t` with the same names.
+    !> Prescribed displacements along the nodal axes; zero where not allocated (dim, n_nodes) [length].
+    real(dp), allocatable :: prescribed(:, :)
+    real(dp) :: rigid_motion(6) = 0  !! Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
+    type(initial_state_t) :: initial  !! Temperature and initial stress.
+    real(dp), allocatable :: load(:, :)  !! Nodal forces; zero where not allocated (dim, n_nodes) [force].
+    type(point_forces_t) :: applied  !! Loads at quadrature points.
+    !> Sums of the constant force densities of the materials; none where not allocated (3, n_materials) [force/volume].
+    real(dp), allocatable :: density(:, :)
+    type(load_resultant_t), allocatable :: resultant(:)  !! Resultants of the loads (n_loads).
+    type(text_t), allocatable :: unresolved(:)  !! Warnings of formulas.
+    !> Whether there are loads or given displacements at nodes that this rank does not hold.
+    logical :: is_loaded_inside = .false.
+  contains
+    procedure :: is_idle => actions_is_idle
+    procedure :: hold_nodes => actions_hold_nodes
+    procedure :: carry => actions_carry
+  end type body_actions_t
 
 contains
 
@@ -346,4 +364,51 @@ contains
     call body%constraint%foundation%add_forces(body%mesh%x, body%analysis, u, force, of_springs)
     energy = energy + of_springs/2
   end function strain_energy
+
+  !> Whether there are neither loads nor prescribed displacements.
+  pure logical function actions_is_idle(self) result(is_idle)
+    class(body_actions_t), intent(in) :: self
+    is_idle = .not. (self%is_loaded_inside .or. allocated(self%prescribed) .or. allocated(self%load))
+  end function actions_is_idle
+
+  !> Keep what belongs to some nodes.
+  pure subroutine actions_hold_nodes(self, node)
+    class(body_actions_t), intent(inout) :: self
+    integer, intent(in) :: node(:)  !! Numbers of the nodes in the whole body, ascending (n_held_nodes).
+    self%is_loaded_inside = .not. self%is_idle()
+    if (allocated(self%prescribed)) self%prescribed = self%prescribed(:, node)
+    if (allocated(self%load)) self%load = self%load(:, node)
+    call self%initial%hold_nodes(node)
+  end subroutine actions_hold_nodes
+
+  !> Put the actions into a parcel, or take them out.
+  subroutine actions_carry(self, parcel)
+    class(body_actions_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%prescribed)
+    call parcel%carry_fixed(6, self%rigid_motion)
+    call self%initial%carry(parcel)
+    call parcel%carry(self%load)
+    call self%applied%carry(parcel)
+    call parcel%carry(self%density)
+    call carry_resultants(parcel, self%resultant)
+    call parcel%carry(self%unresolved)
+    call parcel%carry(self%is_loaded_inside)
+  end subroutine actions_carry
+
+  !> Put resultants of loads into a parcel, or take them out.
+  subroutine carry_resultants(parcel, resultant)
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    type(load_resultant_t), allocatable, intent(inout) :: resultant(:)  !! The resultants, if there are any (n_loads).
+    logical :: has_loads
+    integer :: n(1), i
+    has_loads = allocated(resultant)
+    if (has_loads) n = shape(resultant)
+    call parcel%carry_shape(has_loads, n)
+    if (has_loads .and. parcel%is_read) allocate (resultant(n(1)))
+    if (.not. has_loads) return
+    do i = 1, n(1)
+      call resultant(i)%carry(parcel)
+    end do
+  end subroutine carry_resultants
 end module dotyk_elasticity_body

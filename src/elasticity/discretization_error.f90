@@ -20,8 +20,7 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t, vertex_functions
   use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, physical_gradients
-  use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
+  use dotyk_elasticity_material, only: elements_of_material, material_t, mesh_of_material
   use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, &
     limit_projected_part, project_onto_functions

@@ -6,8 +6,7 @@ module dotyk_elasticity_elastic_constants
   use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_options, only: material_isotropic, material_orthotropic
   use dotyk_base_text, only: to_text
-  use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_material_formulas, only: material_formulas_t
+  use dotyk_elasticity_material, only: material_formulas_t, material_t
   use dotyk_elasticity_stiffness_tensor, only: kelvin, rotate_stiffness, scale_components, singular_ratio
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none

@@ -4,7 +4,7 @@
 !> both sides, and the traction found for one element is that of the other with the opposite sign. Elsewhere the points
 !> are placed in the element behind.
 module dotyk_elasticity_face_tractions
-  use dotyk_base_allowance, only: allowance_t
+  use dotyk_base_memory, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_bubble_table, only: bubble_table_t, face_bubbles_t, points_table

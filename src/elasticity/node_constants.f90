@@ -3,7 +3,7 @@ module dotyk_elasticity_node_constants
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: initial_state_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
   use dotyk_mesh_body_mesh, only: body_mesh_t

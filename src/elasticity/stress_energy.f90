@@ -4,8 +4,7 @@ module dotyk_elasticity_stress_energy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
-  use dotyk_elasticity_initial_state, only: initial_state_t
-  use dotyk_elasticity_initial_stress, only: add_mean_initial_stress
+  use dotyk_elasticity_initial_stress, only: add_mean_initial_stress, initial_state_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none

@@ -11,8 +11,7 @@ module dotyk_elasticity_support
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_constraint, only: constraint_t, held
-  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
-  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_node_axes, only: combine_conditions, nodal_vector_list_t, node_axes_t
   use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t

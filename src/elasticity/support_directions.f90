@@ -9,7 +9,7 @@ module dotyk_elasticity_support_directions
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
+  use dotyk_elasticity_node_axes, only: nodal_vector_list_t
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none

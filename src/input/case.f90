@@ -5,17 +5,23 @@
 !> second (local, eta) is zero. A formula that is not given is an array of size 0 or an empty text; one that is given is
 !> correct.
 !> `line` is the line of the namelist file where the group begins.
+!>
+!> A bolt cuts no elements: those whose centre lies ahead of a plane make up one half of a body, the others the other
+!> one; or those on both sides of a surface inside the body. The halves are two bodies; what the input says of the whole
+!> holds for each of them.
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: aim_energy, default_analysis, default_discretization, &
-    default_gamma_rule, default_gap, default_geometry, default_linear_solver, default_locking, &
-    default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
-    default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, n_fields, quantity_force
+  use dotyk_base_options, only: aim_energy, default_analysis, default_discretization, default_gamma_rule, default_gap, &
+    default_geometry, default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, &
+    default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, &
+    load_traction, material_isotropic, n_fields, quantity_force
+  use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_input_cut, only: cut_input_t
+  use dotyk_base_thresholds, only: rounding
   implicit none
   private
+  public :: applies_in, share_a_case
 
   type, public :: scene_input_t  !! `&scene`.
     integer :: line = 0  !! Line of the group.
@@ -93,6 +99,19 @@ module dotyk_input_case
     real(dp) :: expansion(3) = 0  !! Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
     logical :: expands = .false.  !! Whether they are given.
   end type material_input_t
+
+  type, public :: cut_input_t  !! Which half a body is of which whole.
+    integer :: line = 0  !! Line of the `&bolt`; 0 for a body that is not cut.
+    integer :: half = 0  !! Half: 1 behind the plane, 2 ahead of it, where its normal points to.
+    character(:), allocatable :: whole  !! Name of the body that is cut.
+    !> A point of the plane (3) [length], and its normal, of length 1 (3) []; of bodies in place.
+    real(dp) :: point(3) = 0, normal(3) = 0
+    character(:), allocatable :: surface  !! Surface inside the body; empty where a plane is given.
+  contains
+    procedure :: is_cut => cut_is_cut
+    procedure :: same_as => cut_same_as
+    procedure :: place_back => cut_place_back
+  end type cut_input_t
 
   type, public :: body_input_t  !! `&body`.
     integer :: line = 0  !! Line of the group.
@@ -315,7 +334,7 @@ module dotyk_input_case
     procedure :: in_case_text => case_in_case_text
   end type case_t
 
-  public :: applies_in, share_a_case
+  character(*), parameter, public :: cut_surface = '(cut)'  !! Name of the surface of a half at the cut.
 
 contains
 
@@ -401,4 +420,36 @@ contains
       share = any(other)
     end if
   end function share_a_case
+
+  !> Whether the body is a half.
+  elemental logical function cut_is_cut(self) result(is_cut)
+    class(cut_input_t), intent(in) :: self
+    is_cut = self%line > 0
+  end function cut_is_cut
+
+  !> The plane in coordinates of the mesh, before the body is rotated and shifted to its place.
+  pure function cut_place_back(self, at, axis, angle) result(back)
+    class(cut_input_t), intent(in) :: self
+    real(dp), intent(in) :: at(3)  !! Position of the origin of the mesh (3) [length].
+    real(dp), intent(in) :: axis(3), angle  !! Axis of rotation (3) [], and angle [degrees].
+    type(cut_input_t) :: back
+    real(dp) :: rotation(3, 3)
+    back = self
+    back%point = self%point - at
+    if (.not. abs(angle) > 0) return
+    rotation = rotation_matrix(axis, angle)
+    back%point = matmul(back%point, rotation)
+    back%normal = matmul(self%normal, rotation)
+  end function cut_place_back
+
+  !> Whether two bodies of one volume are the same half of it; planes in coordinates of the mesh.
+  pure logical function cut_same_as(self, other) result(same)
+    class(cut_input_t), intent(in) :: self
+    type(cut_input_t), intent(in) :: other  !! Of the other body.
+    same = self%half == other%half
+    if (.not. (same .and. self%is_cut())) return
+    same = self%surface == other%surface .and. &
+           norm2(self%normal - other%normal) <= rounding .and. &
+           abs(dot_product(self%normal, self%point - other%point)) <= rounding*(norm2(self%point) + norm2(other%point))
+  end function cut_same_as
 end module dotyk_input_case

@@ -1,5 +1,5 @@
 !> Prolongators from aggregates of nodes to a matrix of 2x2 or 3x3 blocks, P = (I - omega D^{-1} A) Q: the tentative
-!> prolongator Q of `dotyk_linalg_aggregate_basis` after one step of the block Jacobi method (P. Vanek, J. Mandel and M.
+!> prolongator Q of `dotyk_linalg_aggregation` after one step of the block Jacobi method (P. Vanek, J. Mandel and M.
 !> Brezina, Computing 56, 1996).
 !>
 !> Near-null-space vectors of A remain in the range of P where A maps them to zero, and basis functions lose the jumps

@@ -14,8 +14,7 @@
 module dotyk_linalg_smoothed_aggregation
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64, sp
-  use dotyk_linalg_aggregate_basis, only: carry_to_coarse, list_members, make_bases
-  use dotyk_linalg_aggregation, only: find_aggregates
+  use dotyk_linalg_aggregation, only: carry_to_coarse, find_aggregates, list_members, make_bases
   use dotyk_linalg_block_factor, only: block_factor_t
   use dotyk_linalg_block_prolongator, only: block_prolongator_t
   use dotyk_linalg_block_rows, only: block_rows_t

@@ -2,7 +2,7 @@
 module dotyk_mesh_conversion_log
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_geo_file, is_stl_file
+  use dotyk_base_files, only: is_stl_file
   use dotyk_base_kinds, only: int64
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_text, only: text_t

@@ -11,7 +11,7 @@ module dotyk_mesh_joints
   use dotyk_base_text, only: counted, to_text
   use dotyk_base_thresholds, only: generic_direction
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
-  use dotyk_mesh_boundary_facets, only: boundary_facets_t, max_corners
+  use dotyk_mesh_boundary, only: boundary_facets_t, max_corners
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
   implicit none

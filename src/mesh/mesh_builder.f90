@@ -2,8 +2,7 @@
 module dotyk_mesh_mesh_builder
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_mesh, only: mesh_t, physical_group_t
-  use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t, physical_group_t
   use dotyk_mesh_tag_map, only: growing_tag_map_t, tag_map_t
   implicit none
   private

@@ -12,7 +12,7 @@ module dotyk_mesh_rigid_surface
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_jacobian, only: mirror_order
+  use dotyk_mesh_element_orientation, only: mirror_order
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
   use dotyk_mesh_physical_group, only: groups_named, unknown_group

@@ -14,11 +14,9 @@ module dotyk_model_body_setup
   use dotyk_model_body_supports, only: load_names, support_names
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
-  use dotyk_model_locking, only: would_lock
-  use dotyk_model_materials, only: build_material, survey_material, turn_material
+  use dotyk_model_materials, only: build_material, survey_material, turn_material, would_lock
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_alone, read_mesh
-  use dotyk_model_special_volumes, only: refuse_on_both_halves
-  use dotyk_model_volumes, only: volume_t
+  use dotyk_model_volumes, only: refuse_on_both_halves, volume_t
   implicit none
   private
   public :: build_bodies, build_body, body_surfaces_t, refuse_unused

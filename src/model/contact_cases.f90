@@ -13,9 +13,8 @@ module dotyk_model_contact_cases
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: applies_in, case_t, contact_input_t
-  use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_model_pair_search, only: allows_zero_theta
-  use dotyk_model_row_theta, only: set_formula_theta
+  use dotyk_model_row_theta, only: set_formula_theta, set_mesh_theta
   implicit none
   private
   public :: check_contact_cases, contacts_of_case, set_contact_case

@@ -11,8 +11,7 @@ module dotyk_model_pair_search
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_mesh_theta, only: set_mesh_theta
-  use dotyk_model_row_theta, only: set_formula_theta
+  use dotyk_model_row_theta, only: set_formula_theta, set_mesh_theta
   use dotyk_ranks_division, only: division_t
   implicit none
   private
