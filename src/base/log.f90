@@ -28,12 +28,10 @@ module dotyk_base_log
 
   public :: print_error
 
-  !> Greatest number of lines of a table of one kind of thing; more are summed up.
-  integer, parameter, public :: most_shown = 20
+  integer, parameter, public :: most_shown = 20  !! Greatest number of lines of one kind in a table; more are summed up.
 
   real(dp), parameter :: redraw = 0.1_dp  !! Time between live lines on a terminal [s].
-  !> Without a terminal the time between lines of progress doubles up to this [s].
-  real(dp), parameter :: longest_pause = 60
+  real(dp), parameter :: longest_pause = 60  !! Without a terminal the time between lines doubles up to this [s].
 
   interface
     !> C library: is a file descriptor a terminal?

@@ -21,8 +21,7 @@ module dotyk_base_memory
       import :: c_double, c_int
       real(c_double), intent(out) :: used  !! Memory in use [bytes].
       real(c_double), intent(out) :: left  !! Memory that is left [bytes].
-      !> Limit that ends it: 0 unknown, 1 machine, 2 container or batch job, 3 process.
-      integer(c_int), intent(out) :: limit
+      integer(c_int), intent(out) :: limit  !! 0 unknown, 1 machine, 2 container or batch job, 3 process.
     end subroutine c_memory
 
     !> Largest memory that the process has had so far [bytes].

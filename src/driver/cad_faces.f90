@@ -254,8 +254,7 @@ contains
 
     !> Whether distances are the radius.
     logical function fits(distance, of_middles)
-      !> The distances of corners, and of the middles of facets [length].
-      real(dp), intent(in) :: distance(:), of_middles(:)
+      real(dp), intent(in) :: distance(:), of_middles(:)  !! Of corners, and of the middles of facets [length].
       fits = radius > 0 .and. radius < greatest_radius*extent
       deviation = huge(deviation)
       if (fits) deviation = norm2(distance - radius)/(radius*sqrt(real(size(distance), dp)))

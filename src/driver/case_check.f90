@@ -99,8 +99,7 @@ contains
     !> The scene, built; with factors in place of p-multigrid on return where the run would have them.
     type(scene_t), intent(inout) :: scene
     type(log_monitor_t), intent(inout) :: monitor  !! Log.
-    !> Allocated where the analysis of a factor fails, or an interrupt came.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the analysis of a factor fails, or an interrupt came.
     type(memory_t) :: memory
     integer :: b, n_contact
     logical :: has_factors

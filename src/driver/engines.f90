@@ -75,8 +75,7 @@ contains
     integer, intent(in) :: reason  !! Why the last one does not.
     type(case_t), intent(in) :: case  !! The case.
     type(scheme_run_t), intent(in) :: run  !! Scheme of the run.
-    !> The scene; to be factorized again where factors take the place of p-multigrids.
-    type(scene_t), intent(inout) :: scene
+    type(scene_t), intent(inout) :: scene  !! The scene; to be factorized again where factors replace p-multigrids.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     integer, intent(inout) :: engine  !! The last one, and the next one.
     type(error_t), allocatable, intent(out) :: error  !! As in `return_to_factors`.

@@ -33,8 +33,7 @@ contains
     type(contact_solution_t), intent(inout) :: solution  !! The solution, with the outcome of the check on return.
     logical, intent(in) :: may_add  !! Whether `met` may grow.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
-    !> Points at which bodies met beside their contact rows (n).
-    type(met_point_t), allocatable, intent(inout) :: met(:)
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points where bodies met beside their rows (n).
     logical, intent(out) :: has_met  !! Whether it has grown: the scene is to be solved again.
     integer :: i, k
     has_met = .false.

@@ -53,14 +53,12 @@ contains
     type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements and stresses of the bodies (n_bodies).
-    !> Stresses at the nodes of the bodies, if they are wanted (n_bodies).
-    type(nodal_stress_t), intent(in) :: nodal_stress(:)
+    type(nodal_stress_t), intent(in) :: nodal_stress(:)  !! Stresses at nodes, if they are wanted (n_bodies).
     type(nodal_field_t), intent(in) :: contact_pressure(:)  !! Contact pressures at the nodes of the bodies (n_bodies).
     type(contact_fields_t), intent(in) :: contact(:)  !! Contact tractions, gaps and status there (n_bodies).
     type(balance_t), intent(in) :: balance  !! Reactions of the supports, if they are known.
     type(error_budget_t), intent(in) :: budget  !! Error budget, with the discretization errors of the elements.
-    !> Outcome of the check of the deformed bodies against each other.
-    type(penetration_check_t), intent(in) :: penetration
+    type(penetration_check_t), intent(in) :: penetration  !! What the check of the deformed bodies found.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file cannot be written; it is discarded.
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     type(whole_body_fields_t) :: fields

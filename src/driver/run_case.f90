@@ -30,8 +30,7 @@ module dotyk_driver_run_case
   private
   public :: run_case
 
-  !> Times that rows are added where deformed bodies meet beside their contact rows.
-  integer, parameter :: most_added = 3
+  integer, parameter :: most_added = 3  !! Times that rows are added where bodies meet beside their contact rows.
 
 contains
 
@@ -217,8 +216,7 @@ contains
   subroutine prepare_output(case, output, error)
     type(case_t), intent(inout) :: case  !! The case; its path of the results file is set.
     character(*), intent(in) :: output  !! Path from the command line; empty for that of the case.
-    !> Allocated where the file cannot be written, or where another file would be replaced.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it cannot be written, or would replace another file.
     if (len(output) > 0) case%scene%output = output
     ! A new file takes the place of an old one, not that of a link to it.
     case%scene%output = behind_links(case%scene%output)

@@ -124,8 +124,7 @@ contains
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
     type(met_point_t), intent(in) :: met(:)  !! Points at which bodies met beside their contact rows before (n).
     type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties and rows.
-    !> Allocated where a pair, a tie or a load case is wrong, or after an interrupt.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a pair, tie or case is wrong, or on an interrupt.
     integer :: i
     associate (problem => scene%problem)
       call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, problem%found, &
@@ -188,8 +187,7 @@ contains
     type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
     type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
     logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
-    !> Gets a line where they do not, although p-multigrid would be taken.
-    type(log_monitor_t), intent(inout) :: monitor
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets a line where not, although p-multigrid would be taken.
     integer, allocatable, intent(out) :: form(:)  !! One of `form_*` (n_bodies).
     logical, intent(out) :: splits  !! Whether the bodies are split over all ranks.
     form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case), &

@@ -23,8 +23,7 @@ module dotyk_driver_warm_start
   private
   public :: initial_pressures, start_from_pressures
 
-  !> Distance between rows that counts as none, relative to the size of the scene.
-  real(dp), parameter :: same_position = 1.0e-6_dp
+  real(dp), parameter :: same_position = 1.0e-6_dp  !! Distance of rows that is none, by the size of the scene.
   !> Larger pressures are those of a diverged run: numbers of the input are below 1e40.
   real(dp), parameter :: largest_pressure = 1.0e60_dp
 
@@ -37,12 +36,10 @@ contains
     integer, intent(in) :: k  !! The load case.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
     type(log_t), intent(inout) :: log  !! The log.
-    !> Solution of the load case before; without pressures where there is none.
-    type(solver_state_t), intent(in) :: before
+    type(solver_state_t), intent(in) :: before  !! Solution of the case before; no pressures where none.
     !> Not allocated where the case starts from nothing (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
-    !> Allocated where the file cannot be read, or has other contact rows.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file cannot be read, or has other contact rows.
     character(:), allocatable :: name
     name = ''
     if (case%has_cases()) name = case%load_case(k)%name
@@ -61,10 +58,8 @@ contains
     type(body_t), intent(in) :: body(:)  !! Bodies; their meshes give the size of the scene (n_bodies).
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact rows of this case (n_pairs).
     type(log_t), intent(inout) :: log  !! The log.
-    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
-    real(dp), allocatable, intent(out) :: pressure(:)
-    !> Allocated where the file is missing, is no results file, or has other contact rows.
-    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable, intent(out) :: pressure(:)  !! Multipliers of all rows, by pairs (n_rows) [pressure].
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no results file, or has other rows.
     type(hdf5_file_t) :: source
     character(:), allocatable :: reason, root
     reason = why_no_file(path)
@@ -103,8 +98,7 @@ contains
     type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: name  !! Name of the load case; empty where the case has none.
     character(:), allocatable, intent(out) :: root  !! Path of the group.
-    !> Allocated where the file is none of dotyk, or has load cases, but not this one.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is none of dotyk, or lacks this load case.
     root = '/dotyk'
     if (.not. source%has(root)) then
       call set_error(error, quoted(source%label)//' is not a results file of dotyk')
@@ -125,8 +119,7 @@ contains
     character(*), intent(in) :: root  !! Group of the results.
     real(dp), intent(in) :: length  !! Size of the scene [length].
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs of the case (n_pairs).
-    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
-    real(dp), allocatable, intent(out) :: pressure(:)
+    real(dp), allocatable, intent(out) :: pressure(:)  !! Multipliers of all rows, by pairs (n_rows) [pressure].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file has no contact, or other contact rows.
     character(:), allocatable :: what
     integer :: k, n
@@ -156,8 +149,7 @@ contains
     type(contact_pair_t), intent(in) :: pair  !! Contact pair of the case.
     real(dp), contiguous, intent(out) :: pressure(:)  !! Lagrange multipliers of its rows (n_rows) [pressure].
     character(:), allocatable, intent(out) :: what  !! The difference between the rows, in words; empty: none.
-    !> Allocated where the file cannot be read, or holds pressures of a diverged run.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it cannot be read, or its run diverged.
     character(:), allocatable :: group
     real(dp), allocatable :: position(:)
     real(dp) :: distance

@@ -31,8 +31,7 @@ module dotyk_elasticity_body
     integer :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
     integer :: dimension = 3  !! Number of displacement components, 2 or 3.
     type(body_mesh_t) :: mesh  !! Elements and nodes.
-    !> Whether edges or corners alone join pieces of it, as hinges do: their motions cost no energy.
-    logical :: is_hinged = .false.
+    logical :: is_hinged = .false.  !! Whether edges or corners alone join pieces, as hinges: motions cost no energy.
     !> Materials; the blocks of the mesh tell which of them their elements have (n_materials).
     type(material_t), allocatable :: material(:)
     type(constraint_t) :: constraint  !! Equations, prescribed displacements and nodal axes.
@@ -64,8 +63,7 @@ module dotyk_elasticity_body
     logical, allocatable :: own_equation(:)
     !> Whether the body has loads or given displacements at nodes that this rank does not hold.
     logical :: is_loaded_inside = .false.
-    !> Number of equations of the whole body where this rank numbers those of its part.
-    integer, private :: n_whole_equations = 0
+    integer, private :: n_whole_equations = 0  !! Equations of the whole body where this rank numbers its part.
   contains
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
@@ -86,8 +84,7 @@ module dotyk_elasticity_body
     type(sparse_symmetric_t) :: matrix  !! Matrix over the free equations [force/length].
     !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
     integer(int64), allocatable :: graph_start(:)
-    !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
-    integer, allocatable :: graph_neighbour(:)
+    integer, allocatable :: graph_neighbour(:)  !! Neighbours, node after node (graph_start(n_nodes + 1) - 1).
   contains
     procedure :: forget_graph => stiffness_forget_graph
     procedure :: destroy => stiffness_destroy
@@ -104,8 +101,7 @@ module dotyk_elasticity_body
     real(dp), allocatable :: density(:, :)
     type(load_resultant_t), allocatable :: resultant(:)  !! Resultants of the loads (n_loads).
     type(text_t), allocatable :: unresolved(:)  !! Warnings of formulas.
-    !> Whether there are loads or given displacements at nodes that this rank does not hold.
-    logical :: is_loaded_inside = .false.
+    logical :: is_loaded_inside = .false.  !! Whether there are any at nodes that this rank does not hold.
   contains
     procedure :: is_idle => actions_is_idle
     procedure :: hold_nodes => actions_hold_nodes
@@ -117,10 +113,8 @@ contains
   !> Assemble the stiffness and the right-hand side.
   subroutine body_assemble(self, stiffness, error)
     class(body_t), intent(inout) :: self
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
@@ -131,10 +125,8 @@ contains
   !> Assemble only the stiffness of a body that was assembled before.
   subroutine assemble_stiffness(body, stiffness, error)
     type(body_t), intent(in) :: body  !! The body.
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     real(dp), allocatable :: rhs(:)
     real(dp) :: volume, mean_modulus_factor
     allocate (rhs(body%constraint%n_equations), source=0.0_dp)
@@ -144,14 +136,12 @@ contains
   !> Sparsity pattern and values of the stiffness.
   subroutine assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
     type(body_t), intent(in) :: body  !! The body.
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
     !> Right-hand side, from which forces of prescribed displacements are subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
     real(dp), intent(out) :: volume  !! Volume of the body [volume].
     real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume [].
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     type(block_positions_t) :: positions
     call node_graph(body%mesh, stiffness%graph_start, stiffness%graph_neighbour)
     call build_pattern(body%dimension, body%constraint%equation, stiffness%graph_start, stiffness%graph_neighbour, &
@@ -350,8 +340,7 @@ contains
   !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included, and that of springs with far ends at
   !> rest [energy].
   real(dp) function strain_energy(body, u) result(energy)
-    !> The body; assembled before, so that its elements and formulas are known to be valid.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; assembled before: its elements and formulas are valid.
     real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: stress(:, :), force(:, :)

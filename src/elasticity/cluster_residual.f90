@@ -54,8 +54,7 @@ module dotyk_elasticity_cluster_residual
   !> Greatest height of both simplices over a face at which they are a cluster, relative to the size of the face, its
   !> length or the root of its area [].
   real(dp), parameter :: flat = 0.45_dp
-  !> Elements of a cluster at most: in sheets without order all elements hang together.
-  integer, parameter :: most_elements = 48
+  integer, parameter :: most_elements = 48  !! Elements of a cluster at most: without order all hang together.
 
 contains
 
@@ -104,10 +103,8 @@ contains
     type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
     type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     type(simplex_bubbles_t), intent(in) :: bubbles(:)  !! The same by edges and faces (n_blocks).
-    !> Mean tractions at faces between elements, as far as they are known.
-    type(face_tractions_t), intent(in) :: tractions
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
+    type(face_tractions_t), intent(in) :: tractions  !! Mean tractions at faces between elements, where known.
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     integer, intent(in) :: element(:)  !! Elements of the cluster (n).
     real(dp), intent(out) :: square(:, :)  !! Energies; 0 where an element is inverted (n_bodies, n) [energy].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
@@ -201,8 +198,7 @@ contains
     integer, intent(in) :: n_bodies  !! Number of bodies.
     type(simplex_bubbles_t), intent(in) :: bubbles  !! Bubbles by edges and faces.
     integer, intent(in) :: node(:)  !! Nodes of the element.
-    !> The stiffness, its lower triangle; all of it on return (n, dim, n, dim) [force/length].
-    real(dp), intent(inout) :: matrix(n, dim, n, dim)
+    real(dp), intent(inout) :: matrix(n, dim, n, dim)  !! Its lower triangle; all of it on return [force/length].
     real(dp), intent(inout) :: rhs(n, dim, n_bodies)  !! The forces (n, dim, n_bodies) [force].
     real(dp) :: c(n, n)
     integer :: i, j, k

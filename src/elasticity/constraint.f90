@@ -34,10 +34,8 @@ module dotyk_elasticity_constraint
     !> Equation of each nodal unknown, `held` (0) where its displacement is prescribed (dim, n_nodes).
     integer, allocatable :: equation(:, :)
     integer :: n_equations = 0  !! Number of free equations.
-    !> Prescribed displacement along the nodal axes, 0 where free (dim, n_nodes) [length].
-    real(dp), allocatable :: prescribed(:, :)
-    !> Index in `frame` of the local axes of each node, 0 for the global axes (n_nodes).
-    integer, allocatable :: frame_of(:)
+    real(dp), allocatable :: prescribed(:, :)  !! Prescribed along the nodal axes, 0 where free (dim, n_nodes) [length].
+    integer, allocatable :: frame_of(:)  !! Index in `frame` of the axes of each node, 0: global axes (n_nodes).
     real(dp), allocatable :: frame(:, :, :)  !! Local axes as columns (dim, dim, n_frames) [].
     type(foundation_t) :: foundation  !! Springs on surfaces: elastic supports.
     type(rigid_hold_t) :: rigid  !! How the body is held where it is rigid: then no equation is left.
@@ -102,8 +100,7 @@ contains
     class(constraint_t), intent(in) :: self
     real(dp), intent(in) :: x(:)  !! Free unknowns (n_equations) [length].
     real(dp), intent(out) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
-    !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
-    logical, intent(in) :: with_prescribed
+    logical, intent(in) :: with_prescribed  !! Whether prescribed displacements are inserted; else zero.
     real(dp) :: local(size(u, 1))
     integer :: i, k
     do i = 1, size(u, 2)
@@ -126,8 +123,7 @@ contains
     class(constraint_t), intent(in) :: self
     real(qp), intent(in) :: x(:)  !! Free unknowns (n_equations) [length].
     real(qp), intent(out) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
-    !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
-    logical, intent(in) :: with_prescribed
+    logical, intent(in) :: with_prescribed  !! Whether prescribed displacements are inserted; else zero.
     integer :: i, k
     do i = 1, size(u, 2)
       do k = 1, size(u, 1)

@@ -75,8 +75,7 @@ contains
     type(material_t), intent(in) :: material  !! Material of the body.
     real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: factor(:)  !! Mean of the modulus field over each element (n_elements) [].
-    !> Mean stresses of the elements, of which xx, yy, zz change (6, n_elements) [pressure].
-    real(dp), intent(inout) :: stress(:, :)
+    real(dp), intent(inout) :: stress(:, :)  !! Mean stresses, of which xx, yy, zz change (6, n_elements) [pressure].
     real(dp), intent(in), optional :: thermal(:)  !! Thermal dilatation at the nodes; none where absent (n_nodes) [].
     type(dilatation_fit_t) :: fit
     type(element_kind_t) :: kind
@@ -291,8 +290,7 @@ contains
     real(dp), intent(in) :: u(:, :)  !! Displacements in the axes of the mesh (dim, n_nodes) [length].
     real(dp), allocatable, intent(out) :: mean(:)  !! Mean dilatation of each element (n_elements) [].
     real(dp), allocatable, intent(out) :: centre(:, :)  !! Centroid of each element (dim, n_elements) [length].
-    !> Volume of each element, 0 for inverted elements (n_elements) [volume].
-    real(dp), allocatable, intent(out) :: volume(:)
+    real(dp), allocatable, intent(out) :: volume(:)  !! Volumes, 0 for inverted elements (n_elements) [volume].
     !> Thermal dilatation at the nodes, which is subtracted; none where absent (n_nodes) [].
     real(dp), intent(in), optional :: thermal(:)
     real(dp), allocatable :: expanded(:)

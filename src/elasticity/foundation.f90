@@ -31,8 +31,7 @@ module dotyk_elasticity_foundation
     integer, allocatable :: of(:)  !! Spring of each facet (n).
     integer, allocatable :: kind(:)  !! Element kind of each facet (n).
     integer, allocatable :: node(:, :)  !! Nodes of each facet, padded with 0, oriented outward (max_facet_nodes, n).
-    !> Block of the element behind each facet, and number of the element in it (n).
-    integer, allocatable :: block(:), element(:)
+    integer, allocatable :: block(:), element(:)  !! Block of the element behind each facet, and its number in it (n).
   contains
     procedure :: add => foundation_add
     procedure :: n_springs => foundation_n_springs
@@ -380,8 +379,7 @@ contains
     class(foundation_points_t), intent(in) :: points
     integer, intent(in) :: n  !! Number of nodes of the facet.
     integer, intent(in) :: dim  !! Number of displacement components.
-    !> Node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(out) :: k(n, n, dim, dim)
+    real(dp), intent(out) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     integer :: a, i, j, q
     k = 0
     do q = 1, size(points%weight)

@@ -92,8 +92,7 @@ contains
   subroutine gradient_recovery_init(self, mesh, u)
     class(gradient_recovery_t), intent(inout) :: self
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body; always the same.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     type(vertex_fit_t) :: fit
     type(incidence_t) :: elements
     type(recovery_patch_t) :: patch
@@ -225,10 +224,8 @@ contains
     real(dp), intent(in) :: centre(dim, *)  !! Positions of all vertices of the body (dim, *) [length].
     real(dp), intent(in) :: axes(dim, dim, *)  !! Axes of all patches of the body (dim, dim, *) [1/length].
     real(dp), intent(in) :: x(n_points, dim)  !! Points (n_points, dim) [length].
-    !> Weights of the vertices at the points (n_points, n_vertices) [].
-    real(dp), intent(in) :: weight(n_points, n_vertices)
-    !> Values of the basis (n_points, n_lower, n_vertices) [].
-    real(dp), intent(out) :: values(n_points, n_lower, n_vertices)
+    real(dp), intent(in) :: weight(n_points, n_vertices)  !! Weights of the vertices at the points [].
+    real(dp), intent(out) :: values(n_points, n_lower, n_vertices)  !! Values of the basis [].
     real(dp) :: t(points_in_row, dim), line(points_in_row)
     integer :: i, k, q, v
     do v = 1, n_vertices
@@ -297,8 +294,7 @@ contains
     integer, intent(in) :: n  !! Number of monomials.
     integer, intent(in) :: rows  !! Number of rows of their values.
     integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
-    !> Values of the monomials times the square roots of the weights (rows, n) [].
-    real(dp), intent(in) :: power(rows, n)
+    real(dp), intent(in) :: power(rows, n)  !! Values of the monomials times the square roots of the weights [].
     real(dp), intent(in) :: tolerance  !! Smallest inverse condition number of the least squares [].
     real(dp), intent(out) :: r(n, n)  !! Factor (n, n) [].
     integer, intent(out) :: pivot(n)  !! Its pivots (n).
@@ -336,12 +332,10 @@ contains
     integer, intent(in) :: rows  !! Number of rows of their values.
     integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
     integer, intent(in) :: m  !! Number of fitted values per node.
-    !> Values of the monomials times the square roots of the weights (rows, n) [].
-    real(dp), intent(in) :: power(rows, n)
+    real(dp), intent(in) :: power(rows, n)  !! Values of the monomials times the square roots of the weights [].
     real(dp), intent(in) :: r(n, n)  !! Factor of the normal equations (n, n) [].
     integer, intent(in) :: pivot(n)  !! Its pivots (n).
-    !> Fitted values times the square roots; residuals on return (m, n_nodes) [length].
-    real(dp), intent(inout) :: value(m, n_nodes)
+    real(dp), intent(inout) :: value(m, n_nodes)  !! Fitted values times the square roots; residuals on return [length].
     real(dp), intent(out) :: coefficient(m, n)  !! Coefficients (m, n) [length].
     real(dp) :: correction(m, n)
     call dgemm('N', 'N', m, n, n_nodes, 1.0_dp, value, m, power, rows, 0.0_dp, coefficient, m)
@@ -359,8 +353,7 @@ contains
     type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
     integer, intent(in) :: rows  !! Number of rows of the values of the monomials.
     integer, intent(in) :: n_nodes  !! Number of nodes of the patch.
-    !> Values of the monomials times the square roots of the weights (rows, monomials%n) [].
-    real(dp), intent(in) :: power(rows, monomials%n)
+    real(dp), intent(in) :: power(rows, monomials%n)  !! Monomials times square roots of the weights [].
     real(dp), intent(in) :: value(:, :)  !! Fitted values times the same square roots (n_values, >= n_nodes) [length].
     real(dp), intent(out) :: coefficient(:, :)  !! Coefficients (n_values, monomials%n) [length].
     real(dp), allocatable :: b(:, :)

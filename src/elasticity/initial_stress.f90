@@ -39,8 +39,7 @@ contains
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
     type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
     real(dp), intent(inout) :: force(:, :)  !! Nodal forces in global axes, added to (dim, n_nodes) [force].
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     type(element_quadrature_t) :: points
     real(dp), allocatable :: of_element(:, :)
     integer :: b, e
@@ -185,8 +184,7 @@ contains
   !> Dilatation of the thermal expansion at the nodes, where there is a temperature (n_nodes) [].
   pure function initial_state_thermal_dilatation(self, expansion) result(dilatation)
     class(initial_state_t), intent(in) :: self
-    !> Thermal expansion of the material, as a strain: xx yy zz first (6) [1/temperature].
-    real(dp), intent(in) :: expansion(6)
+    real(dp), intent(in) :: expansion(6)  !! Thermal expansion as a strain: xx yy zz first (6) [1/temperature].
     real(dp) :: dilatation(size(self%temperature))
     dilatation = sum(expansion(1:3))*self%temperature
   end function initial_state_thermal_dilatation

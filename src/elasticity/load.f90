@@ -214,8 +214,7 @@ contains
     !> Allocated where a formula does not parse or has no value at a quadrature point, or where an element is
     !> inverted.
     type(error_t), allocatable, intent(out) :: error
-    !> A force density that varies at the quadrature points, added to.
-    type(point_forces_t), intent(inout), optional :: points
+    type(point_forces_t), intent(inout), optional :: points  !! A varying force density at the points, added to.
     type(vector_field_t) :: field
     integer :: i
     if (load%kind == load_force_density) call field%init(load%value, error, load%formula)
@@ -260,8 +259,7 @@ contains
     real(dp), intent(inout) :: force(:, :)  !! Nodal forces, added to (dim, n_nodes) [force].
     !> Allocated where a formula has no value at a quadrature point, or where an element is inverted.
     type(error_t), allocatable, intent(out) :: error
-    !> A force density that varies at the quadrature points, added to.
-    type(point_forces_t), intent(inout), optional :: points
+    type(point_forces_t), intent(inout), optional :: points  !! A varying force density at the points, added to.
     type(shape_table_pair_t) :: tables
     real(dp), allocatable :: xi(:, :)
     type(element_kind_t) :: kind
@@ -319,13 +317,11 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(surface_t), intent(in) :: surface  !! The surface.
-    !> F; in axisymmetric analyses along the axis, on the full circumference (3) [force].
-    real(dp), intent(in) :: force(3)
+    real(dp), intent(in) :: force(3)  !! F; in axisymmetric analyses along the axis, on the full circumference [force].
     real(dp), intent(in) :: moment(3)  !! M; 0 in axisymmetric analyses (3) [force length].
     real(dp), allocatable, intent(in) :: point(:)  !! p; the centroid where not allocated (3) [length].
     type(vector_field_t), intent(inout) :: traction  !! The traction [pressure].
-    !> Allocated where such a load has no meaning, or the surface cannot take it.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the load has no meaning, or the surface cannot take it.
     real(dp) :: area, centre(3), second(3, 3), about_centre(3), spin(3), values(3), axes(3, 3), inverse(3)
     if (analysis == analysis_axisymmetric) then
       if (abs(force(1)) > 0 .or. any(abs(moment) > 0)) then
@@ -411,8 +407,7 @@ contains
   !> these motions, and in proportion to the forces of the nodes.
   subroutine balance_centrifugal_force(body, tolerance, force, balanced)
     type(body_t), intent(in) :: body  !! The body, whole, with its supports.
-    !> Greatest resultant that is balanced, relative to the sum of the magnitudes of its terms [].
-    real(dp), intent(in) :: tolerance
+    real(dp), intent(in) :: tolerance  !! Greatest resultant balanced, relative to the sum of magnitudes [].
     real(dp), intent(inout) :: force(:, :)  !! Nodal centrifugal forces (dim, n_nodes) [force].
     real(dp), intent(out) :: balanced  !! Greatest relative resultant that was subtracted; 0: none [].
     type(rigid_body_modes_t) :: modes

@@ -132,8 +132,7 @@ contains
     real(dp), intent(in) :: poisson(3)
     real(dp), intent(in) :: shear(3)  !! Shear moduli 12, 13, 23 (3) [pressure].
     real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
-    !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
-    real(dp), intent(in) :: axis_2(3)
+    real(dp), intent(in) :: axis_2(3)  !! In the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     !> Allocated where a number is out of its range, the axes are parallel, or the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: compliance(6, 6), axes(3, 3), stiffness(6, 6)
@@ -179,8 +178,7 @@ contains
     !> Upper triangle of the stiffness by rows, order 11 22 33 23 13 12 of the material axes (21) [pressure].
     real(dp), intent(in) :: upper(21)
     real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
-    !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
-    real(dp), intent(in) :: axis_2(3)
+    real(dp), intent(in) :: axis_2(3)  !! In the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     !> Allocated where a value is not finite, the axes are parallel, or the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(6), vectors(6, 6), compliance(6, 6), axes(3, 3)
@@ -328,8 +326,7 @@ contains
   subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
     class(material_t), intent(in) :: self
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    !> Ratio of bulk to shear modulus that the first part keeps; the second part has the excess [].
-    real(dp), intent(in) :: kept
+    real(dp), intent(in) :: kept  !! Ratio of bulk to shear modulus of the first part; the second has the rest [].
     real(dp), intent(out) :: matrix(6, 6)  !! First part: from strains to stresses (6, 6) [pressure].
     real(dp), intent(out) :: lambda  !! Lame's first parameter of the first part of an isotropic material [pressure].
     !> Bulk modulus of the second part; 0 for none, and in plane stress, where the thickness is free to change

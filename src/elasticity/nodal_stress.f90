@@ -52,15 +52,12 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! Material of the body.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Recovered strains, those of u on return; what is kept of the mesh is reused.
-    type(gradient_recovery_t), intent(inout) :: fit
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    type(gradient_recovery_t), intent(inout) :: fit  !! Those of u on return; what is kept of the mesh is reused.
     !> Stresses in the axes of the mesh, order xx yy zz yz xz xy; NaN at nodes where the modulus field has no value
     !> (6, n_nodes, n_bodies) [pressure].
     real(dp), allocatable, intent(out) :: stress(:, :, :)
-    !> Allocated where the modulus field is no formula; assembly finds this first.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the modulus field is no formula.
     !> Temperatures at the nodes above those of the stress-free bodies; none where absent or not allocated
     !> (n_bodies, n_nodes) [temperature].
     real(dp), allocatable, intent(in), optional :: temperature(:, :)
@@ -286,8 +283,7 @@ contains
   !> Mean stress of each element; nearly incompressible linear elements get a smoothed pressure, which does not
   !> alternate.
   subroutine element_stress(body, u, stress, energy)
-    !> The body; assembled before, so that its elements and formulas are known to be valid.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; assembled before: its elements and formulas are valid.
     real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)

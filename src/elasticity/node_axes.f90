@@ -36,8 +36,7 @@ module dotyk_elasticity_node_axes
     integer, allocatable :: node(:)  !! Node of each entry (>= n).
     integer, allocatable :: source(:)  !! Index of the support of each entry (>= n).
     real(dp), allocatable :: direction(:, :)  !! Unit vectors (dim, >= n) [].
-    !> Value of each entry: an area [length^(dim-1)] or a displacement [length] (>= n).
-    real(dp), allocatable :: value(:)
+    real(dp), allocatable :: value(:)  !! Value of each entry: area [length^(dim-1)] or displacement [length] (>= n).
   contains
     procedure :: init => nodal_vector_list_init
     procedure :: add => nodal_vector_list_add

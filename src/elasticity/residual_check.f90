@@ -41,10 +41,8 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
     type(residual_data_t), intent(in) :: data  !! Loads and held directions of the bodies.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements of each body with smaller squared errors are left alone (n_bodies) [energy].
-    real(dp), intent(in) :: least(:)
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in) :: least(:)  !! Elements with smaller squared errors are left alone (n_bodies) [energy].
     !> Factors of elements: those that were kept are used, and others are kept where there is room (n_elements).
     type(bubble_factor_t), intent(inout) :: factor(:)
     type(allowance_t), intent(inout) :: room  !! Memory for factors.

@@ -35,8 +35,7 @@ module dotyk_elasticity_rigid_body_modes
     real(dp), allocatable, private :: coefficient(:, :)
     real(dp), allocatable, private :: centre(:, :)  !! Centre of each component (3, n_components) [length].
     real(dp), allocatable, private :: radius(:)  !! Radius of each component (n_components) [length].
-    !> Text in front of the modes of each component (n_components).
-    type(text_t), allocatable, private :: component_name(:)
+    type(text_t), allocatable, private :: component_name(:)  !! Text before the modes of each component (n_components).
   contains
     procedure :: init => rigid_body_modes_init
     procedure :: move => rigid_body_modes_move

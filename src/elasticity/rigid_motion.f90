@@ -139,8 +139,7 @@ contains
     type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
     integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
     integer, intent(in) :: p  !! Index of the component.
-    !> Centre of the bounding box of the component; the origin in axisymmetric analyses (3) [length].
-    real(dp), intent(out) :: centre(3)
+    real(dp), intent(out) :: centre(3)  !! Centre of its bounding box; the origin in axisymmetric analyses (3) [length].
     real(dp), intent(out) :: radius  !! Half of the diagonal of this box [length].
     real(dp), intent(out) :: free(6, 6)  !! Orthonormal rigid body modes in the first n columns (6, 6) [].
     integer, intent(out) :: n  !! Number of rigid body modes that the supports leave.

@@ -7,7 +7,7 @@ module dotyk_elasticity_two_levels
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_plane_stress
-  use dotyk_elasticity_block_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
+  use dotyk_elasticity_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_corner_space, only: corner_space_t
@@ -25,8 +25,7 @@ module dotyk_elasticity_two_levels
 
   type, public :: two_levels_t  !! Stiffness on two levels.
     type(constraint_t) :: constraint  !! Equations of the body and nodal axes, nodes in the order of the rows.
-    !> Stiffness by block rows, in nodal axes; held components have the unit diagonal [force/length].
-    type(block_rows_t) :: rows
+    type(block_rows_t) :: rows  !! Stiffness by block rows; held components have unit diagonal [force/length].
     type(corner_space_t) :: space  !! Interpolation from the corners.
     type(body_t) :: corner_body  !! The body of linear elements on the corners: mesh, supports at rest, no loads.
     !> Galerkin matrix P^T K P over its equations, with the graph of the corners; a large one is in `corner_rows`
@@ -84,8 +83,7 @@ contains
     type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
-    !> Corner spaces of more equations are assembled by block rows; none if absent.
-    integer, intent(in), optional :: large
+    integer, intent(in), optional :: large  !! More equations are assembled by block rows; none if absent.
     type(body_mesh_t) :: mesh
     type(corner_matrix_t) :: corner_matrix
     integer, allocatable :: order(:)
@@ -127,8 +125,7 @@ contains
   subroutine two_levels_assemble_rows(self, body, error)
     class(two_levels_t), intent(out) :: self
     type(body_t), intent(in) :: body  !! The body; it need not be assembled.
-    !> Allocated where an element is inverted, or the modulus field is not positive.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     type(body_mesh_t) :: mesh
     integer, allocatable :: order(:)
     call order_nodes(body%mesh, body%constraint, mesh, self%constraint, order)

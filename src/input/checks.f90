@@ -15,8 +15,7 @@ module dotyk_input_checks
   private
   public :: check_group_names, check_occurrences, check_group, read_real, read_integer, read_logical
 
-  !> Status of a conversion.
-  integer, parameter, public :: number_good = 0, number_malformed = 1, number_out_of_range = 2
+  integer, parameter, public :: number_good = 0, number_malformed = 1, number_out_of_range = 2  !! Of a conversion.
 
   character(*), parameter :: digits = '0123456789'
 
@@ -146,8 +145,7 @@ contains
   !> Check the values of one key and convert them.
   subroutine check_entry(group_name, entry, row, problems)
     character(*), intent(in) :: group_name  !! Name of the group, for messages.
-    !> Key with its values as written; converted on return, not usable where a value is wrong.
-    type(entry_t), intent(inout) :: entry
+    type(entry_t), intent(inout) :: entry  !! Key with values as written; converted on return, or not usable.
     type(keyword_t), intent(in) :: row  !! Row of the key in the table of keywords.
     class(problems_t), intent(inout) :: problems  !! Mistakes are added.
     character(:), allocatable :: message, place

@@ -278,8 +278,7 @@ contains
   subroutine read_support(group, input, support, matched)
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> The support, without a body; incomplete where the group has mistakes.
-    type(support_input_t), intent(out) :: support
+    type(support_input_t), intent(out) :: support  !! The support, without a body; incomplete if the group is wrong.
     integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
     character(:), allocatable :: message
     call input%begin_action(group, support, matched)
@@ -334,8 +333,7 @@ contains
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! The bodies (n_bodies).
     type(material_input_t), intent(in) :: material(:)  !! The materials (n_materials).
-    !> One for each body that a group names (n_temperatures).
-    type(field_input_t), allocatable, intent(out) :: temperature(:)
+    type(field_input_t), allocatable, intent(out) :: temperature(:)  !! For each body named (n_temperatures).
     integer :: i, k
     call read_fields(groups, input, 'temperature', temperature)
     do i = 1, size(temperature)
@@ -357,8 +355,7 @@ contains
   subroutine read_initial_stresses(groups, input, initial_stress)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> One for each body that a group names (n_initial_stresses).
-    type(field_input_t), allocatable, intent(out) :: initial_stress(:)
+    type(field_input_t), allocatable, intent(out) :: initial_stress(:)  !! For each body named (n_initial_stresses).
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
     logical :: is_zero
     integer :: i, k

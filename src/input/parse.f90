@@ -29,8 +29,7 @@ contains
   subroutine read_case(file, case, error)
     character(*), intent(in) :: file  !! Path.
     type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
-    !> Allocated where the file has mistakes: all of them, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file has mistakes: all of them, one per line.
     character(:), allocatable :: text
     call read_text(file, text, error)
     if (.not. allocated(error)) call refuse_other_content(file, text, error)
@@ -43,8 +42,7 @@ contains
     character(*), intent(in) :: file  !! Path of the file, for messages and relative paths.
     character(*), intent(in) :: text  !! Text of the file.
     type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
-    !> Allocated where the file has mistakes: all of them, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file has mistakes: all of them, one per line.
     type(input_t) :: input
     type(group_keyword_t), allocatable :: table(:)
     type(group_t), allocatable :: groups(:)

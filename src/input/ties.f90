@@ -18,8 +18,7 @@ contains
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    !> Ties and bolts; incomplete where groups have mistakes (n_ties).
-    type(tie_input_t), allocatable, intent(out) :: tie(:)
+    type(tie_input_t), allocatable, intent(out) :: tie(:)  !! Ties and bolts; incomplete if groups are wrong (n_ties).
     type(tie_input_t), allocatable :: ties(:), bolts(:)
     integer :: i, k
     call read_kind(groups, input, 'tie', body, ties)

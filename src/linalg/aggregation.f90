@@ -24,8 +24,7 @@ contains
   subroutine find_aggregates(rows, part, threshold, aggregate, n)
     type(block_rows_t), intent(in) :: rows  !! The matrix; a node has `part` block rows, one after the other.
     integer, intent(in) :: part  !! Block rows of a node.
-    !> Least relative coupling of strong neighbours; 0: all that are coupled at all [].
-    real(dp), intent(in) :: threshold
+    real(dp), intent(in) :: threshold  !! Least relative coupling of strong neighbours; 0: all coupled at all [].
     !> Aggregate of each node, from 1; 0 for nodes that are coupled to none (n_nodes).
     integer, allocatable, intent(out) :: aggregate(:)
     integer, intent(out) :: n  !! Number of aggregates.
@@ -45,8 +44,7 @@ contains
     integer, intent(in) :: part  !! Block rows of a node.
     integer, allocatable, intent(out) :: start(:)  !! First neighbour of each node (n_nodes + 1).
     integer, allocatable, intent(out) :: neighbour(:)  !! Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
-    !> Relative coupling to each neighbour (start(n_nodes + 1) - 1) [].
-    real(sp), allocatable, intent(out) :: coupling(:)
+    real(sp), allocatable, intent(out) :: coupling(:)  !! Relative coupling to neighbours (start(n_nodes + 1) - 1) [].
     real(sp), allocatable :: own(:)
     integer :: i, n
     n = rows%n/part
@@ -238,8 +236,7 @@ contains
     integer, intent(in) :: length  !! Unknowns of a node.
     integer, intent(in) :: member(:)  !! Members of the aggregate (n).
     real(dp), intent(in) :: vector(:, :, :)  !! Near-null-space vectors (length, n_nodes, m) [any].
-    !> Q of all aggregates; that of the members is set (m, length, n_nodes) [].
-    real(dp), intent(inout) :: basis(:, :, :)
+    real(dp), intent(inout) :: basis(:, :, :)  !! Q of all aggregates; members' is set (m, length, n_nodes) [].
     real(dp), intent(out) :: r(:, :)  !! R (m, m) [as `vector`].
     logical, intent(out) :: missing(:)  !! Whether a column is zero (m).
     real(dp) :: q(length*size(member), m), whole, left, part

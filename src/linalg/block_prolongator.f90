@@ -42,8 +42,7 @@ contains
     integer, intent(in) :: part  !! Block rows of a node.
     integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
     integer, intent(in) :: n_coarse  !! Number of aggregates.
-    !> Q: coarse unknown, unknown of the node, node (m, part*dim, n_nodes) [].
-    real(dp), intent(in), contiguous :: basis(:, :, :)
+    real(dp), intent(in), contiguous :: basis(:, :, :)  !! Q: coarse unknown, nodal unknown, node [].
     real(sp), intent(in), contiguous :: inverse(:, :, :)  !! Inverse diagonal blocks of A/scale (dim, dim, n) [].
     real(dp), intent(in) :: omega  !! Factor of the step [].
     integer, allocatable :: mark(:), list(:)

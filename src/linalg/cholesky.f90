@@ -22,8 +22,7 @@ module dotyk_linalg_cholesky
   type, public :: supernodes_t
     integer(int64) :: n = 0  !! Number of supernodes.
     integer(int64), pointer, contiguous :: column_start(:) => null()  !! First column of each supernode (0:n).
-    !> Position of the first row of each supernode in `row` (0:n).
-    integer(int64), pointer, contiguous :: row_start(:) => null()
+    integer(int64), pointer, contiguous :: row_start(:) => null()  !! First row of each supernode in `row` (0:n).
     !> Position of the first value of each supernode in `value` (0:n).
     integer(int64), pointer, contiguous :: value_start(:) => null()
     integer(int64), pointer, contiguous :: row(:) => null()  !! Rows of the supernodes (0:sum of their rows - 1).
@@ -80,8 +79,7 @@ module dotyk_linalg_cholesky
   type, bind(c) :: statistics_t  !! Result of the symbolic analysis; the struct of the same name in the shim.
     integer(c_int64_t) :: entries  !! Stored entries of the factor, zeros inside supernodes included.
     integer(c_int64_t) :: factor_bytes  !! Memory of the factor [bytes].
-    !> Memory of a factorization beside the factor and the matrix, an estimate [bytes].
-    integer(c_int64_t) :: workspace_bytes
+    integer(c_int64_t) :: workspace_bytes  !! Estimated memory beside the factor and the matrix [bytes].
     real(c_double) :: flops  !! Floating-point operations of a factorization.
   end type statistics_t
 
@@ -102,8 +100,7 @@ module dotyk_linalg_cholesky
       import :: c_ptr, c_int, c_int64_t, statistics_t
       type(c_ptr), value :: handle  !! Handle of the factor.
       integer(c_int64_t), value :: n  !! Order of K.
-      !> Position of the first entry of each column of the lower triangle, 0-based (n+1).
-      integer(c_int64_t), intent(in) :: start(*)
+      integer(c_int64_t), intent(in) :: start(*)  !! First entry of each column of the lower triangle, 0-based (n+1).
       integer(c_int64_t), intent(in) :: row(*)  !! Row of each entry, ascending in each column, 0-based (entries).
       integer(c_int64_t), intent(in) :: permutation(*)  !! The equation that is eliminated k-th, 0-based (n).
       integer(c_int64_t), value :: trailing  !! Equations at the end of the permutation that stay there.
@@ -124,8 +121,7 @@ module dotyk_linalg_cholesky
     integer(c_int) function dotyk_cholmod_factorize(handle, failed) bind(c)
       import :: c_ptr, c_int, c_int64_t
       type(c_ptr), value :: handle  !! Handle of the factor.
-      !> First column of L (from 1) whose pivot is not positive, 0 if there is none.
-      integer(c_int64_t), intent(out) :: failed
+      integer(c_int64_t), intent(out) :: failed  !! First column of L whose pivot is not positive, 0 if none.
     end function dotyk_cholmod_factorize
 
     !> Solve K X = B, or with one of the factors P^T L P and P^T L^T P in place of K.
@@ -223,8 +219,7 @@ contains
     type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
     !> First equation whose pivot is not positive: there is no factor then, which is no error here; 0 if there is none.
     integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     real(dp), allocatable :: diagonal(:)
     failed_column = 0
     call take_matrix(self, matrix, diagonal, error)
@@ -237,8 +232,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     type(sparse_symmetric_t), intent(inout) :: matrix  !! The matrix K, destroyed on return.
     integer, intent(out) :: failed_column  !! As in `factorize`.
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     real(dp), allocatable :: diagonal(:)
     failed_column = 0
     call take_matrix(self, matrix, diagonal, error)
@@ -251,8 +245,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
     real(dp), allocatable, intent(out) :: diagonal(:)  !! Its diagonal (n) [as K].
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     self%factorized = .false.
     self%weakest_pivot = 1
     self%weakest_equation = 0

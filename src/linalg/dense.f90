@@ -24,8 +24,7 @@ contains
     real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
     real(dp), intent(out) :: values(:)  !! Eigenvalues, ascending (n) [as `a`].
     real(dp), intent(out) :: vectors(:, :)  !! Orthonormal eigenvectors as columns (n, n) [].
-    !> An entry is not finite, or LAPACK's iteration has not converged.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Not finite, or LAPACK's iteration has not converged.
     real(dp), allocatable :: v(:, :), w(:), work(:)
     integer :: n, info
     n = size(a, 1)
@@ -49,8 +48,7 @@ contains
   subroutine cholesky_factor(a, factor, error)
     real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
     real(dp), allocatable, intent(out) :: factor(:, :)  !! L with A = L L^T, zero above the diagonal (n, n) [sqrt(A)].
-    !> The matrix is not positive semidefinite, or an entry is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! It is not positive semidefinite, or an entry not finite.
     real(dp) :: shift, largest
     integer :: i, n, failed
     n = size(a, 1)
@@ -90,8 +88,7 @@ contains
     real(dp), intent(in) :: a(:, :)  !! The matrix (m, n) [any]; m may be 0.
     real(dp), intent(out) :: values(:)  !! Singular values, descending; zero from the (m+1)-th on (n) [as `a`].
     real(dp), intent(out) :: vectors(:, :)  !! Orthonormal right singular vectors as columns (n, n) [].
-    !> An entry is not finite, or LAPACK's iteration has not converged.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Not finite, or LAPACK's iteration has not converged.
     real(dp), allocatable :: b(:, :), s(:), vt(:, :), work(:)
     real(dp) :: none(1, 1)
     integer :: n, m, j, info
@@ -208,8 +205,7 @@ contains
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
     real(dp), intent(in) :: diagonal(:)  !! Diagonal (n) [any].
-    !> Entries beside the diagonal (at least n-1; further ones are ignored) [as `diagonal`].
-    real(dp), intent(in) :: off_diagonal(:)
+    real(dp), intent(in) :: off_diagonal(:)  !! Entries beside the diagonal (at least n-1) [as `diagonal`].
     real(dp), intent(out) :: value  !! Largest eigenvalue [as `diagonal`].
     real(dp), intent(out) :: vector(:)  !! Its eigenvector of norm 1 (n) [].
     real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)

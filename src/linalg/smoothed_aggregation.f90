@@ -140,8 +140,7 @@ contains
     !> Near-null-space vectors; of the next level on return (n, n_vectors) [any].
     real(dp), allocatable, intent(inout) :: vector(:, :)
     real(dp), allocatable, intent(inout) :: mode(:, :)  !! Null vectors; of the next level on return (n, n_modes) [].
-    !> Has its matrix and the settings of its smoother; gets the rest.
-    type(aggregation_level_t), intent(inout) :: level
+    type(aggregation_level_t), intent(inout) :: level  !! Has its matrix and smoother settings; gets the rest.
     type(block_rows_t), intent(inout) :: coarse  !! Matrix of the next level.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a diagonal block is not positive definite.
     real(dp), allocatable :: basis(:, :, :), next_vector(:, :, :), next_mode(:, :)

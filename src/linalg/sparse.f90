@@ -14,8 +14,7 @@ module dotyk_linalg_sparse
     !> Position of the first entry of each column, 0-based, and the number of entries (n+1).
     integer(int64), allocatable :: column_start(:)
     integer(int64), allocatable :: row(:)  !! Row of each entry, 0-based (number of entries).
-    !> Value of each entry; not allocated while only the pattern is known (number of entries).
-    real(dp), allocatable :: value(:)
+    real(dp), allocatable :: value(:)  !! Values; not allocated while the pattern alone is known (n_entries).
   contains
     procedure :: multiply => symmetric_multiply
     procedure :: n_entries => symmetric_entries
@@ -26,8 +25,7 @@ module dotyk_linalg_sparse
   type, public :: sparse_rows_t  !! General matrix by rows, 1-based, columns ascending in each row.
     integer :: n_rows = 0  !! Number of rows.
     integer :: n_columns = 0  !! Number of columns.
-    !> Position of the first entry of each row, and the number of entries + 1 (n_rows+1).
-    integer, allocatable :: row_start(:)
+    integer, allocatable :: row_start(:)  !! First entry of each row, and the number of entries + 1 (n_rows+1).
     integer, allocatable :: column(:)  !! Column of each entry (number of entries).
     real(dp), allocatable :: value(:)  !! Value of each entry (number of entries).
   contains
@@ -311,8 +309,7 @@ contains
   pure logical function same_rows(a, b, tolerance) result(same)
     type(sparse_rows_t), intent(in) :: a  !! The one matrix.
     type(sparse_rows_t), intent(in) :: b  !! The other one.
-    !> Difference of entries, relative to the largest of their row, that counts as none [].
-    real(dp), intent(in) :: tolerance
+    real(dp), intent(in) :: tolerance  !! Difference relative to the largest entry of a row that counts as none [].
     integer :: i
     same = a%n_rows == b%n_rows .and. a%n_columns == b%n_columns
     if (.not. same) return

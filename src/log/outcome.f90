@@ -29,8 +29,7 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
-    !> Allocated where there is no solution; names body or pair, with its line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where there is no solution; names body or pair, with its line.
     if (state%ended == ended_no_equilibrium) &
       call refuse_motion(case, problem%body, problem%modes, first_mode(problem%modes, problem%tie), qp, &
                          state%unbounded, error)
@@ -62,8 +61,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
-    !> Allocated on return: names the bodies that move, and the resultants that move them.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the bodies that move, and the resultants that move them.
     character(:), allocatable :: others, carried
     real(dp) :: work(size(body)), own_work(size(body))
     logical :: moved(size(body))
@@ -178,8 +176,7 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
-    !> Allocated on return: names the contact pair, the overlap, and its place.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the contact pair, the overlap, and its place.
     character(:), allocatable :: place
     real(dp) :: overlap, point(3)
     integer :: k, n

@@ -28,8 +28,7 @@ module dotyk_log_run_monitor
     procedure :: show_timing => log_monitor_show_timing
   end type log_monitor_t
 
-  !> Stages that take longer get lines of progress where standard output is no terminal [s].
-  real(dp), parameter :: long_stage = 10
+  real(dp), parameter :: long_stage = 10  !! Longer stages get lines of progress where no terminal [s].
 
 contains
 

@@ -17,8 +17,7 @@ module dotyk_log_tie_tables
   real(dp), parameter :: nearly_all = 0.999_dp  !! Slave surfaces less of which is tied get a word [].
   !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
   real(dp), parameter :: most_turned = 0.02_dp
-  !> Nodes of a cut that are compared with those of another one, about, at most.
-  integer, parameter :: most_compared = 1000
+  integer, parameter :: most_compared = 1000  !! Nodes of a cut compared with those of another, about, at most.
   !> Cuts whose normal is farther off the shank get a word: at this angle it carries 0.4 % more [degrees].
   real(dp), parameter :: most_oblique = 5
 

@@ -153,8 +153,7 @@ contains
   !> Step, bound, points in contact, and an estimate of the time left.
   function progress_line(history, tolerance, measure) result(line)
     type(history_t), intent(in) :: history  !! History up to now.
-    !> Tolerance of the stopping criterion; 0 where no rate of convergence leads to it [].
-    real(dp), intent(in) :: tolerance
+    real(dp), intent(in) :: tolerance  !! Tolerance of the stopping criterion; 0: no rate of convergence leads there [].
     real(dp), intent(in) :: measure  !! Error measure that the criterion compares with it [].
     character(:), allocatable :: line
     real(dp) :: steps, rate

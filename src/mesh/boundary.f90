@@ -132,8 +132,7 @@ contains
   !> All faces of all elements, sorted by their lowest corners.
   subroutine sort_faces(mesh, start, block, element, face, key)
     type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
-    !> Faces with lowest corner v are start(v) .. start(v+1)-1 (n_nodes + 1).
-    integer, allocatable, intent(out) :: start(:)
+    integer, allocatable, intent(out) :: start(:)  !! Of lowest corner v: start(v) .. start(v+1)-1 (n_nodes + 1).
     integer, allocatable, intent(out) :: block(:)  !! Block of the element of each face (n_faces).
     integer, allocatable, intent(out) :: element(:)  !! Element of each face in its block (n_faces).
     integer, allocatable, intent(out) :: face(:)  !! Number of each face in its element (n_faces).
@@ -319,8 +318,7 @@ contains
   !> A number that tells the nodes on a face beside its corners: equal where kind and nodes are, in any order of nodes.
   pure integer function face_signature(kind, inner_node) result(signature)
     integer, intent(in) :: kind  !! Element kind of the face.
-    !> Nodes of the face that are no corners, (any).
-    integer, intent(in) :: inner_node(:)
+    integer, intent(in) :: inner_node(:)  !! Nodes of the face that are no corners, (any).
     integer(int64), parameter :: factor = 1327217885_int64
     integer(int64) :: hash
     integer :: i

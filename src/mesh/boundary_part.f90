@@ -36,8 +36,7 @@ contains
   !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
   subroutine find_entities(mesh, number, boundary)
     type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
-    !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! Number of each node in the body, 0 where none (n_nodes of the mesh).
     type(surface_t), intent(inout) :: boundary  !! Boundary of the body; its entities are set.
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
@@ -83,8 +82,7 @@ contains
   subroutine find_common_facets(surface, other, is_common)
     type(surface_t), intent(in) :: surface  !! The surface.
     type(surface_t), intent(in) :: other  !! The other one.
-    !> Whether the other one has each facet of the surface (n_facets).
-    logical, allocatable, intent(out) :: is_common(:)
+    logical, allocatable, intent(out) :: is_common(:)  !! Whether the other has each facet (n_facets).
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
     integer :: f, entry

@@ -12,8 +12,7 @@ module dotyk_mesh_cad_script
   !> Elements along the largest extent of a solid, where no size is given, and around a circle; half as many on a mesh
   !> that others follow.
   integer, parameter :: most_along = 12, most_around = 16
-  !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
-  integer, parameter :: most_along_solid = 1000
+  integer, parameter :: most_along_solid = 1000  !! More elements along a solid are a mistake: gmsh would take hours.
   integer, parameter :: most_named = 1000  !! Solids beyond which names are not read: they are compared with each other.
 
   !> Angle at which faces meet in an edge [degrees], as in contact surfaces of meshes without faces.
@@ -23,8 +22,7 @@ contains
 
   !> The script.
   function cad_script(size, order, of_triangles, is_first) result(text)
-    !> Size of the elements away from curved faces; not positive: a fraction of each solid [length].
-    real(dp), intent(in) :: size
+    real(dp), intent(in) :: size  !! Size away from curved faces; not positive: a fraction of each solid [length].
     integer, intent(in) :: order  !! Order of the elements, 1 or 2.
     logical, intent(in) :: of_triangles  !! Whether the file is an STL file.
     logical, intent(in) :: is_first  !! Whether other meshes follow, with sizes by the errors of this one.

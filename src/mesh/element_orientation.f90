@@ -46,8 +46,7 @@ contains
   !> vanishes or changes its sign.
   subroutine orient_elements(x, block, error)
     real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
-    !> Elements (n_blocks); the nodes of all are permuted if all are inverted.
-    type(element_block_t), intent(inout) :: block(:)
+    type(element_block_t), intent(inout) :: block(:)  !! Elements (n_blocks); nodes permuted if all are inverted.
     !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
     type(error_t), allocatable, intent(out) :: error
     type(orientation_census_t) :: census
@@ -126,8 +125,7 @@ contains
   subroutine report_degenerate(census, dimension, error)
     type(orientation_census_t), intent(in) :: census  !! Census of the whole body.
     integer, intent(in) :: dimension  !! Dimension of space.
-    !> Allocated on return: names the worst element and the number of degenerate ones.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the worst element and the number of degenerate ones.
     type(element_kind_t) :: kind
     real(dp) :: range(2)
     character(:), allocatable :: advice
@@ -147,8 +145,7 @@ contains
   subroutine report_mixture(census, dimension, error)
     type(orientation_census_t), intent(in) :: census  !! Census of the whole body.
     integer, intent(in) :: dimension  !! Dimension of space.
-    !> Allocated on return: names the elements of the rarer orientation.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the elements of the rarer orientation.
     type(element_sign_t) :: rare
     character(:), allocatable :: tags, hint
     integer :: i

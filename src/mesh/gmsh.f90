@@ -39,8 +39,7 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent. What is not read is not checked.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read and checked; all if absent.
     type(byte_cursor_t) :: cursor
     call cursor%open(file, error)
     if (allocated(error)) return
@@ -56,8 +55,7 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent. What is not read is not checked.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read and checked; all if absent.
     type(byte_cursor_t) :: cursor
     call cursor%use_text(file, bytes)
     call read_sections(cursor, mesh, error, selection)

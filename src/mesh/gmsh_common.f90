@@ -69,8 +69,7 @@ contains
     type(byte_cursor_t), intent(inout) :: cursor  !! Cursor over the bytes of the file.
     type(mesh_builder_t), intent(inout) :: builder  !! Mesh under construction.
     integer(int64), intent(in) :: n_nodes  !! Number of nodes.
-    !> Position of each node in the file, to be filled in (n_nodes).
-    integer(int64), allocatable, intent(out) :: position(:)
+    integer(int64), allocatable, intent(out) :: position(:)  !! Position of each node in the file, filled in (n_nodes).
     if (cursor%broken) return
     allocate (builder%x(3, n_nodes), builder%node_tag(n_nodes), position(n_nodes))
   end subroutine allocate_nodes

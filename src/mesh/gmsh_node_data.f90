@@ -17,8 +17,7 @@ module dotyk_mesh_gmsh_node_data
 
   type, public :: node_values_t  !! The values.
     type(growing_tag_map_t) :: node  !! Nodes that have one.
-    !> Values by the indices of the nodes; the first `node%n` are in use (room) [any].
-    real(dp), allocatable, private :: value(:)
+    real(dp), allocatable, private :: value(:)  !! Values by indices of nodes; the first `node%n` are used (room) [any].
   contains
     procedure :: set => node_values_set
     procedure :: find => node_values_find

@@ -19,8 +19,7 @@ module dotyk_mesh_joints
 
   type, public :: joints_t  !! How the parts of a body hang together.
     integer :: n_parts = 1  !! Number of unconnected parts.
-    !> Number of pieces that no whole face joins; larger than `n_parts` where edges or corners join some.
-    integer :: n_pieces = 1
+    integer :: n_pieces = 1  !! Pieces that no whole face joins; above `n_parts` where edges or corners join some.
     character(:), allocatable :: crack  !! What joins no parts although it seems to; not allocated where all is well.
     !> Why elements overlap or do not match, which nobody can mean; not allocated where all is well.
     character(:), allocatable :: fault
@@ -195,8 +194,7 @@ contains
     integer, intent(in) :: j  !! Facet on which they may lie.
     integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
     real(dp), intent(in) :: h  !! Size of the smaller facet [length].
-    !> The same, or the shortest edge of the elements there where that is less [length].
-    real(dp), intent(in) :: thinnest
+    real(dp), intent(in) :: thinnest  !! The same, or the shortest edge of the elements there if less [length].
     type(findings_t), intent(inout) :: found  !! Findings; completed.
     real(dp) :: x(3, max_corners), y(3, max_corners), p(3), gap
     integer :: k, n

@@ -13,8 +13,7 @@ module dotyk_mesh_mesh
     !> Nodes of the elements in the order of gmsh, indices of nodes of the mesh (n_nodes of the kind, n_elements).
     integer, allocatable :: node(:, :)
     integer(int64), allocatable :: tag(:)  !! Element tags in the file (n_elements).
-    !> Number of their material among those of the body; of no meaning in a mesh as in the file.
-    integer :: material = 1
+    integer :: material = 1  !! Number of their material among those of the body; unused in a mesh as in the file.
     !> Geometric entity (curve, surface or volume of the geometry) of each element, 0 if unknown (n_elements); not
     !> allocated in parts of a mesh.
     integer, allocatable :: entity(:)
@@ -49,8 +48,7 @@ module dotyk_mesh_mesh
 
   type, public :: mesh_selection_t  !! What is read of a mesh file.
     logical :: everything = .true.  !! Whether all is read; the other components have no meaning then.
-    !> Dimension of the volumes: that of space. Elements of lower dimension than surfaces are not read.
-    integer :: dimension = 3
+    integer :: dimension = 3  !! Dimension of the volumes: that of space. Elements below surfaces are not read.
     !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
     type(text_t), allocatable :: volume(:)
     !> Whether the elements of the volumes are counted only (`n_in_file` of their blocks): nothing else is read.

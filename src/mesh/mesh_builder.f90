@@ -21,8 +21,7 @@ module dotyk_mesh_mesh_builder
     type(mesh_selection_t) :: selection  !! What is read of the file.
     !> Nodes that the elements use, where not all is read; elements have the numbers of this map until `use_nodes`.
     type(growing_tag_map_t) :: used
-    !> Number of each node among those of the file, where not all is read (n_nodes).
-    integer, allocatable :: file_node(:)
+    integer, allocatable :: file_node(:)  !! Number of each node in the file, where not all is read (n_nodes).
     integer :: n_groups = 0  !! Number of physical groups so far.
     integer :: n_blocks = 0  !! Number of blocks so far.
     real(dp), allocatable :: x(:, :)  !! Nodal coordinates (3, n_nodes) [length].

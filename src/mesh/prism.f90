@@ -10,8 +10,7 @@ module dotyk_mesh_prism
   !> Node of the triangle (tri6) below or above each node: corners; edges 12 13 14 23 25 36 45 46 56; faces 1254 1463
   !> 2365.
   integer, parameter :: base(18) = [1, 2, 3, 1, 2, 3, 4, 6, 1, 5, 2, 3, 4, 6, 5, 4, 6, 5]
-  !> Height of each node.
-  integer, parameter :: height(18) = [-1, -1, -1, 1, 1, 1, -1, -1, 0, -1, 0, 0, 1, 1, 1, 0, 0, 0]
+  integer, parameter :: height(18) = [-1, -1, -1, 1, 1, 1, -1, -1, 0, -1, 0, 0, 1, 1, 1, 0, 0, 0]  !! Of each node.
 
 contains
 

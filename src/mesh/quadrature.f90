@@ -29,8 +29,7 @@ contains
     !> products.
     integer, intent(in) :: degree
     real(dp), allocatable, intent(out) :: points(:, :)  !! Reference coordinates (dimension, n) [].
-    !> Weights, whose sum is the measure of the reference domain (n) [].
-    real(dp), allocatable, intent(out) :: weights(:)
+    real(dp), allocatable, intent(out) :: weights(:)  !! Weights; their sum is that of the reference domain (n) [].
     real(dp), allocatable :: flat(:, :), flat_weights(:)
     real(dp) :: x(degree/2 + 1), w(degree/2 + 1)
     integer :: n, m, i

@@ -72,8 +72,7 @@ contains
     type(stiffness_t), allocatable, intent(out) :: stiffness(:)
     !> Compliance operators of the representatives to come (n_bodies).
     type(operator_slot_t), allocatable, intent(out) :: slot(:)
-    !> Allocated where bodies cannot be assembled: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where bodies cannot be assembled: all problems.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))

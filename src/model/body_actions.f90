@@ -203,8 +203,7 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     type(field_input_t), intent(in) :: given  !! The field, and the temperature of the unstressed body.
     real(dp), allocatable, intent(out) :: value(:, :)  !! The values (1, n_nodes) [temperature].
-    !> Allocated where the file has no such field, or a node has no value.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file has no such field, or a node has no value.
     real(dp), allocatable :: xi(:, :), shape(:)
     logical, allocatable :: found(:)
     type(node_values_t) :: field

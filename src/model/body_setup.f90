@@ -27,11 +27,9 @@ contains
   subroutine build_bodies(case, body, surfaces, remarks, error, kept, given)
     type(case_t), intent(in) :: case  !! The case.
     type(body_t), allocatable, intent(out) :: body(:)  !! Bodies, not yet assembled (n_bodies).
-    !> Surfaces of the bodies that contact pairs may need (n_bodies).
-    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)  !! Surfaces that pairs may need (n_bodies).
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
-    !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where meshes, materials, supports or loads are wrong.
     !> The volumes with the surfaces that were asked for, those of the first bodies with each; the meshes are read
     !> without the other ranks (n_bodies).
     type(volume_t), intent(inout), optional :: kept(:)

@@ -63,15 +63,13 @@ contains
     type(mesh_survey_t), intent(in) :: survey  !! What the mesh files have.
     !> Bodies, not yet assembled: whole where this rank computes them, else their surfaces (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
-    !> Surfaces of the bodies that contact pairs may need, in the numbers of the held nodes (n_bodies).
-    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)  !! Surfaces that pairs may need (n_bodies).
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
     type(congruence_classes_t), intent(out) :: classes  !! Congruence classes.
     type(body_ranks_t), intent(out) :: ranks  !! Which rank computes which bodies.
     !> Rigid body modes of bodies that are not held wholly, at the held nodes (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
-    !> Not where something is wrong with a body: who builds all of them finds what, in order.
-    logical, intent(out) :: is_built
+    logical, intent(out) :: is_built  !! Not where a body is wrong: who builds all of them finds what.
     type(chosen_bodies_t) :: own
     logical, allocatable :: chosen(:)
     integer, allocatable :: owner(:)
@@ -215,8 +213,7 @@ contains
     type(parcel_t), intent(inout) :: parcel  !! The parcel.
     logical, intent(in) :: holds(:)  !! Whether this rank has the whole body (n_bodies).
     type(chosen_bodies_t), intent(inout) :: own  !! The bodies.
-    !> Their rigid body modes; set where the whole body is not here (n_bodies).
-    type(body_modes_t), intent(inout) :: modes(:)
+    type(body_modes_t), intent(inout) :: modes(:)  !! Their rigid body modes, of bodies that are not whole (n_bodies).
     type(body_t) :: body
     type(body_surfaces_t) :: surfaces
     type(body_modes_t) :: of_body

@@ -26,8 +26,7 @@ contains
     type(material_input_t), intent(in) :: given  !! `&material`.
     integer, intent(in) :: locking  !! One of `locking_*`.
     type(material_t), intent(out) :: material  !! The material.
-    !> Allocated where the constants are not those of a stable material.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the constants are not those of a stable material.
     real(dp) :: axes(3, 3)
     if (allocated(given%stiffness_formula)) then
       ! Until `survey_material` knows the constants.
@@ -60,8 +59,7 @@ contains
   subroutine set_constants(given, material, error)
     type(material_input_t), intent(in) :: given  !! `&material`.
     type(material_t), intent(out) :: material  !! The material.
-    !> Allocated where the constants are not those of a stable material.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the constants are not those of a stable material.
     select case (given%kind)
     case (material_isotropic)
       call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)

@@ -23,8 +23,7 @@ module dotyk_model_mesh_survey
     logical :: is_known = .false.  !! Whether all files could be read, and have the same mesh at each reading.
     !> The first body of the same file, and of the same volume with elements of the same order (n_bodies).
     integer, allocatable :: first_of_file(:), first_of_volume(:)
-    !> Whether linear elements of a body would lock and are elevated to order 2 (n_bodies).
-    logical, allocatable :: locks(:)
+    logical, allocatable :: locks(:)  !! Whether linear elements would lock and are elevated (n_bodies).
     type(text_t), allocatable :: remark(:)  !! What the log is to say of the files (n_remarks).
     !> Number of elements of each kind in the volume of a body (n_element_kinds, n_bodies).
     integer(int64), allocatable, private :: n_of_kind(:, :)

@@ -38,8 +38,7 @@ contains
 
   !> Form all contact pairs; the groups of the case become the pairs.
   subroutine form_pairs(case, body, surfaces, surface_a, surface_b, report, error)
-    !> The case; `contact` has one entry for each pair on return, in the order of the groups.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case; `contact` has one entry for each pair on return, in order.
     type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces (n_bodies).
     type(surface_t), allocatable, intent(out) :: surface_a(:)  !! Slave surface of each pair (n_pairs).

@@ -29,10 +29,8 @@ contains
     type(surface_t), intent(in) :: surface_b  !! Master surface.
     type(division_t), intent(in) :: division  !! Whether ranks divide the search.
     type(contact_pair_t), intent(out) :: pair  !! The contact pair.
-    !> Allocated where the gap formula, the surfaces or theta cannot be used.
-    type(error_t), allocatable, intent(out) :: error
-    !> Points that are its rows, in place of those that a search finds (n).
-    type(met_point_t), intent(in), optional :: met(:)
+    type(error_t), allocatable, intent(out) :: error  !! Where the gap formula, the surfaces or theta cannot be used.
+    type(met_point_t), intent(in), optional :: met(:)  !! Points that are its rows, in place of a search (n).
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
     settings%name = given%name

@@ -93,8 +93,7 @@ contains
     type(surface_t), intent(in) :: surface_a  !! Slave surface.
     type(surface_t), intent(in) :: surface_b  !! Master surface.
     type(contact_pair_t), intent(inout) :: pair  !! The contact pair; its penalty parameters are set.
-    !> Allocated where a modulus field cannot be evaluated; assembly finds that first.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a modulus field cannot be evaluated.
     real(dp), allocatable :: at_points(:)
     allocate (at_points(pair%n_points), source=0.0_dp)
     call add_side(body_a, surface_a, pair%facet_a, pair%position, at_points, error)
@@ -110,8 +109,7 @@ contains
     type(surface_t), intent(in) :: surface  !! Surface of the side.
     integer, intent(in) :: facet(:)  !! Facet of each point (n_points).
     real(dp), intent(in) :: position(:, :)  !! Positions of the points (dimension, n_points) [length].
-    !> Sum of h/E at the points (n_points) [length/pressure]; that of the side is added.
-    real(dp), intent(inout) :: at_points(:)
+    real(dp), intent(inout) :: at_points(:)  !! Sum of h/E at the points, added to (n_points) [length/pressure].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field cannot be evaluated.
     type(material_field_t) :: stiffness(size(body%material))
     real(dp), allocatable :: size_of(:), point(:, :), weight(:)

@@ -28,10 +28,8 @@ module dotyk_model_ties
   !> The rotated side of a sector lies on the other one up to this fraction of a facet: what facets of curved sides are
   !> apart.
   real(dp), parameter :: most_off_sector = 0.1_dp
-  !> Length of the mean of unit normals over a flat surface, at least [].
-  real(dp), parameter :: nearly_flat = 0.9999_dp
-  !> Fraction of the side of a sector that is tied, at least, where the body is cut [].
-  real(dp), parameter :: whole_side = 0.999_dp
+  real(dp), parameter :: nearly_flat = 0.9999_dp  !! Least length of the mean of unit normals over a flat surface [].
+  real(dp), parameter :: whole_side = 0.999_dp  !! Least fraction of the side of a sector tied where the body is cut [].
 
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
   !> A body is a shank where the mean squared cosine between the normals around the cut and its direction is less than
@@ -49,8 +47,7 @@ contains
     type(surface_t), intent(in) :: surface_a(:)  !! Their slave surfaces (n_pairs).
     type(surface_t), intent(in) :: surface_b(:)  !! Their master surfaces (n_pairs).
     type(tied_surfaces_t), allocatable, intent(out) :: tie(:)  !! The ties, in the order of the input (n_ties).
-    !> Allocated where ties cannot be discretized: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where ties cannot be discretized: all problems.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: k, p
@@ -243,8 +240,7 @@ contains
     type(body_surfaces_t), intent(in) :: surfaces_a  !! Surfaces of the slave body.
     type(body_surfaces_t), intent(in) :: surfaces_b  !! Surfaces of the master body.
     type(tied_surfaces_t), intent(out) :: tie  !! The tie.
-    !> The surfaces are too far from each other, or do not face each other.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! The surfaces are too far apart, or do not face each other.
     type(pair_settings_t) :: settings
     type(contact_pair_t), allocatable :: of_component(:)
     type(body_mesh_t) :: turned

@@ -162,8 +162,7 @@ contains
     integer, intent(in) :: group  !! The group with `auto`.
     type(body_faces_t), intent(in) :: faces(:)  !! Facets of the bodies (n_bodies).
     integer, intent(in) :: body  !! Index of the body.
-    !> The nearest one; no index where all are farther than `beyond` search distances.
-    type(distant_body_t), intent(out) :: nearest
+    type(distant_body_t), intent(out) :: nearest  !! The nearest one; no index beyond `beyond` search distances.
     type(near_faces_t) :: near
     real(dp) :: reach, searched
     integer :: c

@@ -306,8 +306,7 @@ contains
     class(hdf5_file_t), intent(inout) :: self
     character(*), intent(in) :: name  !! Path in the file.
     integer, intent(in) :: number_kind  !! One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
-    !> Fortran shape of the dataset; the last extent is filled by parts (1 or 2).
-    integer(int64), intent(in) :: extent(:)
+    integer(int64), intent(in) :: extent(:)  !! Fortran shape of the dataset; the last is filled by parts (1 or 2).
     logical, intent(in), optional :: zero  !! Whether rows that are not written are zero; undefined if absent.
     integer(hid_t) :: space, dataset, creation
     integer :: status

@@ -43,8 +43,7 @@ module dotyk_output_results_file
   type :: cells_t  !! Cells of one part, in the order of the blocks of its body.
     !> Nodes of all cells, one cell after the other, from 0, in the order of VTK (n_connectivity).
     integer(int64), allocatable :: connectivity(:)
-    !> Offsets of the cells in `connectivity`, from 0, and its length (n_cells + 1).
-    integer(int64), allocatable :: offset(:)
+    integer(int64), allocatable :: offset(:)  !! Offsets of cells in `connectivity`, from 0, and the end (n_cells + 1).
     integer(int8), allocatable :: vtk_type(:)  !! Cell types of VTK (n_cells).
     integer(int64), allocatable :: tag(:)  !! Element tags of the mesh file (n_cells).
     integer(int32), allocatable :: material(:)  !! Numbers of their materials (n_cells).
@@ -108,8 +107,7 @@ contains
     !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
     integer(int64), intent(in), contiguous :: n_connectivity(:)
     logical, intent(in) :: wanted(:)  !! Which fields will be written, by the `field_*` of `dotyk_base_options`.
-    !> Steps of time, all with fields of their own on the same meshes; 0: fields without time.
-    integer, intent(in) :: n_steps
+    integer, intent(in) :: n_steps  !! Steps of time with fields of their own on the same meshes; 0: without time.
     self%path = path
     self%temporary = temporary_name(path)
     self%root = '/dotyk'
@@ -264,12 +262,10 @@ contains
   pure subroutine fill_connectivity(n_nodes, n_cells, node, vtk_order, first_node, connectivity, last)
     integer, intent(in) :: n_nodes  !! Nodes per cell.
     integer, intent(in) :: n_cells  !! Number of elements.
-    !> Nodes of the elements, from 1, in the order of gmsh (at least n_nodes, n_cells).
-    integer, intent(in) :: node(:, :)
+    integer, intent(in) :: node(:, :)  !! Nodes of the elements, from 1, in gmsh's order (at least n_nodes, n_cells).
     integer, intent(in) :: vtk_order(n_nodes)  !! Local node of gmsh for each node of VTK (n_nodes).
     integer(int64), intent(in) :: first_node  !! Length of the connectivity of earlier blocks.
-    !> Nodes of all cells, counted from 0 (n_nodes, n_cells).
-    integer(int64), intent(out) :: connectivity(n_nodes, n_cells)
+    integer(int64), intent(out) :: connectivity(n_nodes, n_cells)  !! Nodes of all cells, counted from 0.
     integer(int64), intent(out) :: last(n_cells)  !! Offsets of the ends of the cells (n_cells).
     integer :: i, j
     do j = 1, n_cells
@@ -356,8 +352,7 @@ contains
     class(hdf5_file_t), intent(inout) :: file  !! The results file.
     integer(int64), intent(in), contiguous :: n_points(:)  !! Nodes of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_cells(:)  !! Elements of each body (n_parts).
-    !> Sum of the nodes of all elements of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_connectivity(:)
+    integer(int64), intent(in), contiguous :: n_connectivity(:)  !! Nodes of all elements of each body (n_parts).
     integer(int64) :: points, cells, ids
     integer :: n_parts
     n_parts = size(n_points)
