@@ -5,7 +5,7 @@ module element_products
   use dotyk_base_timer, only: wall_time
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_spatial_order, only: order_nodes
+  use dotyk_elasticity_two_levels, only: order_nodes
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element_ordering, only: morton_order
   implicit none

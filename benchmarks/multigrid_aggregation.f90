@@ -5,7 +5,7 @@ module multigrid_aggregation
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_elasticity_rigid_body_modes, only: near_null_vectors
   use dotyk_elasticity_two_levels, only: two_levels_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_smoothed_aggregation, only: smoothed_aggregation_t

@@ -13,8 +13,7 @@ module dotyk_base_byte_cursor
   implicit none
   private
 
-  !> The part of a window that is in memory when a number is read from text.
-  integer(int64), parameter :: number_part = 64
+  integer(int64), parameter :: number_part = 64  !! Part of a window in memory when a number is read from text.
   integer, parameter :: longest_shown = 40  !! Greatest number of letters of the file in a message.
 
   type, extends(byte_window_t), public :: byte_cursor_t  !! File, or a window of it, and the position of the next read.
@@ -49,8 +48,7 @@ contains
   subroutine cursor_load(self, file, error)
     class(byte_cursor_t), intent(inout) :: self
     character(*), intent(in) :: file  !! Path of the file.
-    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no regular file, or cannot be read.
     call self%read_all(file, error)
     call start(self)
   end subroutine cursor_load
@@ -59,8 +57,7 @@ contains
   subroutine cursor_open(self, file, error)
     class(byte_cursor_t), intent(inout) :: self
     character(*), intent(in) :: file  !! Path of the file.
-    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no regular file, or cannot be read.
     call self%open_window(file, error)
     call start(self)
   end subroutine cursor_open

@@ -35,8 +35,7 @@ contains
   subroutine window_read_all(self, file, error)
     class(byte_window_t), intent(inout) :: self
     character(*), intent(in) :: file  !! Path of the file.
-    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no regular file, or cannot be read.
     character(:), allocatable :: text
     integer(int64) :: n_bytes
     integer :: unit
@@ -54,8 +53,7 @@ contains
   subroutine window_open(self, file, error)
     class(byte_window_t), intent(inout) :: self
     character(*), intent(in) :: file  !! Path of the file.
-    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no regular file, or cannot be read.
     character(:), allocatable :: text
     integer(int64) :: n_bytes
     integer :: unit
@@ -167,8 +165,7 @@ contains
     character(*), intent(in) :: file  !! Path of the file.
     integer, intent(out) :: unit  !! Its unit.
     integer(int64), intent(out) :: n_bytes  !! Number of its bytes.
-    !> Set if the file does not exist, is not a regular file, or cannot be opened.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no regular file, or cannot be opened.
     character(:), allocatable :: text
     character(256) :: message
     integer :: status

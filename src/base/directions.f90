@@ -5,8 +5,7 @@ module dotyk_base_directions
   private
 
   type, public :: directions_t  !! Prescribed directions, in global axes or in axes of a surface.
-    !> Whether the axes are those of the surface: tangents xi, eta and outward normal n; else x, y, z.
-    logical :: local = .false.
+    logical :: local = .false.  !! Whether axes are those of the surface: tangents xi, eta, normal n; else x, y, z.
     logical :: fixed(3) = .false.  !! Whether the displacement is prescribed along x, y, z or xi, eta, n (3).
   contains
     procedure :: parse => directions_parse
@@ -18,10 +17,8 @@ contains
   !> Read directions from a text such as 'xyz', 'nt' or 'xi, n', in upper or lower case.
   subroutine directions_parse(self, text, dimension, message)
     class(directions_t), intent(out) :: self
-    !> Letters x, y, z, or xi, eta, n and t (both tangents); blanks and commas may separate them.
-    character(*), intent(in) :: text
-    !> Dimension of space, 2 or 3; 0 where it is unknown, and all directions are allowed.
-    integer, intent(in) :: dimension
+    character(*), intent(in) :: text  !! Letters x, y, z, or xi, eta, n and t (both tangents), or separators.
+    integer, intent(in) :: dimension  !! Dimension of space, 2 or 3; 0: unknown, all directions are allowed.
     character(:), allocatable, intent(out) :: message  !! The mistake, after "fix: "; empty where there is none.
     ! 'xi' before 'x': the longer name wins. The first four are axes of the surface.
     integer, parameter :: n_names = 7, n_local = 4

@@ -71,8 +71,7 @@ contains
   subroutine problem_list_add(self, message, code)
     class(problem_list_t), intent(inout) :: self
     character(*), intent(in) :: message  !! Message for the user.
-    !> Exit code; `exit_bad_input` if absent. The first problem's code is that of the list.
-    integer, intent(in), optional :: code
+    integer, intent(in), optional :: code  !! Exit code; `exit_bad_input` if absent. The list has that of the first.
     character(*), parameter :: end_of_line = new_line('a')
     self%count = self%count + 1
     if (self%count > 1 .and. self%count - self%n_repeated <= most_listed) then
@@ -93,8 +92,7 @@ contains
   subroutine problem_list_add_error(self, error, context)
     class(problem_list_t), intent(inout) :: self
     type(error_t), allocatable, intent(inout) :: error  !! The error, not allocated on return.
-    !> Text to put in front of its message, as in "body 'upper': "; nothing if absent.
-    character(*), intent(in), optional :: context
+    character(*), intent(in), optional :: context  !! Text before its message, as "body 'upper': "; none if absent.
     if (.not. allocated(error)) return
     if (present(context)) call add_context(error, context)
     call self%add(error%message, error%code)

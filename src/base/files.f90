@@ -41,8 +41,7 @@ module dotyk_base_files
     integer(c_int) function c_is_trusted_folder(folder, beside) bind(c, name='dotyk_is_trusted_folder')
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: folder(*)  !! Path of the folder, ended by a null character.
-      !> Path whose owner is trusted, ended by a null character.
-      character(kind=c_char), intent(in), optional :: beside(*)
+      character(kind=c_char), intent(in), optional :: beside(*)  !! Path whose owner is trusted, null-terminated.
     end function c_is_trusted_folder
 
     integer(c_int) function c_user() bind(c, name='dotyk_user')
@@ -99,8 +98,7 @@ contains
   !> Write a file through to the disk.
   subroutine sync_file(path, reason)
     character(*), intent(in) :: path  !! Path of the file.
-    !> Why that failed, in the words of the system; empty where it did not.
-    character(:), allocatable, intent(out) :: reason
+    character(:), allocatable, intent(out) :: reason  !! Why, in the words of the system; empty where it did not.
     character(kind=c_char), pointer :: letters(:)
     type(c_ptr) :: text
     integer :: i

@@ -24,8 +24,7 @@ module dotyk_base_formula
   end type formula_t
 
   integer(c_int), parameter :: base_type_real = 0  !! Base type of muParser: real numbers.
-  !> Error codes of muParser that get a message of ours.
-  integer(c_int), parameter :: unassignable_token = 1, unexpected_end = 2
+  integer(c_int), parameter :: unassignable_token = 1, unexpected_end = 2  !! Error codes that get a message of ours.
 
   integer, parameter :: longest = 20000  !! Longest formula; muParser's recursion is on the stack.
   !> Longest formula with a message of muParser, which quotes the formula in a buffer of 2048 bytes.
@@ -173,8 +172,7 @@ contains
   !> Report what is no single value of x, y, z: assignments, lists, texts.
   subroutine check_characters(text, error)
     character(*), intent(in) :: text  !! The formula.
-    !> Allocated where the formula is something else than one value of x, y, z.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the formula is something else than one value of x, y, z.
     integer :: i
     if (len_trim(text) == 0) then
       call set_error(error, 'the formula is empty')

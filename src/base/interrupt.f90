@@ -39,8 +39,7 @@ module dotyk_base_interrupt
     integer(c_int) function c_run_command(command, folder) bind(c, name='dotyk_run_command')
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: command(*)  !! Command, ended by a null character.
-      !> Folder of a confined command, ended by a null character.
-      character(kind=c_char), intent(in), optional :: folder(*)
+      character(kind=c_char), intent(in), optional :: folder(*)  !! Folder of a confined command, null-terminated.
     end function c_run_command
   end interface
 

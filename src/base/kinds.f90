@@ -5,8 +5,7 @@ module dotyk_base_kinds
   private
 
   integer, parameter, public :: dp = real64  !! Double precision: every real number of dotyk but those of smoothers.
-  !> Single precision: smoothers of multigrid, whose speed is that of the memory.
-  integer, parameter, public :: sp = real32
+  integer, parameter, public :: sp = real32  !! Single precision: smoothers have the speed of the memory.
   !> 30 digits or more: displacements of ill-conditioned bodies, which are mostly rigid, where they are taken apart.
   integer, parameter, public :: qp = selected_real_kind(30)
   public :: int32, int64

@@ -30,9 +30,10 @@ module dotyk_base_log
 
   public :: print_error
 
+  integer, parameter, public :: most_shown = 20  !! Greatest number of lines of one kind in a table; more are summed up.
+
   real(dp), parameter :: redraw = 0.1_dp  !! Time between live lines on a terminal [s].
-  !> Without a terminal the time between lines of progress doubles up to this [s].
-  real(dp), parameter :: longest_pause = 60
+  real(dp), parameter :: longest_pause = 60  !! Without a terminal the time between lines doubles up to this [s].
 
   interface
     !> C library: is a file descriptor a terminal?
@@ -53,7 +54,7 @@ contains
     self%verbose = verbose
     self%terminal = c_isatty(1_c_int) /= 0 .and. .not. is_launched()
     self%live = .false.
-    self%drawn = -huge(1.0_dp)
+    self%drawn = wall_time()
     self%pause = 2
   end subroutine log_init
 
@@ -141,7 +142,7 @@ contains
       self%live = .true.
     else
       call print_text(trim(text)//new_line('a'), status, live=.true.)
-      if (self%drawn > 0) self%pause = min(longest_pause, 2*self%pause)
+      self%pause = min(longest_pause, 2*self%pause)
     end if
     call look(self, status)
     self%drawn = wall_time()

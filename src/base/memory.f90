@@ -1,10 +1,12 @@
-!> Memory of the machine, and the current stage of work for messages about an unexpected end.
+!> Memory of the machine, what of it may be taken to save time, and the current stage of work for messages about an
+!> unexpected end.
 module dotyk_base_memory
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_null_char, c_ptr, c_size_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   implicit none
   private
+  public :: memory_now, memory_text, peak_memory, set_stage, stage_text, set_item, watch_ends, end_expected
 
   type, public :: memory_t  !! Memory in use and left.
     real(dp) :: used = 0  !! Memory in use by this process [bytes].
@@ -13,15 +15,13 @@ module dotyk_base_memory
     character(:), allocatable :: limit  !! Limit of the memory, as in "of the machine".
   end type memory_t
 
-  public :: memory_now, memory_text, peak_memory, set_stage, stage_text, set_item, watch_ends, end_expected
 
   interface
     subroutine c_memory(used, left, limit) bind(c, name='dotyk_memory')
       import :: c_double, c_int
       real(c_double), intent(out) :: used  !! Memory in use [bytes].
       real(c_double), intent(out) :: left  !! Memory that is left [bytes].
-      !> Limit that ends it: 0 unknown, 1 machine, 2 container or batch job, 3 process.
-      integer(c_int), intent(out) :: limit
+      integer(c_int), intent(out) :: limit  !! 0 unknown, 1 machine, 2 container or batch job, 3 process.
     end subroutine c_memory
 
     !> Largest memory that the process has had so far [bytes].
@@ -56,6 +56,12 @@ module dotyk_base_memory
     subroutine end_expected() bind(c, name='dotyk_end_expected')
     end subroutine end_expected
   end interface
+
+  type, public :: allowance_t  !! An allowance; nothing at first.
+    integer(int64) :: left = 0  !! Memory that may still be taken [bytes].
+  contains
+    procedure :: take => allowance_take
+  end type allowance_t
 
 contains
 
@@ -111,4 +117,14 @@ contains
     character(*), intent(in) :: what  !! Work of the thread, as in "body 'upper'"; empty for none.
     call c_set_item(what//c_null_char)
   end subroutine set_item
+
+  !> Take memory where there is enough, from any thread; whether there is.
+  logical function allowance_take(self, bytes) result(granted)
+    class(allowance_t), intent(inout) :: self
+    integer(int64), intent(in) :: bytes  !! Memory [bytes].
+    !$omp critical (allowance)
+    granted = self%left >= bytes
+    if (granted) self%left = self%left - bytes
+    !$omp end critical (allowance)
+  end function allowance_take
 end module dotyk_base_memory

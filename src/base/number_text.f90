@@ -17,8 +17,7 @@ module dotyk_base_number_text
      1.0e21_dp, 1.0e22_dp]
   integer(int64), parameter :: max_exact_mantissa = 2_int64**53  !! All integers up to this one are exact doubles.
   integer, parameter, public :: most_digits = 18  !! Decimal digits that fit in 64 bits.
-  !> Numbers with more digits before the decimal point may exceed the range of doubles.
-  integer, parameter :: max_magnitude = 308
+  integer, parameter :: max_magnitude = 308  !! More digits before the point may exceed the range of doubles.
 
   interface
     !> Conversion by the C library, correctly rounded; Fortran programs run in the locale "C".

@@ -280,8 +280,7 @@ contains
   !> A table of reals.
   pure subroutine carry_real_table(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where it was not (n, m) [any].
-    real(dp), allocatable, intent(inout) :: value(:, :)
+    real(dp), allocatable, intent(inout) :: value(:, :)  !! Written, or set; allocated as it was (n, m) [any].
     logical :: is_there
     integer :: n(2)
     is_there = allocated(value)
@@ -297,8 +296,7 @@ contains
   !> Several tables of reals.
   pure subroutine carry_real_tables(self, value)
     class(parcel_t), intent(inout) :: self
-    !> Written, or set; not allocated where they were not (n, m, k) [any].
-    real(dp), allocatable, intent(inout) :: value(:, :, :)
+    real(dp), allocatable, intent(inout) :: value(:, :, :)  !! Written, or set; allocated as they were (n, m, k) [any].
     logical :: is_there
     integer :: n(3)
     is_there = allocated(value)

@@ -13,7 +13,7 @@ module dotyk_control_balance
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_support_directions, only: wrench
-  use dotyk_elasticity_support_reaction, only: find_reactions
+  use dotyk_elasticity_internal_force, only: find_reactions
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_ranks_exchange, only: add_up, agree_on_error, item_t, share
   use dotyk_scheme_contact_qp, only: contact_qp_t

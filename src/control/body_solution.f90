@@ -13,7 +13,7 @@ module dotyk_control_body_solution
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_gradient_recovery, only: recovered_strains_t
   use dotyk_elasticity_load_cases, only: take_case
-  use dotyk_elasticity_stress, only: element_stress
+  use dotyk_elasticity_nodal_stress, only: element_stress
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none

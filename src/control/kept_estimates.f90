@@ -1,9 +1,8 @@
 !> What error estimates and nodal stresses keep between load cases and rounds: patches and factors that depend on meshes
 !> and materials alone, and the recovered strains of the last displacements.
 module dotyk_control_kept_estimates
-  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_memory, only: memory_now, memory_t
+  use dotyk_base_memory, only: allowance_t, memory_now, memory_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_element_residual, only: bubble_factor_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t

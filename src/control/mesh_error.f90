@@ -1,10 +1,9 @@
 !> Discretization errors of all bodies in a block of load cases: congruent bodies together, in the axes of the
 !> representative, and all load cases in one pass over each mesh.
 module dotyk_control_mesh_error
-  use dotyk_base_allowance, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_memory, only: memory_now, memory_t
+  use dotyk_base_memory, only: allowance_t, memory_now, memory_t
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
   use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
   use dotyk_control_contact_problem, only: contact_problem_t

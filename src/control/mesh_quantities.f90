@@ -20,7 +20,7 @@ module dotyk_control_mesh_quantities
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_limit, bar_one_mesh, bar_zero, &
     quantity_errors_t, quantity_t
-  use dotyk_elasticity_stress, only: von_mises
+  use dotyk_elasticity_nodal_stress, only: von_mises
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none

@@ -8,10 +8,9 @@ module dotyk_control_nodal_stresses
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_mesh_error, only: to_representative
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material, nodes_of_material
-  use dotyk_elasticity_nodal_stress, only: nodal_stresses
+  use dotyk_elasticity_material, only: elements_of_material, mesh_of_material, nodes_of_material
+  use dotyk_elasticity_nodal_stress, only: nodal_stresses, take_stress_of_means
   use dotyk_elasticity_stiffness_tensor, only: rotate_strain, rotate_stress
-  use dotyk_elasticity_stress_of_means, only: take_stress_of_means
   implicit none
   private
 

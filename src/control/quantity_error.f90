@@ -23,9 +23,9 @@ module dotyk_control_quantity_error
   use dotyk_control_mesh_error, only: collect_thermal, to_representative
   use dotyk_control_parallel, only: set_blas_threads
   use dotyk_elasticity_constraint, only: constraint_t, held
-  use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
+  use dotyk_elasticity_assembly, only: subtract_dirichlet_lift
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
-  use dotyk_elasticity_support_reaction, only: find_reactions
+  use dotyk_elasticity_internal_force, only: find_reactions
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_linearized_contact, only: solve_linearized

@@ -1,7 +1,7 @@
 !> Iterative refinement of the displacements of ill-conditioned bodies, and what it changes at the contact rows.
 !>
 !> The residual is computed from the elements, to the accuracy of the forces themselves
-!> (`dotyk_elasticity_body_force`); the factor is the preconditioner of conjugate gradients, which tolerate that it
+!> (`body_force`); the factor is the preconditioner of conjugate gradients, which tolerate that it
 !> is inaccurate in a few modes. The energy norm of what is left of the residual is known. Rigid body and
 !> near-null-space modes are not refined: they are the scheme's.
 module dotyk_control_refinement
@@ -14,10 +14,10 @@ module dotyk_control_refinement
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_base_options, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
-  use dotyk_elasticity_body_force, only: body_force
+  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_elasticity_material, only: least_compressible
-  use dotyk_elasticity_stress, only: element_stress
+  use dotyk_elasticity_nodal_stress, only: element_stress
   use dotyk_ranks_exchange, only: share, share_errors
   use dotyk_response_response, only: response_t
   use dotyk_response_stiffness_factor, only: factorization_report_t

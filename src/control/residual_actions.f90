@@ -11,7 +11,7 @@ module dotyk_control_residual_actions
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_face_table, only: face_table_t, local_face, point_of_element
-  use dotyk_elasticity_foundation_points, only: foundation_points_t
+  use dotyk_elasticity_foundation, only: foundation_points_t
   use dotyk_elasticity_initial_stress, only: initial_stress_of_nodes
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_recovery_patch, only: diagonalize

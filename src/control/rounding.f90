@@ -3,7 +3,7 @@
 !> A displacement u that leaves the forces r is the exact solution for loads changed by r: its distance to the exact
 !> solution for the same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm, and solutions with contact are no
 !> farther from each other than that. r includes everything: inaccurate factors, digits that doubles do not have,
-!> rounded pressures. It is computed from the elements (`dotyk_elasticity_body_force`), K^{-1} is the compliance
+!> rounded pressures. It is computed from the elements (`body_force`), K^{-1} is the compliance
 !> operator of the body.
 module dotyk_control_rounding
   use dotyk_base_error, only: error_slot_t, error_t, add_context
@@ -14,7 +14,7 @@ module dotyk_control_rounding
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_control_refinement, only: penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
-  use dotyk_elasticity_body_force, only: body_force
+  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_ranks_exchange, only: share, share_errors
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t

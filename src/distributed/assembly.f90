@@ -1,5 +1,5 @@
 !> Assembly of the stiffness of all bodies into PETSc's matrices: the fine one by blocks, and its Galerkin matrix
-!> P^T K P on the corner space, element by element as in `dotyk_elasticity_block_assembly`.
+!> P^T K P on the corner space, element by element as in `dotyk_elasticity_assembly`.
 !>
 !> A rank visits all elements of its own nodes and fills their rows alone: elements between ranks are visited twice, and
 !> no entry is sent. Held components are zero rows and columns with a diagonal entry.
@@ -12,7 +12,7 @@ module dotyk_distributed_assembly
   use dotyk_distributed_index_limits, only: check_entries
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: has_failed
-  use dotyk_elasticity_block_assembly, only: clear_held, contract, element_stiffness
+  use dotyk_elasticity_assembly, only: clear_held, contract, element_stiffness
   use dotyk_elasticity_constraint, only: held
   use dotyk_elasticity_corner_space, only: corner_weights
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t

@@ -7,7 +7,7 @@ module dotyk_distributed_near_null_space
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks
-  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_elasticity_rigid_body_modes, only: near_null_vectors
   implicit none
   private
   public :: set_near_null_space

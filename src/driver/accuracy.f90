@@ -89,8 +89,7 @@ contains
     type(log_t), intent(inout) :: log  !! Gets a line.
     logical, intent(out) :: reached  !! Whether the error is as small as asked for.
     logical, intent(out) :: done  !! Whether the mesh is the last one.
-    !> Allocated where the sizes cannot be written.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the sizes cannot be written.
     character(:), allocatable :: why, verdict, told
     real(dp) :: aim, miss, most, seconds, limit
     logical :: by_quantity

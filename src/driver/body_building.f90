@@ -28,13 +28,11 @@ contains
     logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
     !> Gets bodies; with `are_dealt` congruence classes, the ranks that compute the bodies, and rigid body modes, too.
     type(contact_problem_t), intent(inout) :: problem
-    !> Surfaces of the bodies that contact pairs may need (n_bodies).
-    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)  !! Surfaces that pairs may need (n_bodies).
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
     logical, intent(out) :: in_parts  !! Whether each rank has a part of each body.
     logical, intent(out) :: are_dealt  !! Whether each rank has its own bodies, and the surfaces of others.
-    !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where meshes, materials, supports or loads are wrong.
     type(mesh_survey_t) :: survey
     type(part_files_t) :: parts
     are_dealt = .false.

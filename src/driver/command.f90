@@ -6,9 +6,7 @@ module dotyk_driver_command
   use dotyk_base_version, only: version, compiler, build_type
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_run_case, only: run_case
-  use dotyk_input_help, only: help_text
-  use dotyk_input_manual, only: manual_text
-  use dotyk_input_reference, only: reference_text
+  use dotyk_input_help, only: help_text, manual_text, reference_text
   use dotyk_output_hdf5_reason, only: start_hdf5
   use dotyk_ranks_communication, only: built_with, this_rank
   implicit none

@@ -7,7 +7,7 @@ module dotyk_driver_engines
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
-  use dotyk_log_engine_lines, only: note_factors, note_no_memory, note_rebuilt
+  use dotyk_log_outcome, only: note_factors, note_no_memory, note_rebuilt
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_scheme_primal, only: grid_dual_t, primal_t
   use dotyk_scheme_scheme, only: reason_accuracy, reason_no_rows, reason_none, reason_slow, scheme_t
@@ -75,8 +75,7 @@ contains
     integer, intent(in) :: reason  !! Why the last one does not.
     type(case_t), intent(in) :: case  !! The case.
     type(scheme_run_t), intent(in) :: run  !! Scheme of the run.
-    !> The scene; to be factorized again where factors take the place of p-multigrids.
-    type(scene_t), intent(inout) :: scene
+    type(scene_t), intent(inout) :: scene  !! The scene; to be factorized again where factors replace p-multigrids.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
     integer, intent(inout) :: engine  !! The last one, and the next one.
     type(error_t), allocatable, intent(out) :: error  !! As in `return_to_factors`.

@@ -35,8 +35,7 @@ contains
     class(scheme_t), intent(in) :: scheme  !! Scheme of the run.
     type(scene_t), intent(inout) :: scene  !! Built; without stiffnesses, operator and compliance operators on return.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch; times are added.
-    !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a body is not held, memory is short, or on an interrupt.
     type(response_slot_t), allocatable :: response(:)
     type(body_operator_t), allocatable :: operators(:)
     type(coarse_space_t) :: coarse

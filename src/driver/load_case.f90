@@ -32,8 +32,7 @@ module dotyk_driver_load_case
     type(scheme_run_t) :: run  !! The scheme that solves it, and its settings.
     integer :: engine = engine_none  !! The engine that this belongs to, one of `engine_*`.
     integer :: reason = reason_none  !! Why this engine has not solved it, one of `reason_*`.
-    !> Pressures to start from; not allocated where there are none (n_rows) [pressure].
-    real(dp), allocatable :: start(:)
+    real(dp), allocatable :: start(:)  !! Pressures to start from; not allocated where none (n_rows) [pressure].
     character(:), allocatable :: told  !! Lines of the log that were held until the cases before it are told.
     real(dp) :: seconds = 0  !! Time of its iterations [s].
     type(error_t), allocatable :: error  !! What went wrong with it.
@@ -127,8 +126,7 @@ contains
   subroutine load_bodies(k, scene, error)
     integer, intent(in) :: k  !! The load case.
     type(scene_t), intent(inout) :: scene  !! Its bodies and modes are set.
-    !> Allocated where a right-hand side cannot be assembled; names the body.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a right-hand side cannot be assembled; names the body.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     type(item_t), allocatable :: resultant(:)

@@ -42,8 +42,7 @@ contains
     logical, intent(in) :: may_add  !! Whether `met` may grow.
     integer, intent(in) :: threads  !! Number of threads.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
-    !> Points at which bodies met beside their contact rows. Where it has grown, nothing is written (n).
-    type(met_point_t), allocatable, intent(inout) :: met(:)
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points where bodies met beside their rows (n).
     type(accuracy_t), intent(inout) :: accuracy  !! Takes the errors.
     !> Why the contact needs the factors of bodies that were split, one of `reason_*`: nothing is written; `reason_none`
     !> otherwise.

@@ -22,8 +22,7 @@ module dotyk_driver_mesh_sizes
   private
   public :: choose_sizes, remove_views, write_views
 
-  !> From this number of elements on gmsh's parallel algorithm is the faster one.
-  real(dp), parameter :: many = 7.0e4_dp
+  real(dp), parameter :: many = 7.0e4_dp  !! From this number of elements gmsh's parallel algorithm is faster.
   real(dp), parameter :: most_elements = 1.0e8_dp  !! More elements are a mistake: gmsh would take hours [].
   integer, parameter :: first_field = 9000  !! Fields of gmsh from this number on: geometries may have their own.
 

@@ -5,8 +5,8 @@ module dotyk_driver_penetration
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_penetration_check, only: body_penetration_t, check_penetration, find_initial_overlap
   use dotyk_driver_scene, only: scene_t
-  use dotyk_log_large_motion, only: show_large_motion
-  use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_met_points, show_penetration
+  use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_large_motion, show_met_points, &
+    show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_timing, only: stage_check
   use dotyk_scheme_solver_state, only: ended_penetration
@@ -33,8 +33,7 @@ contains
     type(contact_solution_t), intent(inout) :: solution  !! The solution, with the outcome of the check on return.
     logical, intent(in) :: may_add  !! Whether `met` may grow.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
-    !> Points at which bodies met beside their contact rows (n).
-    type(met_point_t), allocatable, intent(inout) :: met(:)
+    type(met_point_t), allocatable, intent(inout) :: met(:)  !! Points where bodies met beside their rows (n).
     logical, intent(out) :: has_met  !! Whether it has grown: the scene is to be solved again.
     integer :: i, k
     has_met = .false.

@@ -15,13 +15,11 @@ module dotyk_driver_results
   use dotyk_control_nodal_stresses, only: nodal_stress_t, recover_nodal_stresses
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_results_fields, only: write_fields
-  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_quantities, write_timing
-  use dotyk_driver_results_summary, only: write_summary
+  use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_quantities, write_summary, &
+    write_timing
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
-  use dotyk_log_force_tables, only: show_balance, show_pair_results
-  use dotyk_log_greatest_values, only: show_greatest_values
-  use dotyk_log_quantity_table, only: show_quantities
+  use dotyk_log_result_tables, only: show_balance, show_greatest_values, show_pair_results, show_quantities
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_timing, only: stage_recover, stage_write
   use dotyk_output_results_file, only: results_file_t

@@ -1,6 +1,7 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, exit_converged, exit_not_converged, set_error
+  use dotyk_base_files, only: behind_links
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: text_t, to_text
@@ -11,11 +12,9 @@ module dotyk_driver_run_case
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_body_building, only: make_parts
   use dotyk_driver_cad_faces, only: show_cad_faces
-  use dotyk_driver_case_check, only: check_cases
+  use dotyk_driver_case_check, only: check_cases, predict_run
   use dotyk_driver_load_cases, only: solve_cases
-  use dotyk_driver_prediction, only: predict_run
   use dotyk_driver_mesh_sizes, only: choose_sizes
-  use dotyk_driver_output_path, only: prepare_output
   use dotyk_driver_penetration, only: check_placement
   use dotyk_driver_run_settings, only: choose_scheme, set_pair_conditions
   use dotyk_driver_scene_building, only: build_scene, scene_t
@@ -24,14 +23,14 @@ module dotyk_driver_run_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
   use dotyk_model_mesh_file, only: forget_meshes
-  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_output_file_system, only: check_replaceable, check_writable
+  use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_scheme_scheme, only: reason_none
   implicit none
   private
   public :: run_case
 
-  !> Times that rows are added where deformed bodies meet beside their contact rows.
-  integer, parameter :: most_added = 3
+  integer, parameter :: most_added = 3  !! Times that rows are added where bodies meet beside their contact rows.
 
 contains
 
@@ -212,4 +211,18 @@ contains
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene
+
+  !> The path of the results file; refuse one that cannot be written before anything is computed.
+  subroutine prepare_output(case, output, error)
+    type(case_t), intent(inout) :: case  !! The case; its path of the results file is set.
+    character(*), intent(in) :: output  !! Path from the command line; empty for that of the case.
+    type(error_t), allocatable, intent(out) :: error  !! Where it cannot be written, or would replace another file.
+    if (len(output) > 0) case%scene%output = output
+    ! A new file takes the place of an old one, not that of a link to it.
+    case%scene%output = behind_links(case%scene%output)
+    ! The first rank writes.
+    if (this_rank() > 0) return
+    call check_writable(case%scene%output, error)
+    if (.not. allocated(error)) call check_replaceable(case%scene%output, error)
+  end subroutine prepare_output
 end module dotyk_driver_run_case

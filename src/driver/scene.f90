@@ -17,16 +17,14 @@ module dotyk_driver_scene
 
   type, public :: scene_t  !! The parts of a contact problem, in the order in which they are made.
     type(contact_problem_t) :: problem  !! Bodies, modes, contact pairs.
-    !> Stiffnesses of the representatives, until they are factorized (n_bodies).
-    type(stiffness_t), allocatable :: stiffness(:)
+    type(stiffness_t), allocatable :: stiffness(:)  !! Of the representatives, until they are factorized (n_bodies).
     type(contact_operator_t) :: operator  !! Rows of B, weights, gaps and theta, until the QP has them.
     !> Compliance operators of the representatives, until the compliance has them (n_bodies).
     type(operator_slot_t), allocatable :: slot(:)
     type(factor_size_t), allocatable :: size_of(:)  !! Sizes of the factors (n_bodies).
     integer :: n_full_solves = 0  !! Solves with whole factors so far.
     integer :: case = 1  !! The load case that acts on it; 0: parts of several.
-    !> Whether the solution without contact is a rough one, which a scheme of displacements corrects.
-    logical :: is_rough = .false.
+    logical :: is_rough = .false.  !! Whether the solution without contact is rough: displacements correct it.
     logical :: is_factorized = .false.  !! Whether the factors, or what is in their place, belong to the bodies.
     !> Rigid body modes as the supports leave them; kept where there are several load cases (n_bodies).
     type(body_modes_t), allocatable :: modes(:)

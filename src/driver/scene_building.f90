@@ -1,29 +1,48 @@
-!> From the input to a contact problem: bodies and contact rows.
+!> From the input to a contact problem: bodies, pairs, ties and their rows, and the choice whether ranks compute the
+!> bodies together.
 module dotyk_driver_scene_building
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: add_context, error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: peak_memory, set_stage
-  use dotyk_base_text, only: text_t
+  use dotyk_base_options, only: last_linear_quantity
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_contact_met_points, only: met_point_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_contact_problem, only: build_rows, contact_problem_t
   use dotyk_control_factorization, only: analyze_bodies
-  use dotyk_control_response_choice, only: form_split
+  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, suits_multigrid
+  use dotyk_control_seams, only: pair_of_other_roles
   use dotyk_driver_body_building, only: read_bodies
-  use dotyk_driver_contact_building, only: build_contact
+  use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_driver_scene, only: scene_t
-  use dotyk_driver_split_choice, only: choose_solution
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_rigid_motion, only: free_rigid_modes
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_timing, only: stage_assemble, stage_order, stage_read, stage_search
+  use dotyk_mesh_surface, only: surface_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_double_bodies, only: refuse_doubles
+  use dotyk_model_contact_cases, only: check_contact_cases
+  use dotyk_model_joints, only: refuse_doubles
+  use dotyk_model_met_pairs, only: add_met_pairs
+  use dotyk_model_pair_search, only: search_pair
+  use dotyk_model_pairs, only: find_pairs
   use dotyk_model_quantities, only: find_quantities
+  use dotyk_model_ties, only: find_ties
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_division, only: division_t
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: reason_none, reason_parts, scheme_t
+  use dotyk_split_split_scene, only: can_split
   implicit none
   private
   public :: build_scene, scene_t
+
+  !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
+  !> iterations for networks of more.
+  integer, parameter :: most_floating = 15
 
 contains
 
@@ -98,4 +117,120 @@ contains
       call monitor%lap(stage_order)
     end associate
   end subroutine build_scene
+
+  !> Find contact pairs and ties, and make their rows.
+  subroutine build_contact(case, surfaces, met, scene, error)
+    type(case_t), intent(inout) :: case  !! The case; its contacts become the pairs that they stand for.
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Surfaces of the bodies (n_bodies).
+    type(met_point_t), intent(in) :: met(:)  !! Points at which bodies met beside their contact rows before (n).
+    type(scene_t), intent(inout) :: scene  !! The scene with its bodies; gets pairs, ties and rows.
+    type(error_t), allocatable, intent(out) :: error  !! Where a pair, tie or case is wrong, or on an interrupt.
+    integer :: i
+    associate (problem => scene%problem)
+      call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, problem%found, &
+                      error)
+      call meet()
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call find_ties(case, problem%body, surfaces, problem%pair, problem%surface_a, problem%surface_b, problem%tie, &
+                     error)
+      if (.not. allocated(error)) call align_roles(case, problem, error)
+      if (.not. allocated(error)) call add_met_pairs(case, met, problem%body, problem%surface_a, problem%surface_b, &
+                                                     problem%pair, error)
+      if (.not. allocated(error)) call check_contact_cases(case, problem, scene%pair_conditions, error)
+      if (allocated(error)) return
+      call build_rows(problem, case%scene%dimension, scene%operator, divided=n_ranks() > 1)
+      do i = 1, size(problem%body)
+        associate (block => scene%operator%block(i))
+          if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)
+        end associate
+      end do
+    end associate
+  end subroutine build_contact
+
+  !> Exchange the sides of a pair in which contact goes on across a tie with other roles: both tied bodies are slaves of
+  !> the third one then, and their pressures one function. Rigid bodies remain masters.
+  subroutine align_roles(case, problem, error)
+    type(case_t), intent(inout) :: case  !! The case, with one contact for each pair.
+    type(contact_problem_t), intent(inout) :: problem  !! With pairs and ties.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the pair cannot be discretized; names the line.
+    type(surface_t) :: surface
+    logical :: is_exchanged(size(problem%pair))
+    integer :: k, p, q
+    is_exchanged = .false.
+    ! Pairs may be divided over ranks.
+    if (n_ranks() > 1) return
+    do k = 1, problem%n_ties()
+      do p = 1, size(problem%pair)
+        q = pair_of_other_roles(problem%pair, problem%tie(k), p)
+        if (q == 0 .or. is_exchanged(p)) cycle
+        if (is_exchanged(q) .or. problem%body(problem%pair(q)%body_b)%constraint%rigid%is_set) cycle
+        is_exchanged(q) = .true.
+        call case%contact(q)%exchange()
+        surface = problem%surface_a(q)
+        problem%surface_a(q) = problem%surface_b(q)
+        problem%surface_b(q) = surface
+        associate (given => case%contact(q))
+          call search_pair(case, given, problem%body(given%body_a), problem%surface_a(q), problem%body(given%body_b), &
+                           problem%surface_b(q), division_t(), problem%pair(q), error)
+          if (allocated(error)) call add_context(error, case%file//':'//to_text(given%line)//': ')
+        end associate
+        if (allocated(error)) return
+        problem%pair(q)%other_roles = problem%tie(k)%name
+      end do
+    end do
+  end subroutine align_roles
+
+  !> How the bodies are solved, and whether ranks compute them together.
+  subroutine choose_solution(case, body, classes, may_split, monitor, form, splits)
+    type(case_t), intent(in) :: case  !! The case.
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
+    type(congruence_classes_t), intent(in) :: classes  !! Congruence classes.
+    logical, intent(in) :: may_split  !! Whether several ranks may compute a body together.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets a line where not, although p-multigrid would be taken.
+    integer, allocatable, intent(out) :: form(:)  !! One of `form_*` (n_bodies).
+    logical, intent(out) :: splits  !! Whether the bodies are split over all ranks.
+    form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case), &
+                        can_split() .or. any(case%quantity%kind <= last_linear_quantity))
+    splits = can_split() .and. any(form == form_multigrid)
+    ! Bodies that are split know no ties.
+    if (splits .and. .not. (may_split .and. size(case%tie) == 0)) form(:) = form_direct
+    ! A scene that is built anew has told already why.
+    if (splits .and. case%n_cases() > 1) call note_factors('there are load cases', monitor)
+    splits = splits .and. may_split .and. size(case%tie) == 0
+    if (splits) call choose_split(body, monitor, form, splits)
+  end subroutine choose_solution
+
+  !> Split the bodies over all ranks, or leave each to one rank with its factor: not where the iterations would be too
+  !> many, for nearly incompressible bodies and networks of many floating ones.
+  subroutine choose_split(body, monitor, form, splits)
+    type(body_t), intent(in) :: body(:)  !! Bodies with supports (n_bodies).
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets a line where they are not split.
+    integer, intent(inout) :: form(:)  !! How the bodies are solved (n_bodies).
+    logical, intent(out) :: splits  !! Whether they are split.
+    character(:), allocatable :: reason, motions
+    integer :: b, n_free, n_floating
+    reason = ''
+    n_floating = 0
+    do b = 1, size(body)
+      call free_rigid_modes(body(b), n_free, motions)
+      if (n_free > 0) n_floating = n_floating + 1
+      if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
+      if (body(b)%constraint%foundation%n > 0) reason = quoted(body(b)%name)//' has springs'
+      if (body(b)%is_hinged) reason = 'edges or corners alone join pieces of '//quoted(body(b)%name)
+      if (len(reason) > 0) exit
+    end do
+    if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'
+    splits = len(reason) == 0
+    form(:) = merge(form_split, form_direct, splits)
+    if (.not. splits) call note_factors(reason, monitor)
+  end subroutine choose_split
+
+  !> Tell that each body has its factor on one rank.
+  subroutine note_factors(reason, monitor)
+    character(*), intent(in) :: reason  !! Why bodies are not split.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
+    call monitor%note('factors          '//reason//': bodies are not split over ranks, each has its factor on one '// &
+                      'of them')
+  end subroutine note_factors
 end module dotyk_driver_scene_building

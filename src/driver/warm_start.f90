@@ -14,7 +14,7 @@ module dotyk_driver_warm_start
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_output_hdf5_read, only: hdf5_source_t
+  use dotyk_output_hdf5, only: hdf5_file_t
   use dotyk_output_results_file, only: contact_group
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -23,8 +23,7 @@ module dotyk_driver_warm_start
   private
   public :: initial_pressures, start_from_pressures
 
-  !> Distance between rows that counts as none, relative to the size of the scene.
-  real(dp), parameter :: same_position = 1.0e-6_dp
+  real(dp), parameter :: same_position = 1.0e-6_dp  !! Distance of rows that is none, by the size of the scene.
   !> Larger pressures are those of a diverged run: numbers of the input are below 1e40.
   real(dp), parameter :: largest_pressure = 1.0e60_dp
 
@@ -37,12 +36,10 @@ contains
     integer, intent(in) :: k  !! The load case.
     type(contact_problem_t), intent(in) :: problem  !! Bodies and pairs.
     type(log_t), intent(inout) :: log  !! The log.
-    !> Solution of the load case before; without pressures where there is none.
-    type(solver_state_t), intent(in) :: before
+    type(solver_state_t), intent(in) :: before  !! Solution of the case before; no pressures where none.
     !> Not allocated where the case starts from nothing (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
-    !> Allocated where the file cannot be read, or has other contact rows.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file cannot be read, or has other contact rows.
     character(:), allocatable :: name
     name = ''
     if (case%has_cases()) name = case%load_case(k)%name
@@ -61,11 +58,9 @@ contains
     type(body_t), intent(in) :: body(:)  !! Bodies; their meshes give the size of the scene (n_bodies).
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact rows of this case (n_pairs).
     type(log_t), intent(inout) :: log  !! The log.
-    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
-    real(dp), allocatable, intent(out) :: pressure(:)
-    !> Allocated where the file is missing, is no results file, or has other contact rows.
-    type(error_t), allocatable, intent(out) :: error
-    type(hdf5_source_t) :: source
+    real(dp), allocatable, intent(out) :: pressure(:)  !! Multipliers of all rows, by pairs (n_rows) [pressure].
+    type(error_t), allocatable, intent(out) :: error  !! Where it is missing, no results file, or has other rows.
+    type(hdf5_file_t) :: source
     character(:), allocatable :: reason, root
     reason = why_no_file(path)
     if (len(reason) > 0) then
@@ -100,19 +95,18 @@ contains
 
   !> The group of a results file that has the results of a load case.
   subroutine find_root(source, name, root, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: name  !! Name of the load case; empty where the case has none.
     character(:), allocatable, intent(out) :: root  !! Path of the group.
-    !> Allocated where the file is none of dotyk, or has load cases, but not this one.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it is none of dotyk, or lacks this load case.
     root = '/dotyk'
     if (.not. source%has(root)) then
-      call set_error(error, quoted(source%path)//' is not a results file of dotyk')
+      call set_error(error, quoted(source%label)//' is not a results file of dotyk')
     else if (source%has('/dotyk/cases')) then
       if (len(name) == 0) then
-        call set_error(error, quoted(source%path)//' has load cases, and the case has none')
+        call set_error(error, quoted(source%label)//' has load cases, and the case has none')
       else if (.not. source%has('/dotyk/cases/'//name)) then
-        call set_error(error, quoted(source%path)//' has no load case '//quoted(name))
+        call set_error(error, quoted(source%label)//' has no load case '//quoted(name))
       else
         root = '/dotyk/cases/'//name
       end if
@@ -121,18 +115,17 @@ contains
 
   !> Compare the contact pairs of the file with those of the case, and read their pressures.
   subroutine read_pairs(source, root, length, pair, pressure, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: root  !! Group of the results.
     real(dp), intent(in) :: length  !! Size of the scene [length].
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs of the case (n_pairs).
-    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
-    real(dp), allocatable, intent(out) :: pressure(:)
+    real(dp), allocatable, intent(out) :: pressure(:)  !! Multipliers of all rows, by pairs (n_rows) [pressure].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the file has no contact, or other contact rows.
     character(:), allocatable :: what
     integer :: k, n
     allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
     if (source%n_members(root//'/contact') /= size(pair)) then
-      call set_error(error, quoted(source%path)//' has '// &
+      call set_error(error, quoted(source%label)//' has '// &
                      counted(source%n_members(root//'/contact'), 'contact pair')// &
                      ', and the case has '//to_text(size(pair)))
       return
@@ -141,7 +134,7 @@ contains
     do k = 1, size(pair)
       call read_pair(source, root, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
       if (len(what) > 0) &
-        call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
+        call set_error(error, quoted(source%label)//' has other contact rows: '//what// &
                        '; a warm start needs the same meshes and contact settings')
       if (allocated(error)) return
       n = n + pair(k)%n_rows
@@ -150,14 +143,13 @@ contains
 
   !> Compare one contact pair, and read its pressures.
   subroutine read_pair(source, root, tolerance, pair, pressure, what, error)
-    type(hdf5_source_t), intent(in) :: source  !! Results file, open.
+    type(hdf5_file_t), intent(in) :: source  !! Results file, open.
     character(*), intent(in) :: root  !! Group of the results.
     real(dp), intent(in) :: tolerance  !! Largest distance between the row of the file and that of the case [length].
     type(contact_pair_t), intent(in) :: pair  !! Contact pair of the case.
     real(dp), contiguous, intent(out) :: pressure(:)  !! Lagrange multipliers of its rows (n_rows) [pressure].
     character(:), allocatable, intent(out) :: what  !! The difference between the rows, in words; empty: none.
-    !> Allocated where the file cannot be read, or holds pressures of a diverged run.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where it cannot be read, or its run diverged.
     character(:), allocatable :: group
     real(dp), allocatable :: position(:)
     real(dp) :: distance
@@ -186,7 +178,7 @@ contains
       return
     end do
     if (.not. (all(ieee_is_finite(pressure)) .and. all(abs(pressure) <= largest_pressure))) &
-      call set_error(error, quoted(source%path)//': the pressures of pair '//quoted(pair%name)// &
+      call set_error(error, quoted(source%label)//': the pressures of pair '//quoted(pair%name)// &
                      ' are those of a diverged run')
   end subroutine read_pair
 

@@ -1,27 +1,28 @@
 !> One elastic body: elements, material, Dirichlet conditions and loads, and the linear system K u = f that they define.
+!> What acts on it in one load case are its loads, temperature, initial stress and the values of prescribed
+!> displacements; all else is the same in all load cases.
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
-  use dotyk_elasticity_body_actions, only: body_actions_t, carry_resultants
+  use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness, subtract_dirichlet_lift
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
-  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: initial_state_t
   use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
-  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
+  use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_ranks_exchange, only: add_counts
   implicit none
   private
+  public :: node_graph, strain_energy, assemble_stiffness
 
   !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others. Its stiffness and its
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
@@ -30,8 +31,7 @@ module dotyk_elasticity_body
     integer :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
     integer :: dimension = 3  !! Number of displacement components, 2 or 3.
     type(body_mesh_t) :: mesh  !! Elements and nodes.
-    !> Whether edges or corners alone join pieces of it, as hinges do: their motions cost no energy.
-    logical :: is_hinged = .false.
+    logical :: is_hinged = .false.  !! Whether edges or corners alone join pieces, as hinges: motions cost no energy.
     !> Materials; the blocks of the mesh tell which of them their elements have (n_materials).
     type(material_t), allocatable :: material(:)
     type(constraint_t) :: constraint  !! Equations, prescribed displacements and nodal axes.
@@ -63,8 +63,7 @@ module dotyk_elasticity_body
     logical, allocatable :: own_equation(:)
     !> Whether the body has loads or given displacements at nodes that this rank does not hold.
     logical :: is_loaded_inside = .false.
-    !> Number of equations of the whole body where this rank numbers those of its part.
-    integer, private :: n_whole_equations = 0
+    integer, private :: n_whole_equations = 0  !! Equations of the whole body where this rank numbers its part.
   contains
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
@@ -85,24 +84,37 @@ module dotyk_elasticity_body
     type(sparse_symmetric_t) :: matrix  !! Matrix over the free equations [force/length].
     !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
     integer(int64), allocatable :: graph_start(:)
-    !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
-    integer, allocatable :: graph_neighbour(:)
+    integer, allocatable :: graph_neighbour(:)  !! Neighbours, node after node (graph_start(n_nodes + 1) - 1).
   contains
     procedure :: forget_graph => stiffness_forget_graph
     procedure :: destroy => stiffness_destroy
   end type stiffness_t
 
-  public :: node_graph, strain_energy, assemble_stiffness
+  type :: body_actions_t  !! Components of `body_t` with the same names.
+    !> Prescribed displacements along the nodal axes; zero where not allocated (dim, n_nodes) [length].
+    real(dp), allocatable :: prescribed(:, :)
+    real(dp) :: rigid_motion(6) = 0  !! Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
+    type(initial_state_t) :: initial  !! Temperature and initial stress.
+    real(dp), allocatable :: load(:, :)  !! Nodal forces; zero where not allocated (dim, n_nodes) [force].
+    type(point_forces_t) :: applied  !! Loads at quadrature points.
+    !> Sums of the constant force densities of the materials; none where not allocated (3, n_materials) [force/volume].
+    real(dp), allocatable :: density(:, :)
+    type(load_resultant_t), allocatable :: resultant(:)  !! Resultants of the loads (n_loads).
+    type(text_t), allocatable :: unresolved(:)  !! Warnings of formulas.
+    logical :: is_loaded_inside = .false.  !! Whether there are any at nodes that this rank does not hold.
+  contains
+    procedure :: is_idle => actions_is_idle
+    procedure :: hold_nodes => actions_hold_nodes
+    procedure :: carry => actions_carry
+  end type body_actions_t
 
 contains
 
   !> Assemble the stiffness and the right-hand side.
   subroutine body_assemble(self, stiffness, error)
     class(body_t), intent(inout) :: self
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
@@ -113,10 +125,8 @@ contains
   !> Assemble only the stiffness of a body that was assembled before.
   subroutine assemble_stiffness(body, stiffness, error)
     type(body_t), intent(in) :: body  !! The body.
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     real(dp), allocatable :: rhs(:)
     real(dp) :: volume, mean_modulus_factor
     allocate (rhs(body%constraint%n_equations), source=0.0_dp)
@@ -126,14 +136,12 @@ contains
   !> Sparsity pattern and values of the stiffness.
   subroutine assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
     type(body_t), intent(in) :: body  !! The body.
-    !> Stiffness over the free equations, with the node graph [force/length].
-    type(stiffness_t), intent(inout) :: stiffness
+    type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
     !> Right-hand side, from which forces of prescribed displacements are subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
     real(dp), intent(out) :: volume  !! Volume of the body [volume].
     real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume [].
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     type(block_positions_t) :: positions
     call node_graph(body%mesh, stiffness%graph_start, stiffness%graph_neighbour)
     call build_pattern(body%dimension, body%constraint%equation, stiffness%graph_start, stiffness%graph_neighbour, &
@@ -332,8 +340,7 @@ contains
   !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included, and that of springs with far ends at
   !> rest [energy].
   real(dp) function strain_energy(body, u) result(energy)
-    !> The body; assembled before, so that its elements and formulas are known to be valid.
-    type(body_t), intent(in) :: body
+    type(body_t), intent(in) :: body  !! The body; assembled before: its elements and formulas are valid.
     real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     type(error_t), allocatable :: error
     real(dp), allocatable :: stress(:, :), force(:, :)
@@ -346,4 +353,51 @@ contains
     call body%constraint%foundation%add_forces(body%mesh%x, body%analysis, u, force, of_springs)
     energy = energy + of_springs/2
   end function strain_energy
+
+  !> Whether there are neither loads nor prescribed displacements.
+  pure logical function actions_is_idle(self) result(is_idle)
+    class(body_actions_t), intent(in) :: self
+    is_idle = .not. (self%is_loaded_inside .or. allocated(self%prescribed) .or. allocated(self%load))
+  end function actions_is_idle
+
+  !> Keep what belongs to some nodes.
+  pure subroutine actions_hold_nodes(self, node)
+    class(body_actions_t), intent(inout) :: self
+    integer, intent(in) :: node(:)  !! Numbers of the nodes in the whole body, ascending (n_held_nodes).
+    self%is_loaded_inside = .not. self%is_idle()
+    if (allocated(self%prescribed)) self%prescribed = self%prescribed(:, node)
+    if (allocated(self%load)) self%load = self%load(:, node)
+    call self%initial%hold_nodes(node)
+  end subroutine actions_hold_nodes
+
+  !> Put the actions into a parcel, or take them out.
+  subroutine actions_carry(self, parcel)
+    class(body_actions_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%prescribed)
+    call parcel%carry_fixed(6, self%rigid_motion)
+    call self%initial%carry(parcel)
+    call parcel%carry(self%load)
+    call self%applied%carry(parcel)
+    call parcel%carry(self%density)
+    call carry_resultants(parcel, self%resultant)
+    call parcel%carry(self%unresolved)
+    call parcel%carry(self%is_loaded_inside)
+  end subroutine actions_carry
+
+  !> Put resultants of loads into a parcel, or take them out.
+  subroutine carry_resultants(parcel, resultant)
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    type(load_resultant_t), allocatable, intent(inout) :: resultant(:)  !! The resultants, if there are any (n_loads).
+    logical :: has_loads
+    integer :: n(1), i
+    has_loads = allocated(resultant)
+    if (has_loads) n = shape(resultant)
+    call parcel%carry_shape(has_loads, n)
+    if (has_loads .and. parcel%is_read) allocate (resultant(n(1)))
+    if (.not. has_loads) return
+    do i = 1, n(1)
+      call resultant(i)%carry(parcel)
+    end do
+  end subroutine carry_resultants
 end module dotyk_elasticity_body

@@ -24,8 +24,7 @@ module dotyk_elasticity_body_modes
     real(dp), allocatable :: stiffness(:, :)
     !> Contribution of prescribed displacements to the resultants on near-null-space modes (n) [force].
     real(dp), allocatable :: lift_resultant(:)
-    !> Sum of the absolute terms of the resultants on near-null-space modes (n) [force].
-    real(dp), allocatable :: resultant_size(:)
+    real(dp), allocatable :: resultant_size(:)  !! Absolute terms of resultants on near-null-space modes (n) [force].
     type(rigid_body_modes_t) :: rigid  !! Rigid body modes as translations and rotations, for messages.
   contains
     procedure :: find => modes_find

@@ -21,8 +21,7 @@ module dotyk_elasticity_bubble_table
     real(dp), allocatable :: value(:, :)  !! Bubbles (n, n_points) [].
     integer, allocatable :: corner(:)  !! Nodes of the element at the corners of the face (n_corners).
     type(point_shape_table_t) :: points  !! Shape functions, and the weights of the points on the face.
-    !> Outward normal in reference coordinates, area by reference area of the face (dim) [].
-    real(dp), allocatable :: normal(:)
+    real(dp), allocatable :: normal(:)  !! Outward normal in xi, area by reference area of the face (dim) [].
     !> The same point for the element behind, whose corners i and k of the face are the first and second here; 0 where
     !> the rule has none (n_points, n_corners, n_corners).
     integer, allocatable :: match(:, :, :)
@@ -39,8 +38,7 @@ module dotyk_elasticity_bubble_table
     type(point_shape_table_t) :: points  !! Shape functions there.
     real(dp), allocatable :: value(:, :)  !! Bubbles at the points (n, n_points) [].
     real(dp), allocatable :: gradient(:, :, :)  !! Their derivatives by reference coordinates (n, dim, n_points) [].
-    !> The derivatives by points; 0 for repetitions (points%n_points, n, dim) [].
-    real(dp), allocatable :: slope(:, :, :)
+    real(dp), allocatable :: slope(:, :, :)  !! By points; 0 for repetitions (points%n_points, n, dim) [].
     type(face_bubbles_t), allocatable :: face(:)  !! The faces (n_faces).
   contains
     procedure :: init => bubble_table_init

@@ -1,5 +1,10 @@
-!> Residuals of clusters of flat simplices (`dotyk_elasticity_flat_clusters`): one local problem in the continuous
-!> bubbles of all elements of the cluster.
+!> Residuals of clusters of flat simplices: quadratic triangles and tetrahedra that meet at faces over which both are
+!> flat, such as the three tetrahedra of each prism of a thin sheet.
+!>
+!> The mean of the tractions of both sides of such a face is as wrong as the stresses, on an area that is large beside
+!> the volumes: alone, the local answer of each side (`dotyk_elasticity_element_residual`) grows like length over
+!> thickness, though the errors of the two sides cancel. A cluster answers as one, by one local problem in the
+!> continuous bubbles of all its elements.
 !>
 !> Bubbles of quadratic simplices are cubic functions that vanish at the nodes: one for each edge, antisymmetric, and
 !> one for each face (for a triangle, one in the middle). Those that have the same values at edges and faces are
@@ -10,6 +15,7 @@ module dotyk_elasticity_cluster_residual
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_bubble_table, only: bubble_table_t
   use dotyk_elasticity_element_residual, only: residual_data_t, residual_problem
+  use dotyk_elasticity_face_table, only: face_table_t
   use dotyk_elasticity_face_tractions, only: face_tractions_t
   use dotyk_elasticity_point_stress, only: point_material_t
   use dotyk_linalg_blas, only: dtrsm
@@ -17,8 +23,10 @@ module dotyk_elasticity_cluster_residual
   use dotyk_linalg_lapack, only: dpotrf
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet10, element_tri6, reference_nodes
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
+  public :: cluster_energy
 
   type, public :: simplex_bubbles_t  !! Bubbles of a quadratic simplex by their values on edges and faces.
     integer :: n = 0  !! Number of bubbles; 0 for other kinds of elements.
@@ -35,7 +43,18 @@ module dotyk_elasticity_cluster_residual
     integer, allocatable :: unknown(:)  !! Unknown of the cluster for each bubble of one component.
   end type part_t
 
-  public :: cluster_energy
+  type, public :: flat_clusters_t  !! All elements of a body, those of a cluster one after the other.
+    integer :: n = 0  !! Number of clusters; elements that are in none are clusters of one.
+    integer, allocatable :: first(:)  !! First entry of each cluster in `element` (n + 1).
+    integer, allocatable :: element(:)  !! Elements, counted through all blocks (n_elements).
+  contains
+    procedure :: init => flat_clusters_init
+  end type flat_clusters_t
+
+  !> Greatest height of both simplices over a face at which they are a cluster, relative to the size of the face, its
+  !> length or the root of its area [].
+  real(dp), parameter :: flat = 0.45_dp
+  integer, parameter :: most_elements = 48  !! Elements of a cluster at most: without order all hang together.
 
 contains
 
@@ -84,10 +103,8 @@ contains
     type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
     type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     type(simplex_bubbles_t), intent(in) :: bubbles(:)  !! The same by edges and faces (n_blocks).
-    !> Mean tractions at faces between elements, as far as they are known.
-    type(face_tractions_t), intent(in) :: tractions
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
+    type(face_tractions_t), intent(in) :: tractions  !! Mean tractions at faces between elements, where known.
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     integer, intent(in) :: element(:)  !! Elements of the cluster (n).
     real(dp), intent(out) :: square(:, :)  !! Energies; 0 where an element is inverted (n_bodies, n) [energy].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
@@ -181,8 +198,7 @@ contains
     integer, intent(in) :: n_bodies  !! Number of bodies.
     type(simplex_bubbles_t), intent(in) :: bubbles  !! Bubbles by edges and faces.
     integer, intent(in) :: node(:)  !! Nodes of the element.
-    !> The stiffness, its lower triangle; all of it on return (n, dim, n, dim) [force/length].
-    real(dp), intent(inout) :: matrix(n, dim, n, dim)
+    real(dp), intent(inout) :: matrix(n, dim, n, dim)  !! Its lower triangle; all of it on return [force/length].
     real(dp), intent(inout) :: rhs(n, dim, n_bodies)  !! The forces (n, dim, n_bodies) [force].
     real(dp) :: c(n, n)
     integer :: i, j, k
@@ -208,4 +224,81 @@ contains
       rhs(:, :, k) = matmul(transpose(c), rhs(:, :, k))
     end do
   end subroutine to_edges
+
+  !> Find the clusters; elements of other ranks are in none.
+  subroutine flat_clusters_init(self, mesh, faces)
+    class(flat_clusters_t), intent(out) :: self
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(face_table_t), intent(in) :: faces  !! Faces of the elements.
+    logical, allocatable :: free(:)
+    integer :: e, k, f, behind, n
+    allocate (self%first(mesh%n_elements() + 1), self%element(mesh%n_elements()), free(mesh%n_elements()))
+    free = .true.
+    n = 0
+    k = 1
+    do e = 1, size(free)
+      if (.not. free(e)) cycle
+      self%n = self%n + 1
+      self%first(self%n) = n + 1
+      call take(e)
+      ! k runs behind n, over the elements of the cluster.
+      do while (k <= n)
+        if (can_join(self%element(k))) then
+          do f = 1, size(faces%neighbour, 1)
+            behind = faces%neighbour(f, self%element(k))
+            if (behind == 0 .or. n - self%first(self%n) + 1 >= most_elements) cycle
+            if (.not. free(behind)) cycle
+            if (.not. can_join(behind)) cycle
+            if (max(height(self%element(k), behind), height(behind, self%element(k))) < flat) call take(behind)
+          end do
+        end if
+        k = k + 1
+      end do
+    end do
+    self%first(self%n + 1) = n + 1
+
+  contains
+
+    !> Add an element to the last cluster.
+    subroutine take(element)
+      integer, intent(in) :: element  !! The element.
+      n = n + 1
+      self%element(n) = element
+      free(element) = .false.
+    end subroutine take
+
+    !> Whether an element may have company.
+    pure logical function can_join(element)
+      integer, intent(in) :: element  !! The element.
+      can_join = any(mesh%block(faces%block(element))%kind == [element_tri6, element_tet10])
+      if (can_join) can_join = mesh%is_own_element(element)
+    end function can_join
+
+    !> Height of a simplex over its face towards another one, relative to the size of the face [].
+    pure real(dp) function height(element, behind)
+      integer, intent(in) :: element  !! The simplex.
+      integer, intent(in) :: behind  !! The other one.
+      type(element_kind_t) :: kind
+      real(dp) :: x(3, 4), normal(3)
+      integer :: b, d, i
+      b = faces%block(element)
+      kind = element_kind(mesh%block(b)%kind)
+      d = mesh%dimension
+      x = 0
+      associate (node => mesh%block(b)%node(:, element - faces%before(b)), &
+                 face => kind%face_node(:d, findloc(faces%neighbour(:, element), behind, dim=1)))
+        x(:d, :d) = mesh%x(:, node(face))
+        i = findloc([(any(face == i), i=1, d + 1)], .false., dim=1)
+        x(:d, 4) = mesh%x(:, node(i))
+      end associate
+      if (d == 2) then
+        ! The face is a line of unit depth.
+        normal = cross(x(:, 2) - x(:, 1), [0.0_dp, 0.0_dp, 1.0_dp])
+        height = abs(dot_product(normal, x(:, 4) - x(:, 1)))/max(sum(normal**2), tiny(height))
+      else
+        normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
+        height = abs(dot_product(normal, x(:, 4) - x(:, 1)))/max(norm2(normal)*sqrt(norm2(normal)/2), tiny(height))
+      end if
+    end function height
+  end subroutine flat_clusters_init
 end module dotyk_elasticity_cluster_residual

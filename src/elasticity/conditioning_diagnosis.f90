@@ -150,8 +150,7 @@ contains
     integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
     integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
     real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
-    !> Gradients of the shape functions at the first quadrature point (n, slots) [1/length].
-    real(dp), intent(in) :: g(n, slots)
+    real(dp), intent(in) :: g(n, slots)  !! Gradients of the shape functions at the first quadrature point [1/length].
     integer :: a
     aspect_ratio = 0
     do a = 1, n

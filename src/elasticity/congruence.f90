@@ -116,8 +116,7 @@ contains
     type(body_t), intent(in) :: first  !! First body, with supports; it need not be assembled.
     type(body_t), intent(in) :: other  !! Other body, with supports; it need not be assembled.
     type(congruence_invariants_t), intent(in) :: first_invariants  !! Invariants of the first body.
-    !> Invariants of the other body, which match those of the first.
-    type(congruence_invariants_t), intent(in) :: other_invariants
+    type(congruence_invariants_t), intent(in) :: other_invariants  !! Of the other body; they match the first.
     type(placement_t), intent(out) :: motion  !! Rigid motion that maps the first body onto the other.
     integer :: d, m
     d = first%dimension

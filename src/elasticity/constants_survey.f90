@@ -30,8 +30,7 @@ contains
     !> Ratio of bulk to shear modulus from which on linear triangles, tetrahedra, prisms and pyramids are refused [].
     real(dp), intent(in) :: most_of_simplices
     type(material_t), intent(inout) :: material  !! The material; its constants are set.
-    !> Allocated where a formula has no value, or the material is not stable at an integration point; on this rank.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a formula has no value, or the material is not stable.
     type(material_field_t) :: field
     type(shape_table_pair_t) :: tables
     type(element_kind_t) :: kind

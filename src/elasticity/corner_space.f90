@@ -14,8 +14,7 @@ module dotyk_elasticity_corner_space
 
   type, public :: corner_space_t  !! The corner space.
     integer :: n = 0  !! Number of corners.
-    !> Corner number of each node, ascending, 0 for nodes that are no corners (n_nodes).
-    integer, allocatable :: number(:)
+    integer, allocatable :: number(:)  !! Corner number of each node, ascending, 0 for other nodes (n_nodes).
     integer, allocatable :: node(:)  !! Node of each corner (n).
     integer, allocatable :: start(:)  !! First entry of each node in `corner` (n_nodes + 1).
     integer, allocatable :: corner(:)  !! Corners whose mean a node has (start(n_nodes + 1) - 1).

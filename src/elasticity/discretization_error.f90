@@ -20,8 +20,7 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t, vertex_functions
   use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, physical_gradients
-  use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_material_part, only: elements_of_material, mesh_of_material
+  use dotyk_elasticity_material, only: elements_of_material, material_t, mesh_of_material
   use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, &
     limit_projected_part, project_onto_functions
@@ -46,8 +45,7 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     !> Recovered strains in each material, those of u on return; what is kept of the mesh is reused (n_materials).
     type(gradient_recovery_t), intent(inout) :: recovery(:)
     !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
@@ -129,8 +127,7 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Its elements, and the nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! The material.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: expanded(:, :)
     type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
@@ -138,202 +135,151 @@ contains
     !> Squared errors of the elements, squared energy norms of the displacement on them, bounds of the rounding errors
     !> of these norms, and products with the partners, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square, product
-    !> Allocated where the modulus field is no formula or not positive.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the modulus field is no formula or not positive.
+    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), allocatable :: dilatation(:)
-    type(material_field_t) :: field
-    integer :: b, first, last
+    type(material_field_t) :: field  ! The material in space.
+    type(shape_table_t) :: table  ! Shape functions at the quadrature points, by nodes.
+    type(point_shape_table_t) :: rule, corners  ! The same by points, and the linear ones.
+    type(element_kind_t) :: kind
+    type(energy_form_t) :: form  ! Strain energy of the unprojected part of the material.
+    real(dp) :: bulk  ! Projected part of the bulk modulus.
+    integer :: b, first, dim, slots, n_bodies, n_smooth, n_lower
     call field%init(material, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
     call fit_dilatations(mesh, analysis, material, u, expanded, dilatation)
-    last = 0
+    dim = mesh%dimension
+    slots = gradient_slots(analysis)
+    n_bodies = fit%n_bodies
+    n_smooth = fit%n_strains
+    n_lower = fit%monomials%n_lower
+    first = 1
     do b = 1, size(mesh%block)
-      first = last + 1
-      last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, field, fit, dilatation, u, expanded, partner, &
-                          square(:, first:last), norm_square(:, first:last), rounding_square(:, first:last), &
-                          product(:, first:last), error)
+      call estimate_block(mesh%block(b)%kind)
       if (allocated(error)) exit
+      first = first + size(mesh%block(b)%node, 2)
     end do
     call field%destroy()
-  end subroutine estimate_material
 
-  !> Estimate the elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, field, fit, dilatation, u, expanded, partner, square, &
-                            norm_square, rounding_square, product, error)
-    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    integer, intent(in) :: i_block  !! Index of the element block.
-    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    type(material_t), intent(in) :: material  !! Material of the body.
-    type(material_field_t), intent(in) :: field  !! The material in space.
-    type(gradient_recovery_t), intent(in) :: fit  !! Recovered strains around the vertices.
-    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
-    type(dilatation_fit_t), intent(in) :: dilatation(:)
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
-    real(dp), allocatable, intent(in) :: expanded(:, :)
-    integer, intent(in) :: partner(:)  !! As in `estimate_discretization_errors` (n_bodies).
-    !> Squared errors of the elements of the block, squared energy norms of the displacement on them, bounds of the
-    !> rounding errors of these norms, and products with the partners (n_bodies, n_elements) [energy].
-    real(dp), dimension(:, :), intent(out), contiguous :: square, norm_square, rounding_square, product
-    !> Allocated where the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: element_failure
-    type(shape_table_t) :: table
-    type(point_shape_table_t) :: rule, corners
-    type(element_kind_t) :: kind
-    type(energy_form_t) :: form
-    real(dp) :: matrix(6, 6), lambda, bulk
-    integer :: e
-    kind = element_kind(mesh%block(i_block)%kind)
-    call material%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, material%incompressibility), &
-                        matrix, lambda, bulk)
-    call form%init(analysis, matrix)
-    call table%init(kind%corner_kind, rule_degree(kind))
-    call corners%init(table)
-    call table%init(mesh%block(i_block)%kind, rule_degree(kind))
-    call rule%init(table)
-    ! A formula serves one thread: serial where the modulus varies.
-    !$omp parallel do default(none) schedule(static) if (field%constant) private(element_failure) &
-    !$omp& shared(mesh, i_block, analysis, form, bulk, field, fit, dilatation, kind, table, rule, corners, u, &
-    !$omp& expanded, partner, square, norm_square, rounding_square, product, error)
-    do e = 1, size(square, 2)
-      associate (node => mesh%block(i_block)%node(:, e))
-        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
-                              fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
-                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, field, &
-                              analysis, mesh%block(i_block)%kind, table, rule, corners%shape, fit, dilatation, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, expanded, partner, square(:, e), &
-                              norm_square(:, e), rounding_square(:, e), product(:, e), element_failure)
-      end associate
-      if (allocated(element_failure)) then
-        !$omp critical
-        if (.not. allocated(error)) call move_alloc(element_failure, error)
-        !$omp end critical
-      end if
-    end do
-    !$omp end parallel do
-  end subroutine estimate_block
+  contains
 
-  !> Estimate one element.
-  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
-                              bulk, field, analysis, element, table, rule, corner_shape, fit, dilatation, tag, node, &
-                              all_x, all_u, expanded, partner, square, norm_square, rounding_square, product, error)
-    integer, intent(in) :: n  !! Number of nodes of the element.
-    integer, intent(in) :: n_corners  !! Number of corners of the element.
-    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
-    integer, intent(in) :: slots  !! Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
-    integer, intent(in) :: n_points  !! Number of quadrature points.
-    integer, intent(in) :: n_bodies  !! Number of bodies.
-    integer, intent(in) :: n_smooth  !! Number of recovered strains.
-    integer, intent(in) :: n_lower  !! Number of monomials of the recovered strains.
-    integer, intent(in) :: n_functions  !! Number of projection functions.
-    type(energy_form_t), intent(in) :: form  !! Strain energy of the unprojected part of the material.
-    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
-    type(material_field_t), intent(in) :: field  !! The material in space.
-    !> Type of analysis and element kind: one of the `analysis_*` and one of the `element_*` constants.
-    integer, intent(in) :: analysis, element
-    type(shape_table_t), intent(in) :: table  !! Shape functions at the quadrature points, by nodes.
-    type(point_shape_table_t), intent(in) :: rule  !! The same shape functions, by points.
-    !> Linear shape functions at the points (n_points, n_corners) [].
-    real(dp), intent(in) :: corner_shape(n_points, n_corners)
-    type(gradient_recovery_t), intent(in) :: fit  !! Recovered strains around the vertices.
-    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
-    type(dilatation_fit_t), intent(in) :: dilatation(:)
-    integer(int64), intent(in) :: tag  !! Tag of the element, for messages.
-    integer, intent(in) :: node(n)  !! Nodes of the element (n).
-    real(dp), intent(in) :: all_x(dim, *)  !! Nodes of the body (dim, n_nodes) [length].
-    real(dp), intent(in) :: all_u(n_bodies, dim, *)  !! Displacements of the bodies (n_bodies, dim, n_nodes) [length].
-    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
-    real(dp), allocatable, intent(in) :: expanded(:, :)
-    integer, intent(in) :: partner(n_bodies)  !! As in `estimate_discretization_errors` (n_bodies).
-    !> Squared errors of the element, squared energy norms of the displacement on it, bounds of the rounding errors of
-    !> these norms, and products with the partners (n_bodies) [energy].
-    real(dp), dimension(n_bodies), intent(out) :: square, norm_square, rounding_square, product
-    !> Allocated where the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp) :: x(dim, n), u(n_bodies, dim, n), place(n_points, dim)
-    real(dp), dimension(n_points) :: radius, g_square, stiffness, projected, fitted, heated, bulk_at, bulk_weight
-    real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim)
-    real(dp) :: displacement(n_points, n_bodies, dim), largest, scale, worst
-    real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
-    real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
-    real(dp), allocatable :: matrix(:, :, :), error_strain(:, :, :), error_dilatation(:, :)
-    integer :: b, i, s
-    square = 0
-    norm_square = 0
-    rounding_square = 0
-    product = 0
-    do i = 1, n
-      x(:, i) = all_x(:, node(i))
-      u(:, :, i) = all_u(:, :, node(i))
-    end do
-    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, &
-                    x, inverse, radius, g_square, stiffness, worst)
-    ! Skipped: elements that are inverted at a point of this rule, of a higher degree than that of the stiffness.
-    if (.not. worst > 0) return
-    bulk_at = merge(0.0_dp, bulk, field%varies)
-    if (field%varies) allocate (matrix(6, 6, n_points), source=0.0_dp)
-    if (.not. field%constant) &
-      call field%apply(analysis, element, table%shape, x, tag, stiffness(:table%n_points), error, matrix, bulk_at)
-    if (allocated(error)) return
-    largest = form%largest + bulk
-    scale = merge(1.0_dp, bulk, field%varies)
-    bulk_weight = stiffness
-    if (field%varies) then
-      largest = maxval(abs(matrix)) + maxval(bulk_at)
-      call limit_projected_part(table%n_points, bulk_at, matrix)
-      ! Pressures in place of dilatations.
-      if (bulk_at(1) > 0) bulk_weight(:table%n_points) = stiffness(:table%n_points)/bulk_at(:table%n_points)
-    end if
-    do i = 1, dim
-      call values_at_points(n_points, n_bodies*dim, n, rule%gradient(:, :, i), u, by_reference(:, :, :, i))
-    end do
-    if (slots > dim) call values_at_points(n_points, n_bodies*dim, n, rule%shape, u, displacement)
-    call interpolate(n, dim, n_points, rule%shape, x, place)
-    call vertex_functions(dim, n_lower, n_corners, n_points, fit%vertex(node(:n_corners)), fit%monomials%parent, &
-                          fit%monomials%axis, fit%centre, fit%axes, corner_shape, place, functions)
-    do i = 1, n_corners
-      coefficient(:, :, :, i) = fit%strain(:, :, :, fit%vertex(node(i)))
-    end do
-    call values_at_points(n_points, n_bodies*n_smooth, n_lower*n_corners, functions, coefficient, recovered)
-    if (any(partner > 0)) &
-      allocate (error_strain(n_points, form%n_strains, n_bodies), error_dilatation(n_points, n_bodies))
-    do b = 1, n_bodies
-      call physical_gradients(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
-      call form%strains(n_points, slope, strain)
-      norm_square(b) = form%energy(stiffness, strain, matrix)
-      rounding_square(b) = largest*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
-      do s = 1, n_smooth
-        strain(:, s) = strain(:, s) - recovered(:, b, s)
+    !> Estimate the elements of block b.
+    subroutine estimate_block(element)
+      integer, intent(in) :: element  !! Their kind.
+      type(error_t), allocatable :: failed
+      real(dp) :: matrix(6, 6), lambda
+      integer :: i
+      kind = element_kind(element)
+      call material%split(analysis, unprojected_bulk_ratio(element, material%incompressibility), matrix, lambda, bulk)
+      call form%init(analysis, matrix)
+      call table%init(kind%corner_kind, rule_degree(kind))
+      call corners%init(table)
+      call table%init(element, rule_degree(kind))
+      call rule%init(table)
+      ! A formula serves one thread: serial where the modulus varies.
+      !$omp parallel do default(none) schedule(static) if (field%constant) private(failed) &
+      !$omp& shared(mesh, b, kind, rule, element, dim, first, error)
+      do i = 1, size(mesh%block(b)%node, 2)
+        call estimate_element(kind%n_nodes, kind%n_corners, rule%n_points, n_projection_functions(element, dim), &
+                              element, mesh%block(b)%node(:, i), mesh%block(b)%tag(i), first + i - 1, failed)
+        if (allocated(failed)) then
+          !$omp critical
+          if (.not. allocated(error)) call move_alloc(failed, error)
+          !$omp end critical
+        end if
       end do
-      ! The hoop strain of axisymmetric analyses contains no derivative: its error is of a higher order.
-      strain(:, n_smooth + 1:) = 0
-      square(b) = form%energy(stiffness, strain, matrix)
-      if (allocated(error_strain)) error_strain(:, :, b) = strain
-      if (partner(b) > 0) product(b) = form%product(stiffness, strain, error_strain(:, :, partner(b)), matrix)
-      if (.not. bulk_at(1) > 0) cycle
-      projected = slope(:, 1, 1) + slope(:, 2, 2)
-      if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
-      if (field%varies) projected = bulk_at*projected
-      call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, projected)
-      call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
-      if (field%varies) fitted = bulk_at*fitted
-      norm_square(b) = norm_square(b) + scale*dot_product(bulk_weight, projected**2)
-      if (allocated(expanded)) then
-        heated = matmul(rule%shape, expanded(b, node))
-        if (field%varies) heated = bulk_at*heated
-        call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, heated)
-        projected = projected - heated
+      !$omp end parallel do
+    end subroutine estimate_block
+
+    !> Estimate one element.
+    subroutine estimate_element(n, n_corners, n_points, n_functions, element, node, tag, e, failed)
+      integer, intent(in) :: n, n_corners  !! Numbers of nodes and corners of the element.
+      integer, intent(in) :: n_points, n_functions  !! Numbers of quadrature points and projection functions.
+      integer, intent(in) :: element  !! Its kind.
+      integer, intent(in) :: node(n)  !! Its nodes (n).
+      integer(int64), intent(in) :: tag  !! Its tag, for messages.
+      integer, intent(in) :: e  !! Its number, in the order of the blocks.
+      type(error_t), allocatable, intent(out) :: failed  !! Where the modulus field is not positive.
+      real(dp) :: x(dim, n), u_e(n_bodies, dim, n), place(n_points, dim)
+      real(dp), dimension(n_points) :: radius, g_square, stiffness, projected, fitted, heated, bulk_at, bulk_weight
+      real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim)
+      real(dp) :: displacement(n_points, n_bodies, dim), largest, scale, worst
+      real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
+      real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
+      real(dp), allocatable :: matrix(:, :, :), error_strain(:, :, :), error_dilatation(:, :)
+      integer :: i, k, s
+      square(:, e) = 0
+      norm_square(:, e) = 0
+      rounding_square(:, e) = 0
+      product(:, e) = 0
+      x = mesh%x(:, node)
+      u_e = u(:, :, node)
+      call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, &
+                      rule%weight, x, inverse, radius, g_square, stiffness, worst)
+      ! Skipped: elements that are inverted at a point of this rule, of a higher degree than that of the stiffness.
+      if (.not. worst > 0) return
+      bulk_at = merge(0.0_dp, bulk, field%varies)
+      if (field%varies) allocate (matrix(6, 6, n_points), source=0.0_dp)
+      if (.not. field%constant) &
+        call field%apply(analysis, element, table%shape, x, tag, stiffness(:table%n_points), failed, matrix, bulk_at)
+      if (allocated(failed)) return
+      largest = form%largest + bulk
+      scale = merge(1.0_dp, bulk, field%varies)
+      bulk_weight = stiffness
+      if (field%varies) then
+        largest = maxval(abs(matrix)) + maxval(bulk_at)
+        call limit_projected_part(table%n_points, bulk_at, matrix)
+        ! Pressures in place of dilatations.
+        if (bulk_at(1) > 0) bulk_weight(:table%n_points) = stiffness(:table%n_points)/bulk_at(:table%n_points)
       end if
-      square(b) = square(b) + scale*dot_product(bulk_weight, (fitted - projected)**2)
-      if (allocated(error_dilatation)) error_dilatation(:, b) = projected - fitted
-      if (partner(b) > 0) product(b) = product(b) + &
-        scale*dot_product(bulk_weight, error_dilatation(:, b)*error_dilatation(:, partner(b)))
-    end do
-  end subroutine estimate_element
+      do i = 1, dim
+        call values_at_points(n_points, n_bodies*dim, n, rule%gradient(:, :, i), u_e, by_reference(:, :, :, i))
+      end do
+      if (slots > dim) call values_at_points(n_points, n_bodies*dim, n, rule%shape, u_e, displacement)
+      call interpolate(n, dim, n_points, rule%shape, x, place)
+      call vertex_functions(dim, n_lower, n_corners, n_points, fit%vertex(node(:n_corners)), fit%monomials%parent, &
+                            fit%monomials%axis, fit%centre, fit%axes, corners%shape, place, functions)
+      do i = 1, n_corners
+        coefficient(:, :, :, i) = fit%strain(:, :, :, fit%vertex(node(i)))
+      end do
+      call values_at_points(n_points, n_bodies*n_smooth, n_lower*n_corners, functions, coefficient, recovered)
+      if (any(partner > 0)) &
+        allocate (error_strain(n_points, form%n_strains, n_bodies), error_dilatation(n_points, n_bodies))
+      do k = 1, n_bodies
+        call physical_gradients(dim, slots, n_points, n_bodies, k, by_reference, inverse, displacement, radius, slope)
+        call form%strains(n_points, slope, strain)
+        norm_square(k, e) = form%energy(stiffness, strain, matrix)
+        rounding_square(k, e) = largest*rounding**2*sum(u_e(k, :, :)**2)*dot_product(stiffness, g_square)
+        do s = 1, n_smooth
+          strain(:, s) = strain(:, s) - recovered(:, k, s)
+        end do
+        ! The hoop strain of axisymmetric analyses contains no derivative: its error is of a higher order.
+        strain(:, n_smooth + 1:) = 0
+        square(k, e) = form%energy(stiffness, strain, matrix)
+        if (allocated(error_strain)) error_strain(:, :, k) = strain
+        if (partner(k) > 0) product(k, e) = form%product(stiffness, strain, error_strain(:, :, partner(k)), matrix)
+        if (.not. bulk_at(1) > 0) cycle
+        projected = slope(:, 1, 1) + slope(:, 2, 2)
+        if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
+        if (field%varies) projected = bulk_at*projected
+        call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, projected)
+        call dilatation(k)%values(x(:, :n_corners), node(:n_corners), corners%shape, place, fitted)
+        if (field%varies) fitted = bulk_at*fitted
+        norm_square(k, e) = norm_square(k, e) + scale*dot_product(bulk_weight, projected**2)
+        if (allocated(expanded)) then
+          heated = matmul(rule%shape, expanded(k, node))
+          if (field%varies) heated = bulk_at*heated
+          call project_onto_functions(dim, n_points, n_functions, place, bulk_weight, heated)
+          projected = projected - heated
+        end if
+        square(k, e) = square(k, e) + scale*dot_product(bulk_weight, (fitted - projected)**2)
+        if (allocated(error_dilatation)) error_dilatation(:, k) = projected - fitted
+        if (partner(k) > 0) product(k, e) = product(k, e) + &
+          scale*dot_product(bulk_weight, error_dilatation(:, k)*error_dilatation(:, partner(k)))
+      end do
+    end subroutine estimate_element
+  end subroutine estimate_material
 
   !> Values at the points of an element of functions that are combinations of basis functions.
   subroutine values_at_points(n_points, n_functions, n, shape, f, values)
@@ -342,8 +288,7 @@ contains
     integer, intent(in) :: n  !! Number of basis functions.
     real(dp), intent(in) :: shape(n_points, n)  !! Basis functions at the points (n_points, n) [].
     real(dp), intent(in) :: f(n_functions, n)  !! Coefficients of the functions (n_functions, n) [any].
-    !> Values of the functions (n_points, n_functions) [unit of f].
-    real(dp), intent(out) :: values(n_points, n_functions)
+    real(dp), intent(out) :: values(n_points, n_functions)  !! Values of the functions [unit of f].
     call dgemm('N', 'T', n_points, n_functions, n, 1.0_dp, shape, n_points, f, n_functions, 0.0_dp, values, n_points)
   end subroutine values_at_points
 

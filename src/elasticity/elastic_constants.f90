@@ -6,26 +6,22 @@ module dotyk_elasticity_elastic_constants
   use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_options, only: material_isotropic, material_orthotropic
   use dotyk_base_text, only: to_text
-  use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_material_formulas, only: material_formulas_t
+  use dotyk_elasticity_material, only: material_formulas_t, material_t
   use dotyk_elasticity_stiffness_tensor, only: kelvin, rotate_stiffness, scale_components, singular_ratio
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private
   public :: elastic_constants
 
-  !> The matrix as a whole is not positive definite: no constant alone is out of its range.
-  integer, parameter :: indefinite = -1
+  integer, parameter :: indefinite = -1  !! The whole matrix is not positive definite, by no single constant.
 
 contains
 
   !> The elasticity of a material with given constants, in global axes.
   subroutine elastic_constants(formulas, value, here, error)
-    !> Kind of the material, its axes, and the names of its constants.
-    type(material_formulas_t), intent(in) :: formulas
+    type(material_formulas_t), intent(in) :: formulas  !! Kind of the material, its axes, names of its constants.
     real(dp), intent(in) :: value(:)  !! The constants, in the order of `formulas` (n_constants) [pressure] or [].
-    !> Its stiffness, Lame's parameters, least Young's modulus and bulk modulus are set.
-    type(material_t), intent(inout) :: here
+    type(material_t), intent(inout) :: here  !! Stiffness, Lame's parameters, least modulus and bulk modulus are set.
     !> Allocated where the material is not stable; names the constant, or those that do not fit together.
     type(error_t), allocatable, intent(out) :: error
     integer :: fault

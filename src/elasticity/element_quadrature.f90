@@ -28,8 +28,7 @@ module dotyk_elasticity_element_quadrature
     !> Unprojected part of the stiffness of the material: from strains to stresses; one matrix for all points, or one
     !> for each (6, 6, n_matrices) [pressure].
     real(dp), allocatable :: matrix(:, :, :)
-    !> Number of matrices and expansions: 1, or the number of points where more than a factor varies.
-    integer :: n_matrices = 1
+    integer :: n_matrices = 1  !! Number of matrices: 1, or that of points where more than a factor varies.
     logical :: varies = .false.  !! Whether more than a factor varies in the material.
     !> Whether the body is isotropic and three-dimensional: `lambda` and `mu` are the stiffness then.
     logical :: is_isotropic = .false.
@@ -45,8 +44,7 @@ module dotyk_elasticity_element_quadrature
     !> Gradients of the shape functions, of shape (n, slots, n_points) in the first entries [1/length].
     real(dp), allocatable :: g(:)
     real(dp), allocatable :: w(:)  !! Quadrature weights, in the first n_points entries (n_allocated) [volume].
-    !> Weights times the modulus field, in the first n_points entries (n_allocated) [volume].
-    real(dp), allocatable :: stiffness(:)
+    real(dp), allocatable :: stiffness(:)  !! Weights times modulus field; n_points are used (n_allocated) [volume].
     !> Weights in which the projection functions are orthonormal: those of the stiffness, by the projected part of the
     !> bulk modulus where it varies beyond a factor; in the first n_points entries (n_allocated) [volume].
     real(dp), allocatable :: bulk_weight(:)
@@ -221,8 +219,7 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: i_block  !! Index of the element block.
     integer, intent(in) :: e  !! Index of the element in its block.
-    !> Allocated on return; names the element, its kind and its position.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the element, its kind and its position.
     type(element_kind_t) :: kind
     character(:), allocatable :: reason
     kind = element_kind(mesh%block(i_block)%kind)

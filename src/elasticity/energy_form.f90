@@ -12,8 +12,7 @@ module dotyk_elasticity_energy_form
     integer :: n_strains = 0  !! Number of strains.
     integer :: n_terms = 0  !! Number of terms.
     integer, allocatable :: component(:)  !! Component of each strain in the order xx yy zz yz xz xy (n_strains).
-    !> Strain to which a gradient slot of a component contributes, 0 for none (dim, slots).
-    integer, allocatable :: index(:, :)
+    integer, allocatable :: index(:, :)  !! Strain that a slot of a component adds to, 0: none (dim, slots).
     integer, allocatable :: pair(:, :)  !! The two strains of each term (2, n_terms).
     real(dp), allocatable :: coefficient(:)  !! Coefficient of each term (n_terms) [pressure].
     real(dp) :: largest = 0  !! Largest entry of the material matrix [pressure].

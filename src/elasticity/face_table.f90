@@ -18,8 +18,7 @@ module dotyk_elasticity_face_table
     integer, allocatable :: interior(:, :)
     integer :: n_interior = 0  !! Number of faces between two elements.
     integer :: n_boundary = 0  !! Number of faces of the boundary.
-    !> First element of each block minus one, and the number of elements (n_blocks + 1).
-    integer, allocatable :: before(:)
+    integer, allocatable :: before(:)  !! First element of each block minus one, then all elements (n_blocks + 1).
     integer, allocatable :: block(:)  !! Block of each element (n_elements).
   contains
     procedure :: init => face_table_init

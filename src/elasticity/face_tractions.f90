@@ -4,7 +4,7 @@
 !> both sides, and the traction found for one element is that of the other with the opposite sign. Elsewhere the points
 !> are placed in the element behind.
 module dotyk_elasticity_face_tractions
-  use dotyk_base_allowance, only: allowance_t
+  use dotyk_base_memory, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_bubble_table, only: bubble_table_t, face_bubbles_t, points_table
@@ -21,8 +21,7 @@ module dotyk_elasticity_face_tractions
     !> Tractions by areas on the element with the smaller number, at its points (greatest number of points, dim,
     !> n_bodies, n_interior) [force].
     real(dp), allocatable :: value(:, :, :, :)
-    !> Whether those of a face are known; not allocated where none are (n_interior).
-    logical, allocatable :: is_known(:)
+    logical, allocatable :: is_known(:)  !! Whether those of a face are known; not allocated: none (n_interior).
   contains
     procedure :: find => face_tractions_find
   end type face_tractions_t
@@ -115,8 +114,7 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)  !! Displacements (n_bodies, dim, n_nodes) [length].
     integer, intent(in) :: element  !! The element.
     integer, intent(in) :: node(n)  !! Its nodes (n).
-    !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
-    real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
+    real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)  !! Residual forces on the bubbles, added to [force].
     real(dp), intent(inout) :: worst  !! Smallest determinant of the element at points of its faces [volume].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(element_kind_t) :: kind
@@ -242,8 +240,7 @@ contains
     integer, intent(in) :: their_n_points  !! Number of its points, with repetitions.
     type(point_shape_table_t), intent(in) :: their_points  !! Shape functions at its points.
     integer, intent(in) :: their_node(their_n)  !! Its nodes (their_n).
-    !> Its point for each point of the face; unused on the boundary (n_points without repetitions).
-    integer, intent(in) :: same(:)
+    integer, intent(in) :: same(:)  !! Its points at those of the face; unused on the boundary (n_points).
     !> Tractions by areas on the element; undefined with an error, or where `worst` is not positive (n_points without
     !> repetitions, dim, n_bodies) [force].
     real(dp), intent(inout) :: traction(:, :, :)

@@ -25,8 +25,7 @@ contains
   !> Reduce a body to some of its elements, and its surface.
   subroutine hold_body(body, holds, own_element, own_node, number)
     type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
-    !> Whether each element is held, and whether this rank computes it (n_elements).
-    logical, intent(in) :: holds(:), own_element(:)
+    logical, intent(in) :: holds(:), own_element(:)  !! Whether each element is held, and of this rank (n_elements).
     logical, intent(in) :: own_node(:)  !! Whether this rank computes each node (n_nodes).
     integer, allocatable, intent(out) :: number(:)  !! As in `hold_surface`.
     type(whole_body_t) :: whole

@@ -20,8 +20,7 @@ module dotyk_elasticity_isoparametric_map
     integer :: n_points = 0  !! Number of points, with repetitions: a multiple of `points_in_row`.
     integer :: n_true = 0  !! Number of points without repetitions.
     real(dp), allocatable :: shape(:, :)  !! Shape functions (n_points, n_nodes) [].
-    !> Derivatives by reference coordinates (n_points, n_nodes, dimension) [].
-    real(dp), allocatable :: gradient(:, :, :)
+    real(dp), allocatable :: gradient(:, :, :)  !! By reference coordinates (n_points, n_nodes, dimension) [].
     !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension) [].
     real(dp), allocatable :: products(:, :, :)
     real(dp), allocatable :: shape_square(:)  !! Sums over the nodes of squares of shape functions (n_points) [].
@@ -69,8 +68,7 @@ contains
     real(dp), intent(in) :: shape(n_points, n)  !! Shape functions (n_points, n) [].
     real(dp), intent(in) :: shape_square(n_points)  !! Sums of squares of shape functions (n_points) [].
     real(dp), intent(in) :: gradient(n_points, n, dim)  !! Derivatives by reference coordinates (n_points, n, dim) [].
-    !> Sums of products of two derivatives (n_points, dim, dim) [].
-    real(dp), intent(in) :: products(n_points, dim, dim)
+    real(dp), intent(in) :: products(n_points, dim, dim)  !! Sums of products of two derivatives [].
     real(dp), intent(in) :: weight(n_points)  !! Reference weights (n_points) [].
     real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
     !> Inverse Jacobians: derivative of reference coordinate m by coordinate k (n_points, dim, dim) [1/length].
@@ -124,8 +122,7 @@ contains
     integer, intent(in) :: body  !! Index of the body.
     !> Derivatives of displacement i of all bodies by reference coordinate m (n_points, n_bodies, dim, dim) [length].
     real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
-    !> Inverse Jacobians from `map_points` (n_points, dim, dim) [1/length].
-    real(dp), intent(in) :: inverse(n_points, dim, dim)
+    real(dp), intent(in) :: inverse(n_points, dim, dim)  !! Inverse Jacobians from `map_points` [1/length].
     real(dp), intent(in) :: radius(n_points)  !! Radius in axisymmetric analyses (n_points) [length].
     !> Displacements of all bodies; used in axisymmetric analyses only (n_points, n_bodies, dim) [length].
     real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
@@ -151,11 +148,9 @@ contains
     integer, intent(in) :: n  !! Number of nodes of the element.
     integer, intent(in) :: dim  !! Number of functions and of coordinates.
     integer, intent(in) :: n_points  !! Number of points, a multiple of `points_in_row`.
-    !> Derivatives of the shape functions by reference coordinates (n_points, n, dim) [].
-    real(dp), intent(in) :: gradient(n_points, n, dim)
+    real(dp), intent(in) :: gradient(n_points, n, dim)  !! Shape function gradients by xi (n_points, n, dim) [].
     real(dp), intent(in) :: f(dim, n)  !! Values at the nodes (dim, n) [any].
-    !> Derivative of function i by reference coordinate m (n_points, dim, dim) [unit of f].
-    real(dp), intent(out) :: slope(n_points, dim, dim)
+    real(dp), intent(out) :: slope(n_points, dim, dim)  !! Derivative of function i by coordinate m [unit of f].
     integer :: m
     do m = 1, dim
       call interpolate(n, dim, n_points, gradient(:, :, m), f, slope(:, :, m))

@@ -20,17 +20,14 @@ module dotyk_elasticity_load_report
     character(:), allocatable :: place  !! Where it acts, for the log.
     real(dp) :: force(3) = 0  !! Force; along the axis in axisymmetric analyses (3) [force].
     real(dp) :: moment(3) = 0  !! Moment about the origin; 0 in axisymmetric analyses (3) [force length].
-    !> Radial components in axisymmetric analyses, summed around the circumference: no resultant [force].
-    real(dp) :: radial = 0
+    real(dp) :: radial = 0  !! Radial components in axisymmetric analyses, around the circumference [force].
   contains
     procedure :: carry => load_resultant_carry
   end type load_resultant_t
 
-  !> Differences of two rules above this fraction are worth a warning.
-  real(dp), parameter, public :: notable_difference = 0.01_dp
+  real(dp), parameter, public :: notable_difference = 0.01_dp  !! Differences of two rules that are worth a warning.
   integer, parameter :: more_degrees = 5  !! The second rule is exact to as many degrees more.
-  !> Elements of a body that are looked at, at most: evaluating formulas takes time.
-  integer, parameter :: most_elements = 20000
+  integer, parameter :: most_elements = 20000  !! Elements looked at, at most: evaluating formulas takes time.
 
   public :: resultant_of, difference_on_surface, difference_in_volume
 

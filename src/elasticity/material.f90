@@ -1,21 +1,42 @@
 !> Linear elastic materials: isotropic, orthotropic with material axes, fully anisotropic.
 !>
 !> A stiffness matrix maps the strains xx yy zz yz xz xy (engineering shear) to the stresses in the same order: Hooke's
-!> law, equation (2). A material owns no resource: copies are independent. The modulus field is kept as text, because a
-!> formula serves one thread at a time and every user parses its own.
+!> law, equation (2). A material owns no resource: copies are independent. Formulas of constants, thermal expansion,
+!> density and of the modulus field are kept as texts, because a formula serves one thread at a time:
+!> `dotyk_elasticity_material_field` parses them.
 module dotyk_elasticity_material
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, analysis_plane_stress, &
-    option_name
+    material_isotropic, material_orthotropic, option_name
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_base_text, only: quoted, to_text
-  use dotyk_elasticity_material_formulas, only: material_formulas_t
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_stiffness_tensor, only: invert_stiffness, kelvin, material_axes, rotate_stiffness, &
     scale_components, singular_ratio
   use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
+  public :: least_compressible, weight_moduli, elements_of_material, mesh_of_material, nodes_of_material
+
+  type, public :: material_formulas_t  !! The formulas of a material.
+    integer :: kind = material_isotropic  !! One of `material_*`: which constants there are.
+    !> Constants without formulas: isotropic: Young's modulus, Poisson's ratio; orthotropic: three Young's moduli,
+    !> Poisson's ratios and shear moduli; else the 21 of the stiffness (21) [pressure] or [].
+    real(dp) :: constant(21) = 0
+    !> Formulas of these constants, empty where the number holds; not allocated where none has a formula
+    !> (n_constants).
+    type(text_t), allocatable :: stiffness(:)
+    !> Formulas of the thermal expansion along the material axes, one or three; none where not allocated.
+    type(text_t), allocatable :: expansion(:)
+    character(:), allocatable :: density  !! Formula of the density; none where not allocated.
+    !> Material axes as columns, in global axes (3, 3) [].
+    real(dp) :: axes(3, 3) = reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
+  contains
+    procedure :: vary => material_formulas_vary
+    procedure :: constant_name => material_formulas_constant_name
+    procedure :: carry => material_formulas_carry
+  end type material_formulas_t
 
   type, public :: material_t  !! A material.
     character(:), allocatable :: name  !! Name in the input.
@@ -51,8 +72,6 @@ module dotyk_elasticity_material
     procedure :: split => material_split
     procedure :: carry => material_carry
   end type material_t
-
-  public :: least_compressible, weight_moduli
 
 contains
 
@@ -113,8 +132,7 @@ contains
     real(dp), intent(in) :: poisson(3)
     real(dp), intent(in) :: shear(3)  !! Shear moduli 12, 13, 23 (3) [pressure].
     real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
-    !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
-    real(dp), intent(in) :: axis_2(3)
+    real(dp), intent(in) :: axis_2(3)  !! In the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     !> Allocated where a number is out of its range, the axes are parallel, or the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: compliance(6, 6), axes(3, 3), stiffness(6, 6)
@@ -160,8 +178,7 @@ contains
     !> Upper triangle of the stiffness by rows, order 11 22 33 23 13 12 of the material axes (21) [pressure].
     real(dp), intent(in) :: upper(21)
     real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [].
-    !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
-    real(dp), intent(in) :: axis_2(3)
+    real(dp), intent(in) :: axis_2(3)  !! In the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
     !> Allocated where a value is not finite, the axes are parallel, or the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(6), vectors(6, 6), compliance(6, 6), axes(3, 3)
@@ -309,8 +326,7 @@ contains
   subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
     class(material_t), intent(in) :: self
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    !> Ratio of bulk to shear modulus that the first part keeps; the second part has the excess [].
-    real(dp), intent(in) :: kept
+    real(dp), intent(in) :: kept  !! Ratio of bulk to shear modulus of the first part; the second has the rest [].
     real(dp), intent(out) :: matrix(6, 6)  !! First part: from strains to stresses (6, 6) [pressure].
     real(dp), intent(out) :: lambda  !! Lame's first parameter of the first part of an isotropic material [pressure].
     !> Bulk modulus of the second part; 0 for none, and in plane stress, where the thickness is free to change
@@ -358,4 +374,105 @@ contains
     call parcel%carry(self%incompressibility)
     call parcel%carry(self%bulk)
   end subroutine material_carry
+
+  !> The elements of a material, counted through all blocks of the body (n).
+  pure function elements_of_material(mesh, material) result(element)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of the body.
+    integer, intent(in) :: material  !! Number of the material.
+    integer, allocatable :: element(:)
+    integer :: b, e, before
+    allocate (element(0))
+    before = 0
+    do b = 1, size(mesh%block)
+      associate (n => size(mesh%block(b)%tag))
+        if (mesh%block(b)%material == material) element = [element, [(before + e, e=1, n)]]
+        before = before + n
+      end associate
+    end do
+  end function elements_of_material
+
+  !> Whether each node belongs to an element of a material (n_nodes).
+  pure function nodes_of_material(mesh, material) result(has)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: material  !! Number of the material.
+    logical, allocatable :: has(:)
+    integer :: b, e
+    allocate (has(mesh%n_nodes()), source=.false.)
+    do b = 1, size(mesh%block)
+      if (mesh%block(b)%material /= material) cycle
+      do e = 1, size(mesh%block(b)%node, 2)
+        has(mesh%block(b)%node(:, e)) = .true.
+      end do
+    end do
+  end function nodes_of_material
+
+  !> The elements of a material with all nodes of the body.
+  function mesh_of_material(mesh, material) result(part)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    integer, intent(in) :: material  !! Number of the material.
+    type(body_mesh_t) :: part
+    integer :: b, n
+    if (allocated(mesh%file)) part%file = mesh%file
+    part%dimension = mesh%dimension
+    part%order_elevated = mesh%order_elevated
+    part%x = mesh%x
+    part%node_tag = mesh%node_tag
+    allocate (part%block(count(mesh%block%material == material)))
+    n = 0
+    do b = 1, size(mesh%block)
+      if (mesh%block(b)%material /= material) cycle
+      n = n + 1
+      part%block(n) = mesh%block(b)
+    end do
+    if (.not. allocated(mesh%whole)) return
+    part%whole = mesh%whole
+    part%whole%own_element = mesh%whole%own_element(elements_of_material(mesh, material))
+    part%whole%element = mesh%whole%element(elements_of_material(mesh, material))
+    part%whole%n_of_block = pack(mesh%whole%n_of_block, mesh%block%material == material)
+  end function mesh_of_material
+
+  !> Whether elasticity matrix or expansion have constants by formulas, each by its own.
+  pure logical function material_formulas_vary(self) result(vary)
+    class(material_formulas_t), intent(in) :: self
+    vary = allocated(self%stiffness) .or. allocated(self%expansion)
+  end function material_formulas_vary
+
+  !> Key of a constant in the input, as in "poisson_formula(2)".
+  pure function material_formulas_constant_name(self, i) result(name)
+    class(material_formulas_t), intent(in) :: self
+    integer, intent(in) :: i  !! Index of the constant.
+    character(:), allocatable :: name
+    integer :: place
+    place = i
+    select case (self%kind)
+    case (material_isotropic)
+      place = 0
+      name = trim(merge('young  ', 'poisson', i == 1))
+    case (material_orthotropic)
+      place = 1 + mod(i - 1, 3)
+      if (i <= 3) then
+        name = 'young'
+      else if (i <= 6) then
+        name = 'poisson'
+      else
+        name = 'shear'
+      end if
+    case default
+      name = 'stiffness'
+    end select
+    if (len(self%stiffness(i)%s) > 0) name = name//'_formula'
+    if (place > 0) name = name//'('//to_text(place)//')'
+  end function material_formulas_constant_name
+
+  !> Put the formulas into a parcel, or take them out.
+  subroutine material_formulas_carry(self, parcel)
+    class(material_formulas_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%kind)
+    call parcel%carry_fixed(size(self%constant), self%constant)
+    call parcel%carry(self%stiffness)
+    call parcel%carry(self%expansion)
+    call parcel%carry(self%density)
+    call parcel%carry_fixed(size(self%axes), self%axes)
+  end subroutine material_formulas_carry
 end module dotyk_elasticity_material

@@ -19,10 +19,8 @@ module dotyk_elasticity_material_field
 
   type, public :: point_constants_t  !! The constants of a material at a point.
     real(dp) :: factor = 1  !! Factor on the stiffness, see above [].
-    !> From strains to stresses of the analysis, without the projected part, by the factor (6, 6) [pressure].
-    real(dp) :: matrix(6, 6) = 0
-    !> Projected part of the bulk modulus, by the factor; 0 where the dilatation is not projected [pressure].
-    real(dp) :: bulk = 0
+    real(dp) :: matrix(6, 6) = 0  !! From strains to stresses, without projected part, by the factor (6, 6) [pressure].
+    real(dp) :: bulk = 0  !! Projected part of the bulk modulus, by the factor; 0: none [pressure].
     real(dp) :: expansion(6) = 0  !! Thermal expansion, as a strain: order xx yy zz yz xz xy (6) [1/temperature].
   end type point_constants_t
 
@@ -31,8 +29,7 @@ module dotyk_elasticity_material_field
     logical :: varies = .false.  !! Whether more varies than a factor: the matrix, or the expansion.
     type(vector_field_t) :: factor  !! The modulus factor, in the first component.
     type(material_t), private :: material  !! The material.
-    !> Constants by formulas, three in each; none where not allocated.
-    type(vector_field_t), allocatable, private :: elastic(:)
+    type(vector_field_t), allocatable, private :: elastic(:)  !! By formulas, three in each; none where not allocated.
     type(vector_field_t), private :: expansion  !! Thermal expansion along the material axes, where it has formulas.
   contains
     procedure :: init => material_field_init
@@ -143,10 +140,8 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     real(dp), intent(in) :: x(:)  !! The point (dim) [length].
     type(point_constants_t), intent(out) :: here  !! The constants.
-    !> Allocated where a formula has no value, or the material is not stable.
-    type(error_t), allocatable, intent(out) :: error
-    !> Element kind, where its part of the dilatation is projected; none is if absent.
-    integer, intent(in), optional :: kind
+    type(error_t), allocatable, intent(out) :: error  !! Where a formula has no value, or the material is not stable.
+    integer, intent(in), optional :: kind  !! Element kind whose part of the dilatation is projected; none if absent.
     type(material_t) :: material
     real(dp) :: kept, lambda, value(3)
     call self%whole_at(x, material, error)
@@ -207,14 +202,11 @@ contains
     real(dp), intent(in) :: x(:, :)  !! Nodes of the element (dim, n_nodes) [length].
     integer(int64), intent(in) :: tag  !! Tag of the element, for messages.
     real(dp), intent(inout) :: w(:)  !! Weights (n_points) [volume].
-    !> Allocated where a formula has no value, or the material is not stable at a point.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a formula has no value, or the material is not stable.
     !> Matrices at the points, set where more than the factor varies (6, 6, n_points) [pressure].
     real(dp), intent(inout), optional :: matrix(:, :, :)
-    !> Projected parts of the bulk modulus, set alike (n_points) [pressure].
-    real(dp), intent(inout), optional :: bulk(:)
-    !> Thermal expansions, set alike (6, n_points) [1/temperature].
-    real(dp), intent(inout), optional :: expansion(:, :)
+    real(dp), intent(inout), optional :: bulk(:)  !! Projected bulk moduli, set alike (n_points) [pressure].
+    real(dp), intent(inout), optional :: expansion(:, :)  !! Expansions, set alike (6, n_points) [1/temperature].
     type(point_constants_t) :: here
     integer :: q
     if (.not. self%varies) then

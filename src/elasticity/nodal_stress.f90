@@ -5,24 +5,31 @@
 !> with the linear shape functions, as in the error estimate. Each body has its own values: at interfaces they are
 !> one-sided. Where a part of the dilatation is projected, the pressure is that of the recovered dilatation
 !> (`dotyk_elasticity_dilatation_fit`).
+!>
+!> Where the dilatation of a quadratic element is projected on a constant, its displacement is no better than that of a
+!> linear one: strains are of first order, at the nodes, too, and so are those recovered from the displacements of the
+!> nodes. Their means over elements are of second order: stresses at the nodes of such elements come from linear
+!> functions that are fitted to the means around each vertex (`take_stress_of_means`).
 module dotyk_elasticity_nodal_stress
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations, mean_dilatations, smooth_pressures
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t
-  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_material, only: elements_of_material, material_t, mesh_of_material
   use dotyk_elasticity_material_field, only: point_constants_t
-  use dotyk_elasticity_node_constants, only: constants_of_nodes, find_homes
-  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
+  use dotyk_elasticity_node_constants, only: constants_of_nodes, find_homes, thermal_dilatation
+  use dotyk_elasticity_projected_dilatation, only: n_projection_functions, unprojected_bulk_ratio
   use dotyk_elasticity_recovery_patch, only: diagonalize
+  use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
   implicit none
   private
-  public :: nodal_stresses, principal_stresses
+  public :: nodal_stresses, principal_stresses, take_stress_of_means, element_stress, von_mises
 
   !> Radii below this fraction of the largest one are on the axis of an axisymmetric body.
   real(dp), parameter :: on_axis = 1.0e-9_dp
@@ -34,6 +41,10 @@ module dotyk_elasticity_nodal_stress
     real(dp) :: bulk = 0  !! Projected part of the bulk modulus [pressure].
   end type corner_weights_t
 
+  !> Projected part of the bulk modulus over the other one from which on the means are better: from Poisson's ratio
+  !> 0.475 on [].
+  real(dp), parameter :: much = 1
+
 contains
 
   !> Stresses at the nodes of several bodies of one mesh and material, without initial stresses.
@@ -41,15 +52,12 @@ contains
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! Material of the body.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Recovered strains, those of u on return; what is kept of the mesh is reused.
-    type(gradient_recovery_t), intent(inout) :: fit
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    type(gradient_recovery_t), intent(inout) :: fit  !! Those of u on return; what is kept of the mesh is reused.
     !> Stresses in the axes of the mesh, order xx yy zz yz xz xy; NaN at nodes where the modulus field has no value
     !> (6, n_nodes, n_bodies) [pressure].
     real(dp), allocatable, intent(out) :: stress(:, :, :)
-    !> Allocated where the modulus field is no formula; assembly finds this first.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the modulus field is no formula.
     !> Temperatures at the nodes above those of the stress-free bodies; none where absent or not allocated
     !> (n_bodies, n_nodes) [temperature].
     real(dp), allocatable, intent(in), optional :: temperature(:, :)
@@ -203,4 +211,127 @@ contains
     principal = [greatest, max(min(principal(1), principal(2)), min(max(principal(1), principal(2)), principal(3))), &
                  least]
   end function principal_stresses
+
+  !> Whether the greater part of the dilatation of a kind of quadratic elements is projected on a constant.
+  logical function has_constant_dilatation(kind, analysis, material) result(is_constant)
+    integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! Material of the elements.
+    type(element_kind_t) :: properties
+    real(dp) :: matrix(6, 6), lambda, bulk
+    properties = element_kind(kind)
+    is_constant = properties%order > 1 .and. n_projection_functions(kind, properties%dimension) == 1
+    if (.not. is_constant) return
+    call material%split(analysis, unprojected_bulk_ratio(kind, material%incompressibility), matrix, lambda, bulk)
+    is_constant = bulk > much*sum(matrix(:3, :3))/9
+  end function has_constant_dilatation
+
+  !> Take the stresses of the fit at the nodes of such elements, but where there are too few elements for it.
+  subroutine take_stress_of_means(mesh, analysis, material, u, mean, is_meant, stress)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements of one material, and all nodes of the body.
+    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
+    type(material_t), intent(in) :: material  !! The material.
+    real(dp), intent(in) :: u(:, :)  !! Displacements (dim, n_nodes) [length].
+    real(dp), intent(in) :: mean(:, :)  !! Mean stresses of the elements (6, n_elements) [pressure].
+    logical, intent(in) :: is_meant(:)  !! Nodes whose stress is that of this material (n_nodes).
+    !> Stresses in the order of the means; those of some nodes change (6, n_nodes) [pressure].
+    real(dp), intent(inout) :: stress(:, :)
+    type(dilatation_fit_t) :: fit(6)
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: dilatation(:), centre(:, :), volume(:), xi(:, :), weight(:)
+    integer, allocatable :: home(:, :)
+    logical :: is_constant(size(mesh%block))
+    real(dp) :: value(1)
+    integer :: b, i, s
+    is_constant = [(has_constant_dilatation(mesh%block(b)%kind, analysis, material), b=1, size(is_constant))]
+    if (.not. any(is_constant)) return
+    call mean_dilatations(mesh, analysis, u, dilatation, centre, volume)
+    do s = 1, 6
+      call fit(s)%init(mesh, mean(s, :), centre, volume)
+    end do
+    call find_homes(mesh, home)
+    do b = 1, size(mesh%block)
+      if (.not. is_constant(b)) cycle
+      kind = element_kind(mesh%block(b)%kind)
+      if (allocated(xi)) deallocate (xi, weight)
+      allocate (xi(kind%dimension, kind%n_nodes), weight(kind%n_corners))
+      call reference_nodes(mesh%block(b)%kind, xi)
+      do i = 1, size(home, 2)
+        if (home(1, i) /= b .or. .not. is_meant(i)) cycle
+        call shape_functions(kind%corner_kind, xi(:, home(3, i)), weight)
+        associate (corner => mesh%block(b)%node(:kind%n_corners, home(2, i)))
+          if (.not. all([(is_linear(corner(s)), s=1, size(corner))] .or. .not. abs(weight) > 0)) cycle
+          do s = 1, 6
+            call fit(s)%values(mesh%x(:, corner), corner, reshape(weight, [1, size(weight)]), &
+                               reshape(mesh%x(:, i), [1, mesh%dimension]), value)
+            stress(s, i) = value(1)
+          end do
+        end associate
+      end do
+    end do
+
+  contains
+
+    !> Whether the elements around a vertex determine linear functions.
+    pure logical function is_linear(vertex)
+      integer, intent(in) :: vertex  !! The node.
+      integer :: k
+      is_linear = any([(any(abs(fit(k)%coefficient(2:, vertex)) > 0), k=1, 6)])
+    end function is_linear
+  end subroutine take_stress_of_means
+
+  !> Mean stress of each element; nearly incompressible linear elements get a smoothed pressure, which does not
+  !> alternate.
+  subroutine element_stress(body, u, stress, energy)
+    type(body_t), intent(in) :: body  !! The body; assembled before: its elements and formulas are valid.
+    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
+    !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
+    real(dp), intent(out) :: stress(:, :)
+    !> Strain energy; of the own elements where the rank holds a part of the body [energy].
+    real(dp), intent(out), optional :: energy
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: factor(:), thermal(:)
+    integer, allocatable :: own(:)
+    real(dp) :: of_body, shear(3)
+    integer :: e, m
+    allocate (factor(size(stress, 2)))
+    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, of_body, error, factor, &
+                             initial=body%initial)
+    if (present(energy)) energy = of_body
+    do m = 1, size(body%material)
+      if (allocated(error)) exit
+      if (allocated(body%initial%temperature)) &
+        call thermal_dilatation(body%mesh, body%analysis, body%material(m), body%initial, thermal)
+      if (size(body%material) == 1) then
+        call smooth_pressures(body%mesh, body%analysis, body%material(m), u, factor, stress, thermal)
+      else
+        ! Pressures jump where materials meet.
+        own = elements_of_material(body%mesh, m)
+        if (size(own) > 0) call smooth_some(body%material(m), mesh_of_material(body%mesh, m))
+      end if
+    end do
+    do e = 1, size(stress, 2)
+      shear = stress(4:6, e)
+      stress(4:6, e) = [shear(3), shear(1), shear(2)]
+    end do
+
+  contains
+
+    !> Smooth the pressures in one of several materials.
+    subroutine smooth_some(material, part)
+      type(material_t), intent(in) :: material  !! The material.
+      type(body_mesh_t), intent(in) :: part  !! Its elements.
+      real(dp) :: of_part(6, size(own))
+      of_part = stress(:, own)
+      call smooth_pressures(part, body%analysis, material, u, factor(own), of_part, thermal)
+      stress(:, own) = of_part
+    end subroutine smooth_some
+  end subroutine element_stress
+
+  !> Equivalent stress of von Mises [pressure].
+  pure real(dp) function von_mises(stress)
+    real(dp), intent(in) :: stress(6)  !! Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
+    von_mises = sqrt(0.5_dp*((stress(1) - stress(2))**2 + (stress(2) - stress(3))**2 + (stress(3) - stress(1))**2) + &
+                     3*(stress(4)**2 + stress(5)**2 + stress(6)**2))
+  end function von_mises
 end module dotyk_elasticity_nodal_stress

@@ -3,7 +3,7 @@ module dotyk_elasticity_node_constants
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_initial_state, only: initial_state_t
+  use dotyk_elasticity_initial_stress, only: initial_state_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -46,8 +46,7 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! Material of the body.
     integer, intent(in) :: home(:, :)  !! Block, element and number of each node (3, n_nodes).
-    !> The factor on the stiffness; NaN where it has no value (n_nodes) [].
-    real(dp), allocatable, intent(out) :: factor(:)
+    real(dp), allocatable, intent(out) :: factor(:)  !! The factor; NaN where it has no value (n_nodes) [].
     !> The constants; not allocated where a factor alone varies (n_nodes).
     type(point_constants_t), allocatable, intent(out) :: here(:)
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula does not parse.

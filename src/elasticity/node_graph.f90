@@ -99,8 +99,7 @@ contains
     integer, intent(in) :: element_start(:)  !! First entry of each element in `element_node` (n_elements + 1).
     integer, intent(in) :: element_node(:)  !! Nodes of the elements, one element after the other (n_entries).
     integer, allocatable, intent(out) :: first(:)  !! First entry of each node in `node_element` (n + 2).
-    !> Elements of the nodes, one node after the other (n_entries).
-    integer, allocatable, intent(out) :: node_element(:)
+    integer, allocatable, intent(out) :: node_element(:)  !! Elements of the nodes, node after node (n_entries).
     integer :: e, k
     allocate (first(n + 2), source=0)
     allocate (node_element(size(element_node)))

@@ -78,8 +78,7 @@ contains
     integer(int64), intent(in) :: start(:)  !! First neighbour of each node (n_nodes + 1).
     integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes (start(n_nodes + 1) - 1).
     integer, allocatable, intent(out) :: vertex_start(:)  !! First neighbour of each vertex (n_vertices + 1).
-    !> Neighbours of the vertices (vertex_start(n_vertices + 1) - 1).
-    integer, allocatable, intent(out) :: vertex_neighbour(:)
+    integer, allocatable, intent(out) :: vertex_neighbour(:)  !! Neighbours (vertex_start(n_vertices + 1) - 1).
     type(error_t), allocatable, intent(out) :: error  !! Allocated where METIS cannot count the neighbours.
     integer, allocatable :: found(:)
     integer(int64) :: k

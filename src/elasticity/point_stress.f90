@@ -72,16 +72,13 @@ contains
     logical, intent(in) :: at_faces  !! Whether the points are on faces: the modulus is that beside them.
     real(dp), intent(out) :: inverse(n_points, dim, dim)  !! Inverse Jacobians (n_points, dim, dim) [1/length].
     real(dp), intent(out) :: radius(n_points)  !! Radius in axisymmetric analyses, 1 in others (n_points) [length].
-    !> Jacobian determinants by the weights of the points, 0 for repetitions (n_points) [volume].
-    real(dp), intent(out) :: w(n_points)
+    real(dp), intent(out) :: w(n_points)  !! Jacobian determinants by the weights, 0 for repetitions [volume].
     real(dp), intent(out) :: modulus(n_points)  !! Modulus factor (n_points) [].
     !> Stresses; 0 where the element is inverted at a point (n_points, n_strains, n_bodies) [pressure].
     real(dp), intent(out) :: stress(n_points, n_strains, n_bodies)
-    !> Smallest determinant; where it is not positive `inverse` and `w` are undefined [volume].
-    real(dp), intent(out) :: worst
+    real(dp), intent(out) :: worst  !! Smallest determinant; if not positive `inverse` and `w` are undefined [volume].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
-    !> Material at the points, by the factor: from strains to stresses (n_strains, n_strains, n_points) [pressure].
-    real(dp), intent(out), optional :: matrix(n_strains, n_strains, n_points)
+    real(dp), intent(out), optional :: matrix(n_strains, n_strains, n_points)  !! Material, by the factor [pressure].
     type(point_constants_t) :: here
     real(dp) :: x(dim, n), u(n_bodies, dim, n), g_square(n_points), slope(n_points, dim, slots)
     real(dp) :: by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)

@@ -43,8 +43,7 @@ module dotyk_elasticity_projected_dilatation
   !> The same for quadratic elements of which only the mean dilatation is projected: Poisson's ratio 0.45.
   real(dp), parameter :: locking_free_ratio_of_mean = 29.0_dp/3
 
-  !> Greatest ratio of the projected parts of the bulk modulus in an element [].
-  real(dp), parameter :: most_variation = 4.0_dp
+  real(dp), parameter :: most_variation = 4.0_dp  !! Greatest ratio of projected bulk moduli in an element [].
 
   !> A function that keeps less than this fraction of its norm when the functions before it are projected out depends on
   !> them linearly: the square root of the rounding of its squared norm.
@@ -83,8 +82,7 @@ contains
     integer, intent(in) :: n_points  !! Number of quadrature points.
     !> Projected parts of the bulk modulus; 0 at all points on return where there is none at one (n_points) [pressure].
     real(dp), intent(inout) :: bulk(n_points)
-    !> Unprojected parts of the material: from strains to stresses (6, 6, n_points) [pressure].
-    real(dp), intent(inout) :: matrix(6, 6, n_points)
+    real(dp), intent(inout) :: matrix(6, 6, n_points)  !! Unprojected, from strains to stresses [pressure].
     real(dp) :: most
     integer :: q
     most = most_variation*minval(bulk)
@@ -105,8 +103,7 @@ contains
     real(dp), intent(in) :: shape(n, n_points)  !! Shape functions (n, n_points) [].
     real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
     real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
-    !> Values of the functions (n_points, n_functions) [1/sqrt(volume)].
-    real(dp), intent(out) :: value(n_points, n_functions)
+    real(dp), intent(out) :: value(n_points, n_functions)  !! Values of the functions [1/sqrt(volume)].
     integer :: j
     ! Relative to the first node: no cancellation in elements far from the origin.
     do j = 2, n_functions
@@ -122,8 +119,7 @@ contains
     integer, intent(in) :: n_functions  !! Number of projection functions.
     real(dp), intent(in) :: place(n_points, dim)  !! Quadrature points (n_points, dim) [length].
     real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
-    !> Values of the function, replaced by those of its projection (n_points) [].
-    real(dp), intent(inout) :: f(n_points)
+    real(dp), intent(inout) :: f(n_points)  !! Values of the function, replaced by those of its projection [].
     real(dp) :: value(n_points, n_functions)
     integer :: j
     do j = 2, n_functions
@@ -170,10 +166,8 @@ contains
     !> Gradients of the shape functions; third slot N/r in axisymmetric analyses (n, slots, n_points) [1/length].
     real(dp), intent(in) :: g(n, slots, n_points)
     real(dp), intent(in) :: w(n_points)  !! Weights times the modulus field (n_points) [volume].
-    !> Projection functions at the points (n_points, n_functions) [1/sqrt(volume)].
-    real(dp), intent(in) :: value(n_points, n_functions)
-    !> Coefficient of each function per nodal displacement (n, dim, n_functions) [sqrt(volume)/length].
-    real(dp), intent(out) :: d(n, dim, n_functions)
+    real(dp), intent(in) :: value(n_points, n_functions)  !! Projection functions at the points [1/sqrt(volume)].
+    real(dp), intent(out) :: d(n, dim, n_functions)  !! Coefficients by displacements [sqrt(volume)/length].
     integer :: i, j, q
     d = 0
     do j = 1, n_functions
@@ -192,10 +186,8 @@ contains
     integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
     integer, intent(in) :: n_functions  !! Number of projection functions.
     real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
-    !> Linear forms from `projected_dilatations` (n, dim, n_functions) [sqrt(volume)/length].
-    real(dp), intent(in) :: d(n, dim, n_functions)
-    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(inout) :: k(n, n, dim, dim)
+    real(dp), intent(in) :: d(n, dim, n_functions)  !! Linear forms from `projected_dilatations` [sqrt(volume)/length].
+    real(dp), intent(inout) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     integer :: i, j, b, f
     do j = 1, dim
       do i = 1, dim

@@ -178,8 +178,7 @@ contains
     integer, intent(in) :: dim  !! Number of coordinates.
     integer, intent(in) :: n_blocks  !! Number of blocks.
     real(dp), intent(inout) :: axes(dim, dim)  !! Axes of the patch, scaled on return (dim, dim) [1/length].
-    !> Positions relative to the vertex [length], scaled on return [] (lanes, dim, n_blocks).
-    real(dp), intent(inout) :: t(lanes, dim, n_blocks)
+    real(dp), intent(inout) :: t(lanes, dim, n_blocks)  !! Positions from the vertex [length], scaled on return [].
     real(dp), intent(out) :: root_weight(lanes, n_blocks)  !! Square roots of the weights (lanes, n_blocks) [].
     real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
     integer :: b, i, k

@@ -7,14 +7,13 @@
 !> constant for the kind of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered
 !> ones from both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
 module dotyk_elasticity_residual_check
-  use dotyk_base_allowance, only: allowance_t
+  use dotyk_base_memory, only: allowance_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_bubble_table, only: bubble_table_t
-  use dotyk_elasticity_cluster_residual, only: cluster_energy, simplex_bubbles_t
+  use dotyk_elasticity_cluster_residual, only: cluster_energy, flat_clusters_t, simplex_bubbles_t
   use dotyk_elasticity_element_residual, only: bubble_factor_t, residual_data_t, residual_energy
   use dotyk_elasticity_face_tractions, only: face_tractions_t
-  use dotyk_elasticity_flat_clusters, only: flat_clusters_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_point_stress, only: point_material_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
@@ -42,10 +41,8 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
     type(residual_data_t), intent(in) :: data  !! Loads and held directions of the bodies.
-    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Elements of each body with smaller squared errors are left alone (n_bodies) [energy].
-    real(dp), intent(in) :: least(:)
+    real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in) :: least(:)  !! Elements with smaller squared errors are left alone (n_bodies) [energy].
     !> Factors of elements: those that were kept are used, and others are kept where there is room (n_elements).
     type(bubble_factor_t), intent(inout) :: factor(:)
     type(allowance_t), intent(inout) :: room  !! Memory for factors.

@@ -3,13 +3,16 @@
 !>
 !> A rigid motion is a translation and a rotation times the radius of the component, both about its centre: six
 !> numbers of one unit.
+!>
+!> Rigid body modes that the supports of a body leave free.
 module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
   use dotyk_base_text, only: to_text
+  use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_foundation_points, only: foundation_points_t
+  use dotyk_elasticity_foundation, only: foundation_points_t
   use dotyk_elasticity_part_sums, only: add_up_parts, gather_rows, greatest_of_parts
   use dotyk_elasticity_vector_field, only: point_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
@@ -17,6 +20,8 @@ module dotyk_elasticity_rigid_motion
   use dotyk_mesh_facet, only: cross
   implicit none
   private
+  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, first_node, component_text, &
+    rigid_displacement, free_rigid_modes
 
   !> Rotations and translations of a normalized motion below this are rounding errors of the null space.
   real(dp), parameter :: negligible = 1.0e-5_dp
@@ -27,8 +32,6 @@ module dotyk_elasticity_rigid_motion
   !> Components of a direction that differ by less than this fraction are equal: the sign of a direction does not
   !> depend on rounding.
   real(dp), parameter :: equal_components = 1.0e-9_dp
-  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, first_node, component_text, &
-    rigid_displacement
 
   !> A motion that moves the held points by less than this fraction of the others is free: more than the rounding of
   !> coordinates in mesh files, less than the motion that a real support stops.
@@ -136,8 +139,7 @@ contains
     type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
     integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
     integer, intent(in) :: p  !! Index of the component.
-    !> Centre of the bounding box of the component; the origin in axisymmetric analyses (3) [length].
-    real(dp), intent(out) :: centre(3)
+    real(dp), intent(out) :: centre(3)  !! Centre of its bounding box; the origin in axisymmetric analyses (3) [length].
     real(dp), intent(out) :: radius  !! Half of the diagonal of this box [length].
     real(dp), intent(out) :: free(6, 6)  !! Orthonormal rigid body modes in the first n columns (6, 6) [].
     integer, intent(out) :: n  !! Number of rigid body modes that the supports leave.
@@ -373,4 +375,12 @@ contains
     if (maxval(unit) < maxval(abs(unit))*(1 - equal_components)) unit = -unit
     text = vector_text(unit, 1.0_dp)
   end function direction_text
+
+  !> Number and description of the rigid body modes that the supports of a body leave free.
+  subroutine free_rigid_modes(body, n_free, text)
+    type(body_t), intent(in) :: body  !! The body; it need not be assembled.
+    integer, intent(out) :: n_free  !! Number of independent modes, summed over the connected components of the body.
+    character(:), allocatable, intent(out) :: text  !! Description of the modes; empty for none.
+    call find_free_rigid_modes(body%mesh, body%analysis, body%constraint, n_free, text)
+  end subroutine free_rigid_modes
 end module dotyk_elasticity_rigid_motion

@@ -17,8 +17,7 @@ module dotyk_elasticity_shape_table
     integer :: dimension = 0  !! Number of coordinates.
     integer :: n_points = 0  !! Number of points.
     real(dp), allocatable :: shape(:, :)  !! Shape functions (n_nodes, n_points) [].
-    !> Derivatives by reference coordinates (n_nodes, dimension, n_points) [].
-    real(dp), allocatable :: gradient(:, :, :)
+    real(dp), allocatable :: gradient(:, :, :)  !! By reference coordinates (n_nodes, dimension, n_points) [].
     real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
   contains
     procedure :: init => shape_table_init
@@ -103,8 +102,7 @@ contains
     class(shape_table_pair_t), intent(inout) :: self
     integer, intent(in) :: kind  !! Element kind: one of the `element_*` constants.
     type(element_kind_t), intent(in) :: properties  !! Properties of the element kind.
-    !> Degree of quadrature on straight elements, and on all elements that are no simplices.
-    integer, intent(in) :: degree
+    integer, intent(in) :: degree  !! Degree of quadrature on straight elements, and on all that are no simplices.
     integer, intent(in) :: curved_degree  !! Degree of quadrature on curved simplices.
     real(dp), allocatable :: xi(:, :)
     integer :: i

@@ -141,11 +141,9 @@ contains
     integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
     integer, intent(in) :: n_nodes  !! Number of nodes of the body.
     integer, intent(in) :: node(n)  !! Nodes of the element (n).
-    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(in) :: k(n, n, dim, dim)
+    real(dp), intent(in) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     integer, intent(in) :: part  !! Index of the part, see `element_partition_t`.
-    !> Part that owns each node (n_nodes); columns of nodes of other parts are left to their owners.
-    integer, intent(in) :: owner(n_nodes)
+    integer, intent(in) :: owner(n_nodes)  !! Owning part of each node; columns of others are left to them (n_nodes).
     integer, intent(in) :: equation(dim, n_nodes)  !! Equations by nodes, 0 for none (dim, n_nodes).
     integer, intent(in) :: n_free(n_nodes)  !! Number of equations of each node (n_nodes).
     integer(int64), intent(in) :: first(n_nodes + 1)  !! First greater neighbour of each node (n_nodes + 1).

@@ -16,8 +16,7 @@ contains
     integer, intent(in) :: n  !! Number of nodes.
     integer, intent(in) :: slots  !! Number of gradient slots.
     integer, intent(in) :: n_points  !! Number of quadrature points.
-    !> Gradients, node and slot in one index (n*slots, n_points) [1/length].
-    real(dp), intent(in) :: g(n*slots, n_points)
+    real(dp), intent(in) :: g(n*slots, n_points)  !! Node and slot in one index (n*slots, n_points) [1/length].
     real(dp), intent(in) :: w(n_points)  !! Quadrature weights times the modulus field (n_points) [volume].
     !> M; blocks above the diagonal are not set (n*slots, n*slots) [length^(dim-2)].
     real(dp), intent(out) :: products(n*slots, n*slots)
@@ -53,8 +52,7 @@ contains
     real(dp), intent(in) :: lambda  !! Lame's first parameter [pressure].
     real(dp), intent(in) :: mu  !! Shear modulus [pressure].
     real(dp), intent(in) :: m(n, 3, n, 3)  !! Products of gradients from `gradient_products` (n, 3, n, 3) [length].
-    !> Element stiffness: node a, node b, component i, component j (n, n, 3, 3) [force/length].
-    real(dp), intent(out) :: k(n, n, 3, 3)
+    real(dp), intent(out) :: k(n, n, 3, 3)  !! Node a, node b, component i, component j (n, n, 3, 3) [force/length].
     integer :: i, j, a, b
     do b = 1, n
       do a = 1, n
@@ -94,8 +92,7 @@ contains
     !> Products of gradients from `gradient_products`; blocks above the diagonal are set on return
     !> (n, slots, n, slots) [length^(dim-2)].
     real(dp), intent(inout) :: m(n, slots, n, slots)
-    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(out) :: k(n, n, dim, dim)
+    real(dp), intent(out) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     integer :: i, j, s, t, a, b
     real(dp) :: c
     do t = 2, slots
@@ -135,12 +132,10 @@ contains
     integer, intent(in) :: slots  !! Number of gradient slots.
     integer, intent(in) :: n_points  !! Number of quadrature points.
     integer, intent(in) :: strain(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
-    !> Material matrices: from strains to stresses (6, 6, n_points) [pressure].
-    real(dp), intent(in) :: material(6, 6, n_points)
+    real(dp), intent(in) :: material(6, 6, n_points)  !! Material matrices: from strains to stresses [pressure].
     real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
     real(dp), intent(in) :: w(n_points)  !! Quadrature weights times the factor of the matrices (n_points) [volume].
-    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(out) :: k(n, n, dim, dim)
+    real(dp), intent(out) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     real(dp) :: b(n, 6, dim), stress(6, n, dim)
     integer :: i, j, q, s
     k = 0
@@ -172,8 +167,7 @@ contains
     integer, intent(in) :: n_frames  !! Number of sets of axes.
     integer, intent(in) :: frame_of(n)  !! Local axes of each node of the element, 0 for the global axes (n).
     real(dp), intent(in) :: frame(dim, dim, n_frames)  !! Axes as columns (dim, dim, n_frames) [].
-    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
-    real(dp), intent(inout) :: k(n, n, dim, dim)
+    real(dp), intent(inout) :: k(n, n, dim, dim)  !! Node a, node b, component i, component j [force/length].
     real(dp) :: line(n, dim)
     integer :: a, i, j
     do a = 1, n

@@ -26,8 +26,7 @@ contains
     real(dp), intent(in) :: axis_1(3)  !! Direction of axis 1, of any length (3) [any].
     real(dp), intent(in) :: axis_2(3)  !! A direction in the plane of axes 1 and 2 (3) [any].
     real(dp), intent(out) :: axes(3, 3)  !! Unit vectors along axes 1, 2, 3, as columns (3, 3) [].
-    !> Allocated where a direction is zero, or where both are parallel.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a direction is zero, or where both are parallel.
     real(dp) :: length_1, length_2, rest(3)
     axes = 0
     length_1 = norm2(axis_1)
@@ -64,8 +63,7 @@ contains
   !> Inverse of a positive definite stiffness or compliance.
   subroutine invert_stiffness(matrix, weight, inverse, error)
     real(dp), intent(in) :: matrix(6, 6)  !! Stiffness (6, 6) [pressure] or compliance [1/pressure].
-    !> Weights of Kelvin's notation: `kelvin` for a stiffness, its reciprocal for a compliance (6) [].
-    real(dp), intent(in) :: weight(6)
+    real(dp), intent(in) :: weight(6)  !! Kelvin's weights: `kelvin` for a stiffness, 1/`kelvin` for a compliance [].
     real(dp), intent(out) :: inverse(6, 6)  !! The inverse (6, 6) [1/pressure] or [pressure].
     !> Allocated where the matrix is not positive definite; names the least eigenvalue of the inverse, a stiffness.
     type(error_t), allocatable, intent(out) :: error

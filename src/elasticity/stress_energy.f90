@@ -4,8 +4,7 @@ module dotyk_elasticity_stress_energy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
-  use dotyk_elasticity_initial_state, only: initial_state_t
-  use dotyk_elasticity_initial_stress, only: add_mean_initial_stress
+  use dotyk_elasticity_initial_stress, only: add_mean_initial_stress, initial_state_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -25,26 +24,33 @@ contains
     !> Strain energy A(u,u)/2, whatever the initial state; of the own elements where the rank holds a part of the body
     !> [energy].
     real(dp), intent(out) :: energy
-    !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
-    type(error_t), allocatable, intent(out) :: error
-    !> Mean of the modulus field over each element (n_elements) [].
-    real(dp), intent(out), optional :: mean_modulus_factor(:)
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
+    real(dp), intent(out), optional :: mean_modulus_factor(:)  !! Means of the modulus field (n_elements) [].
     real(dp), intent(out), optional :: volume(:)  !! Volume of each element (n_elements) [volume].
     !> Temperature and initial stress, which have a part in the stress; none where absent.
     type(initial_state_t), intent(in), optional :: initial
     type(initial_state_t) :: state
+    type(error_t), allocatable :: failed
     real(dp), allocatable :: element_energy(:), factor(:), element_volume(:)
-    integer :: i, first, last
+    integer :: b, before, n, n_parts, s
     stress = 0
     if (present(initial)) state = initial
     allocate (element_energy(size(stress, 2)), factor(size(stress, 2)), element_volume(size(stress, 2)), source=0.0_dp)
-    last = 0
-    do i = 1, size(mesh%block)
-      first = last + 1
-      last = last + size(mesh%block(i)%node, 2)
-      call evaluate_block(mesh, i, analysis, material, state, u, stress(:, first:last), element_energy(first:last), &
-                          factor(first:last), element_volume(first:last), error)
+    before = 0
+    do b = 1, size(mesh%block)
+      n = size(mesh%block(b)%node, 2)
+      n_parts = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
+      !$omp parallel do default(none) schedule(static, 1) private(failed) shared(error, n, n_parts)
+      do s = 1, n_parts
+        call evaluate_elements((n*(s - 1))/n_parts + 1, (n*s)/n_parts, failed)
+        if (.not. allocated(failed)) cycle
+        !$omp critical(dotyk_recovery)
+        if (.not. allocated(error)) call move_alloc(failed, error)
+        !$omp end critical(dotyk_recovery)
+      end do
+      !$omp end parallel do
       if (allocated(error)) exit
+      before = before + n
     end do
     ! Summed in the order of the elements: the same rounding on any number of threads.
     if (allocated(mesh%whole)) then
@@ -54,86 +60,40 @@ contains
     end if
     if (present(mean_modulus_factor)) mean_modulus_factor = factor
     if (present(volume)) volume = element_volume
+
+  contains
+
+    !> Evaluate some elements of block b: the work of one thread.
+    subroutine evaluate_elements(first, last, failed)
+      integer, intent(in) :: first, last  !! The first and the last of them.
+      type(error_t), allocatable, intent(out) :: failed  !! Where an element is inverted or the modulus not positive.
+      type(element_quadrature_t) :: points
+      real(dp), allocatable :: ue(:, :), amplitude(:)
+      integer :: e, i
+      call points%init(mesh, b, analysis, material, failed)
+      if (allocated(failed)) return
+      associate (n => points%n, dim => points%dim, m => points%n_points)
+        allocate (ue(dim, n), amplitude(points%n_functions))
+        do i = first, last
+          call points%move_to(mesh, b, i, failed)
+          if (allocated(failed)) exit
+          e = before + i
+          ue(:, :) = u(:, points%node)
+          call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, &
+                                     points%n_matrices, points%matrix, ue, stress(:, e), element_energy(e))
+          element_volume(e) = sum(points%w(:m))
+          factor(e) = sum(points%stiffness(:m))/element_volume(e)
+          if (points%bulk > 0) then
+            amplitude = matmul(reshape(transpose(ue), [n*dim]), reshape(points%dilatation, [n*dim, size(amplitude)]))
+            element_energy(e) = element_energy(e) + 0.5_dp*points%bulk*sum(amplitude**2)
+            stress(1:3, e) = stress(1:3, e) + points%bulk*points%pressure_integral(amplitude)/element_volume(e)
+          end if
+          if (state%is_set()) call add_mean_initial_stress(points, state, stress(:, e))
+        end do
+      end associate
+      call points%destroy()
+    end subroutine evaluate_elements
   end subroutine stresses_and_energy
-
-  !> Evaluate the elements of one block, distributed over the threads.
-  subroutine evaluate_block(mesh, i_block, analysis, material, state, u, stress, energy, mean_modulus_factor, volume, &
-                            error)
-    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    integer, intent(in) :: i_block  !! Index of the element block.
-    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
-    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
-    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(inout) :: stress(:, :)  !! Mean stresses of the elements of the block (6, n_elements) [pressure].
-    real(dp), intent(inout) :: energy(:)  !! Strain energies of the elements of the block (n_elements) [energy].
-    !> Mean of the modulus field over each element of the block (n_elements) [].
-    real(dp), intent(inout) :: mean_modulus_factor(:)
-    real(dp), intent(inout) :: volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: failed
-    integer :: n, s, n_parts
-    n = size(energy)
-    n_parts = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
-    !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, state, u, stress, energy, mean_modulus_factor, volume, error, n) &
-    !$omp& shared(n_parts)
-    do s = 1, n_parts
-      call evaluate_elements(mesh, i_block, analysis, material, state, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, &
-                             stress, energy, mean_modulus_factor, volume, failed)
-      if (.not. allocated(failed)) cycle
-      !$omp critical(dotyk_recovery)
-      if (.not. allocated(error)) call move_alloc(failed, error)
-      !$omp end critical(dotyk_recovery)
-    end do
-    !$omp end parallel do
-  end subroutine evaluate_block
-
-  !> Evaluate a range of elements of a block.
-  subroutine evaluate_elements(mesh, i_block, analysis, material, state, u, first, last, stress, energy, &
-                               mean_modulus_factor, element_volume, error)
-    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    integer, intent(in) :: i_block  !! Index of the element block.
-    integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
-    type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
-    real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
-    integer, intent(in) :: first  !! First element.
-    integer, intent(in) :: last  !! Last element.
-    real(dp), intent(inout) :: stress(:, :)  !! Mean stresses of the elements of the block (6, n_elements) [pressure].
-    real(dp), intent(inout) :: energy(:)  !! Strain energies of the elements of the block (n_elements) [energy].
-    !> Mean of the modulus field over each element of the block (n_elements) [].
-    real(dp), intent(inout) :: mean_modulus_factor(:)
-    real(dp), intent(inout) :: element_volume(:)  !! Volumes of the elements of the block (n_elements) [volume].
-    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
-    type(error_t), allocatable, intent(out) :: error
-    type(element_quadrature_t) :: points
-    real(dp), allocatable :: ue(:, :), amplitude(:)
-    real(dp) :: volume
-    integer :: e
-    call points%init(mesh, i_block, analysis, material, error)
-    if (allocated(error)) return
-    associate (n => points%n, dim => points%dim, m => points%n_points)
-      allocate (ue(dim, n), amplitude(points%n_functions))
-      do e = first, last
-        call points%move_to(mesh, i_block, e, error)
-        if (allocated(error)) exit
-        ue(:, :) = u(:, points%node)
-        call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, &
-                                   points%n_matrices, points%matrix, ue, stress(:, e), energy(e))
-        volume = sum(points%w(:m))
-        mean_modulus_factor(e) = sum(points%stiffness(:m))/volume
-        element_volume(e) = volume
-        if (points%bulk > 0) then
-          call dilatation_energy(n, dim, points%n_functions, points%bulk, points%dilatation, ue, amplitude, energy(e))
-          stress(1:3, e) = stress(1:3, e) + points%bulk*points%pressure_integral(amplitude)/volume
-        end if
-        if (state%is_set()) call add_mean_initial_stress(points, state, stress(:, e))
-      end do
-    end associate
-    call points%destroy()
-  end subroutine evaluate_elements
 
   !> Mean stress of an element, and its energy.
   pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, n_matrices, matrix, u, &
@@ -147,8 +107,7 @@ contains
     real(dp), intent(in) :: stiffness(n_points)  !! Weights times the modulus field (n_points) [volume].
     integer, intent(in) :: strain_of(dim, slots)  !! Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: n_matrices  !! Number of matrices: 1, or one for each point.
-    !> Unprojected part of the material: from strains to stresses (6, 6, n_matrices) [pressure].
-    real(dp), intent(in) :: matrix(6, 6, n_matrices)
+    real(dp), intent(in) :: matrix(6, 6, n_matrices)  !! Unprojected, from strains to stresses [pressure].
     real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
     real(dp), intent(out) :: stress(6)  !! Mean stress (6) [pressure].
     real(dp), intent(out) :: energy  !! Strain energy [energy].
@@ -174,20 +133,4 @@ contains
     end do
     stress = total/sum(w)
   end subroutine element_stress_energy
-
-  !> Add the energy of the projected dilatation.
-  pure subroutine dilatation_energy(n, dim, n_functions, bulk, d, u, amplitude, energy)
-    integer, intent(in) :: n  !! Number of nodes of the element.
-    integer, intent(in) :: dim  !! Number of displacement components, 2 or 3.
-    integer, intent(in) :: n_functions  !! Number of projection functions.
-    real(dp), intent(in) :: bulk  !! Projected part of the bulk modulus [pressure].
-    !> Linear forms from `projected_dilatations` (n*dim, n_functions) [sqrt(volume)/length].
-    real(dp), intent(in) :: d(n*dim, n_functions)
-    real(dp), intent(in) :: u(dim, n)  !! Displacements (dim, n) [length].
-    !> Coefficients of the projection functions (n_functions) [sqrt(volume)].
-    real(dp), intent(out) :: amplitude(n_functions)
-    real(dp), intent(inout) :: energy  !! Strain energy, added to [energy].
-    amplitude = matmul(reshape(transpose(u), [n*dim]), d)
-    energy = energy + 0.5_dp*bulk*sum(amplitude**2)
-  end subroutine dilatation_energy
 end module dotyk_elasticity_stress_energy

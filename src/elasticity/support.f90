@@ -11,8 +11,7 @@ module dotyk_elasticity_support
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_constraint, only: constraint_t, held
-  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
-  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_node_axes, only: combine_conditions, nodal_vector_list_t, node_axes_t
   use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -60,8 +59,7 @@ contains
     type(constraint_t), intent(out) :: constraint  !! Equations, prescribed displacements and nodal axes.
     !> Allocated where a formula does not parse or has no value at a node, or where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
-    !> Directions of the prescribed displacements, for reactions.
-    type(support_directions_t), intent(out), optional :: directions
+    type(support_directions_t), intent(out), optional :: directions  !! Prescribed directions, for reactions.
     type(nodal_vector_list_t) :: conditions, faces
     type(vector_field_t) :: fields(size(supports))
     type(text_t) :: place(size(supports))
@@ -132,8 +130,7 @@ contains
     type(vector_field_t), intent(in) :: fields(:)  !! Prescribed displacements (n_supports) [length].
     type(nodal_vector_list_t), intent(in) :: faces  !! Normals of the facets at the nodes.
     type(nodal_vector_list_t), intent(inout) :: conditions  !! Dirichlet conditions, added to.
-    !> Allocated where a formula has no value at a node; names the surface.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where a formula has no value at a node; names the surface.
     integer, allocatable :: first(:), order(:), signature(:), group(:)
     real(dp), allocatable :: normal(:, :), area(:), mean(:, :)
     integer :: node, g, i, n, dim, n_groups
@@ -249,8 +246,7 @@ contains
     integer, intent(in) :: source(:)
     type(node_axes_t), intent(in) :: axes  !! Nodal axes with the contradicting condition.
     real(dp), intent(in) :: direction(:)  !! Direction of this condition (dim) [].
-    !> Allocated on return; names node, surfaces, direction and both displacements.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names node, surfaces, direction and both displacements.
     character(:), allocatable :: names, name
     real(dp) :: unit(size(direction)), sign
     integer :: i
@@ -322,11 +318,9 @@ contains
     real(dp), intent(in) :: normal(dim, n)  !! Unit normals (dim, n) [].
     real(dp), intent(in) :: area(n)  !! Areas of their facets (n) [length^(dim-1)].
     integer, intent(in) :: signature(n)  !! Normals of different signatures are never in one group (n).
-    !> Group of each normal; groups are numbered in the order of their first normals (n).
-    integer, intent(out) :: group(n)
+    integer, intent(out) :: group(n)  !! Group of each normal; groups are numbered in the order of their first normals.
     integer, intent(out) :: n_groups  !! Number of groups.
-    !> Mean unit normal of each group, weighted with the areas; n_groups columns are set (dim, n) [].
-    real(dp), intent(out) :: mean(dim, n)
+    real(dp), intent(out) :: mean(dim, n)  !! Mean unit normals, weighted with areas; n_groups columns (dim, n) [].
     integer :: i, j, member, stack(n), height
     group = 0
     n_groups = 0

@@ -9,15 +9,14 @@ module dotyk_elasticity_support_directions
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
+  use dotyk_elasticity_node_axes, only: nodal_vector_list_t
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
 
   type, public :: support_directions_t  !! Conditions of all supports of a body, by nodes.
-    !> Surfaces with supports; of size 0 or not allocated without supports (n_supports).
-    type(text_t), allocatable :: place(:)
+    type(text_t), allocatable :: place(:)  !! Surfaces with supports; size 0 or not allocated without (n_supports).
     integer, allocatable :: node(:)  !! Node of each condition, ascending (n).
     integer, allocatable :: source(:)  !! Support of each condition, 0 for the axis of symmetry (n).
     real(dp), allocatable :: direction(:, :)  !! Directions of the prescribed displacements (dim, n) [].
@@ -95,8 +94,7 @@ contains
     class(support_directions_t), intent(in) :: self
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     real(dp), intent(in) :: reaction(:, :)  !! Reactions at the nodes (dim, n_nodes) [force].
-    !> Force and moment about the origin of each support (6, n_supports) [force, force length].
-    real(dp), intent(out) :: sums(:, :)
+    real(dp), intent(out) :: sums(:, :)  !! Force and moment about the origin (6, n_supports) [force, force length].
     real(dp), allocatable :: part(:)
     integer :: first, last, i
     sums = 0

@@ -1,28 +1,31 @@
 !> A body on the two levels of p-multigrid: its stiffness by block rows, and the body of linear elements on its corners
 !> with the Galerkin matrix of the corner space.
+!>
+!> A body whose nodes are numbered along a Morton curve: matrices by rows find the vectors that they multiply in the
+!> caches then.
 module dotyk_elasticity_two_levels
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_plane_stress
-  use dotyk_elasticity_block_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
+  use dotyk_elasticity_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_sparsity_pattern, only: build_pattern
-  use dotyk_elasticity_spatial_order, only: order_nodes
   use dotyk_linalg_block_rows, only: block_rows_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
+  public :: is_linear, multigrid_obstacle, order_nodes
 
   type, public :: two_levels_t  !! Stiffness on two levels.
     type(constraint_t) :: constraint  !! Equations of the body and nodal axes, nodes in the order of the rows.
-    !> Stiffness by block rows, in nodal axes; held components have the unit diagonal [force/length].
-    type(block_rows_t) :: rows
+    type(block_rows_t) :: rows  !! Stiffness by block rows; held components have unit diagonal [force/length].
     type(corner_space_t) :: space  !! Interpolation from the corners.
     type(body_t) :: corner_body  !! The body of linear elements on the corners: mesh, supports at rest, no loads.
     !> Galerkin matrix P^T K P over its equations, with the graph of the corners; a large one is in `corner_rows`
@@ -44,7 +47,6 @@ module dotyk_elasticity_two_levels
   integer, parameter, public :: obstacle_incompressible = 2  !< nearly incompressible: iterations grow without bound
   integer, parameter, public :: obstacle_hinged = 3          !< pieces may turn freely, which factors find out alone
 
-  public :: is_linear, multigrid_obstacle
 
   !> Bulk over shear modulus above which the iterations are too many: Poisson's ratio 0.4989 [].
   real(dp), parameter :: most_bulk_over_shear = 450
@@ -81,8 +83,7 @@ contains
     type(body_t), intent(in) :: body  !! The body; it need not be assembled.
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
-    !> Corner spaces of more equations are assembled by block rows; none if absent.
-    integer, intent(in), optional :: large
+    integer, intent(in), optional :: large  !! More equations are assembled by block rows; none if absent.
     type(body_mesh_t) :: mesh
     type(corner_matrix_t) :: corner_matrix
     integer, allocatable :: order(:)
@@ -124,8 +125,7 @@ contains
   subroutine two_levels_assemble_rows(self, body, error)
     class(two_levels_t), intent(out) :: self
     type(body_t), intent(in) :: body  !! The body; it need not be assembled.
-    !> Allocated where an element is inverted, or the modulus field is not positive.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     type(body_mesh_t) :: mesh
     integer, allocatable :: order(:)
     call order_nodes(body%mesh, body%constraint, mesh, self%constraint, order)
@@ -184,4 +184,40 @@ contains
     call move_alloc(from%row, to%row)
     call move_alloc(from%value, to%value)
   end subroutine move_matrix
+
+  !> Number the nodes along the curve. Equations keep their numbers.
+  subroutine order_nodes(mesh, constraint, ordered_mesh, ordered_constraint, order)
+    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
+    type(constraint_t), intent(in) :: constraint  !! Equations, prescribed displacements and nodal axes of the body.
+    type(body_mesh_t), intent(out) :: ordered_mesh  !! The mesh with its nodes in the new order.
+    type(constraint_t), intent(out) :: ordered_constraint  !! The constraint with its nodes in the new order.
+    integer, allocatable, intent(out) :: order(:)  !! Node of the body that each of them is (n_nodes).
+    integer, allocatable :: number(:)
+    integer :: i, e, b
+    allocate (order(mesh%n_nodes()), number(mesh%n_nodes()))
+    call morton_order(mesh%dimension, mesh%x, reshape([(i, i=1, size(order))], [1, size(order)]), order)
+    number(order) = [(i, i=1, size(order))]
+    if (allocated(mesh%file)) ordered_mesh%file = mesh%file
+    ordered_mesh%dimension = mesh%dimension
+    ordered_mesh%order_elevated = mesh%order_elevated
+    ordered_mesh%x = mesh%x(:, order)
+    ordered_mesh%node_tag = mesh%node_tag(order)
+    allocate (ordered_mesh%block(size(mesh%block)))
+    do b = 1, size(mesh%block)
+      ordered_mesh%block(b)%kind = mesh%block(b)%kind
+      ordered_mesh%block(b)%material = mesh%block(b)%material
+      ordered_mesh%block(b)%tag = mesh%block(b)%tag
+      allocate (ordered_mesh%block(b)%node, mold=mesh%block(b)%node)
+      do e = 1, size(mesh%block(b)%node, 2)
+        ordered_mesh%block(b)%node(:, e) = number(mesh%block(b)%node(:, e))
+      end do
+    end do
+    ordered_constraint%n_equations = constraint%n_equations
+    ordered_constraint%equation = constraint%equation(:, order)
+    ordered_constraint%prescribed = constraint%prescribed(:, order)
+    ordered_constraint%frame_of = constraint%frame_of(order)
+    ordered_constraint%frame = constraint%frame
+    ordered_constraint%foundation = constraint%foundation
+    call ordered_constraint%foundation%renumber(number)
+  end subroutine order_nodes
 end module dotyk_elasticity_two_levels

@@ -17,8 +17,7 @@ module dotyk_elasticity_vector_field
   type, public :: vector_field_t  !! A vector field. It owns formulas: never copy it, and destroy it in the end.
     real(dp) :: value(3) = 0  !! Components without a formula (3) [any].
     logical :: constant = .true.  !! Whether the field is constant: no component has a formula, and it is not affine.
-    !> Derivatives of the components of an affine field by the coordinates (3, 3) [any/length].
-    real(dp), private :: slope(3, 3) = 0
+    real(dp), private :: slope(3, 3) = 0  !! Derivatives of an affine field by the coordinates (3, 3) [any/length].
     real(dp), private :: origin(3) = 0  !! Where an affine field has the constant components (3) [length].
     type(formula_t) :: formula(3)  !! Formulas of the components; not set where the component is constant (3).
     type(formula_t), private :: density  !! Formula of a density that multiplies the field; not set where there is none.

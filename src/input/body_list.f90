@@ -5,8 +5,7 @@ module dotyk_input_body_list
   use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
   use dotyk_base_text, only: shown, split_words, text_t, to_text
   use dotyk_input_bodies, only: read_body
-  use dotyk_input_case, only: body_input_t, case_t, material_input_t
-  use dotyk_input_cut, only: cut_input_t
+  use dotyk_input_case, only: body_input_t, case_t, cut_input_t, material_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_references, only: input_t, names_t
   use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body

@@ -5,17 +5,23 @@
 !> second (local, eta) is zero. A formula that is not given is an array of size 0 or an empty text; one that is given is
 !> correct.
 !> `line` is the line of the namelist file where the group begins.
+!>
+!> A bolt cuts no elements: those whose centre lies ahead of a plane make up one half of a body, the others the other
+!> one; or those on both sides of a surface inside the body. The halves are two bodies; what the input says of the whole
+!> holds for each of them.
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: aim_energy, default_analysis, default_discretization, &
-    default_gamma_rule, default_gap, default_geometry, default_linear_solver, default_locking, &
-    default_max_iterations, default_max_unbalanced, default_quadrature, default_response, default_scheme, &
-    default_stop_rule, default_theta, default_tolerance, load_traction, material_isotropic, n_fields, quantity_force
+  use dotyk_base_options, only: aim_energy, default_analysis, default_discretization, default_gamma_rule, default_gap, &
+    default_geometry, default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, &
+    default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, &
+    load_traction, material_isotropic, n_fields, quantity_force
+  use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_input_cut, only: cut_input_t
+  use dotyk_base_thresholds, only: rounding
   implicit none
   private
+  public :: applies_in, share_a_case
 
   type, public :: scene_input_t  !! `&scene`.
     integer :: line = 0  !! Line of the group.
@@ -57,10 +63,8 @@ module dotyk_input_case
     integer :: line = 0  !! Line of the group.
     character(:), allocatable :: text  !! As written.
     integer :: kind = quantity_force  !! One of `quantity_*`.
-    !> Whether meshes are made until its error is small enough.
-    logical :: is_goal = .false.
-    !> Name of a contact pair or `body - body`; or of the body: maybe with wildcards.
-    character(:), allocatable :: name
+    logical :: is_goal = .false.  !! Whether meshes are made until its error is small enough.
+    character(:), allocatable :: name  !! Name of a contact pair or `body - body`; or of the body: maybe with wildcards.
     character(:), allocatable :: surface  !! Physical group of the face or support, maybe with wildcards.
     integer :: axis = 0  !! Component of displacement or reaction.
     logical :: any_body = .false.  !! Whether wildcards name the body: those without the surface have no such quantity.
@@ -71,8 +75,7 @@ module dotyk_input_case
     integer :: line = 0  !! Line of the group.
     character(:), allocatable :: name  !! Name that bodies refer to.
     integer :: kind = material_isotropic  !! One of `material_*`: decides which of the components below are used.
-    !> Young's modulus; isotropic: the first; orthotropic: along the axes 1, 2, 3 (3) [pressure].
-    real(dp) :: young(3) = 0
+    real(dp) :: young(3) = 0  !! Young's modulus; isotropic: the first; orthotropic: along the axes 1, 2, 3 [pressure].
     real(dp) :: poisson(3) = 0  !! Poisson's ratio; isotropic: the first; orthotropic: 12, 13, 23 (3) [].
     real(dp) :: shear(3) = 0  !! Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
     !> Axis 1 of an orthotropic or anisotropic material, as written, not of unit length (3) [].
@@ -82,8 +85,7 @@ module dotyk_input_case
     !> Upper triangle of the elasticity matrix by rows (21), order 11 22 33 23 13 12 of the material axes
     !> [pressure].
     real(dp) :: stiffness(21) = 0
-    !> Modulus field: factor of the elasticity matrix; empty where there is none.
-    character(:), allocatable :: young_formula
+    character(:), allocatable :: young_formula  !! Modulus field: factor of elasticity; empty where none.
     !> Formulas of young and poisson; of young, poisson and shear; or of stiffness: empty where the number holds; not
     !> allocated where none has a formula (2, 9 or 21).
     type(text_t), allocatable :: stiffness_formula(:)
@@ -93,6 +95,19 @@ module dotyk_input_case
     real(dp) :: expansion(3) = 0  !! Coefficients of thermal expansion along the axes 1, 2, 3 (3) [1/temperature].
     logical :: expands = .false.  !! Whether they are given.
   end type material_input_t
+
+  type, public :: cut_input_t  !! Which half a body is of which whole.
+    integer :: line = 0  !! Line of the `&bolt`; 0 for a body that is not cut.
+    integer :: half = 0  !! Half: 1 behind the plane, 2 ahead of it, where its normal points to.
+    character(:), allocatable :: whole  !! Name of the body that is cut.
+    !> A point of the plane (3) [length], and its normal, of length 1 (3) []; of bodies in place.
+    real(dp) :: point(3) = 0, normal(3) = 0
+    character(:), allocatable :: surface  !! Surface inside the body; empty where a plane is given.
+  contains
+    procedure :: is_cut => cut_is_cut
+    procedure :: same_as => cut_same_as
+    procedure :: place_back => cut_place_back
+  end type cut_input_t
 
   type, public :: body_input_t  !! `&body`.
     integer :: line = 0  !! Line of the group.
@@ -133,18 +148,15 @@ module dotyk_input_case
     !> force of `load_total`].
     real(dp) :: value(3) = 0
     real(dp) :: moment(3) = 0  !! Moment of `load_total` (3) [force length].
-    !> Whether the point that force and moment refer to is given; else the centroid of the surface.
-    logical :: has_point = .false.
+    logical :: has_point = .false.  !! Whether the point of force and moment is given; else the centroid.
     real(dp) :: point(3) = 0  !! This point (3) [length].
     real(dp) :: centre(3) = 0  !! A point on the axis of an angular velocity (3) [length].
     type(text_t), allocatable :: formula(:)  !! Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
-    !> Whether it is the force of a `&mass` under an acceleration or a rotation of its body.
-    logical :: of_mass = .false.
+    logical :: of_mass = .false.  !! Whether it is a `&mass` under acceleration or rotation of its body.
   end type load_input_t
 
   type, public, extends(action_t) :: rigid_input_t  !! `&rigid_body`.
-    !> Whether the displacements x, y, z of the point and the rotations about it are held (6).
-    logical :: held(6) = .false.
+    logical :: held(6) = .false.  !! Whether the displacements x, y, z of the point and the rotations about it are held.
     real(dp) :: motion(6) = 0  !! Their values (6) [length, radian].
     real(dp) :: point(3) = 0  !! The point (3) [length].
   end type rigid_input_t
@@ -172,8 +184,7 @@ module dotyk_input_case
     logical :: searched = .false.
     logical :: auto = .false.  !! Whether these are pairs of any bodies and faces; else the surfaces are named.
     logical :: found = .false.  !! Whether the search has found the pair.
-    !> Where the group is searched: bodies that the slave side names (n); all bodies for `auto`.
-    integer, allocatable :: bodies_a(:)
+    integer, allocatable :: bodies_a(:)  !! Where it is searched: bodies of the slave side (n); all for `auto`.
     integer, allocatable :: bodies_b(:)  !! Bodies that the master side names, likewise (n).
     !> Where the group is searched: excluded pairs of bodies, as names with wildcards, in any order.
     type(exclusion_t), allocatable :: exclude(:)
@@ -186,8 +197,7 @@ module dotyk_input_case
     real(dp) :: gap = 0  !! Initial gap where it is constant [length].
     character(:), allocatable :: gap_formula  !! Initial gap where it is a formula; else empty.
     integer :: theta_kind = default_theta  !! One of `theta_*`; that of `&solver` where the pair has none of its own.
-    !> Penalty parameter [length/pressure], or its factor [] where it is relative; 1 where it is a formula.
-    real(dp) :: theta = 0
+    real(dp) :: theta = 0  !! Penalty parameter [length/pressure], or factor [] of a relative one; 1: by formula.
     character(:), allocatable :: theta_formula  !! Penalty parameter where it is a formula; else empty.
     !> Initial gap up to which its constraints have Robin conditions in the Robin scheme: `huge` for all, `-huge` for
     !> none [length].
@@ -242,8 +252,7 @@ module dotyk_input_case
     integer :: gap_kind = default_gap
     real(dp) :: gap = 0
     character(:), allocatable :: gap_formula
-    !> Whether a penalty parameter is given; the three below are as in `contact_input_t`.
-    logical :: has_theta = .false.
+    logical :: has_theta = .false.  !! Whether a penalty parameter is given; these three as in `contact_input_t`.
     integer :: theta_kind = default_theta
     real(dp) :: theta = 0
     character(:), allocatable :: theta_formula
@@ -282,11 +291,9 @@ module dotyk_input_case
     character(:), allocatable :: file, directory
     character(:), allocatable :: text  !! The whole text of the file.
     type(text_t), allocatable :: remark(:)  !! Lines for the log on what the file says (n_remarks).
-    !> Whether geometries may start no program and write no file but their mesh (command line).
-    logical :: no_shell = .false.
+    logical :: no_shell = .false.  !! Whether geometries may start no program and write their mesh only.
     type(scene_input_t) :: scene  !! `&scene`.
-    !> Materials in the order of the file, at least one (n_materials).
-    type(material_input_t), allocatable :: material(:)
+    type(material_input_t), allocatable :: material(:)  !! In the order of the file, at least one (n_materials).
     type(body_input_t), allocatable :: body(:)  !! Bodies in the order of the file, at least one (n_bodies).
     type(support_input_t), allocatable :: support(:)  !! Supports in the order of the file, then springs (n_supports).
     type(load_input_t), allocatable :: load(:)  !! Loads in the order of the file, then those of point masses (n_loads).
@@ -315,7 +322,7 @@ module dotyk_input_case
     procedure :: in_case_text => case_in_case_text
   end type case_t
 
-  public :: applies_in, share_a_case
+  character(*), parameter, public :: cut_surface = '(cut)'  !! Name of the surface of a half at the cut.
 
 contains
 
@@ -401,4 +408,36 @@ contains
       share = any(other)
     end if
   end function share_a_case
+
+  !> Whether the body is a half.
+  elemental logical function cut_is_cut(self) result(is_cut)
+    class(cut_input_t), intent(in) :: self
+    is_cut = self%line > 0
+  end function cut_is_cut
+
+  !> The plane in coordinates of the mesh, before the body is rotated and shifted to its place.
+  pure function cut_place_back(self, at, axis, angle) result(back)
+    class(cut_input_t), intent(in) :: self
+    real(dp), intent(in) :: at(3)  !! Position of the origin of the mesh (3) [length].
+    real(dp), intent(in) :: axis(3), angle  !! Axis of rotation (3) [], and angle [degrees].
+    type(cut_input_t) :: back
+    real(dp) :: rotation(3, 3)
+    back = self
+    back%point = self%point - at
+    if (.not. abs(angle) > 0) return
+    rotation = rotation_matrix(axis, angle)
+    back%point = matmul(back%point, rotation)
+    back%normal = matmul(self%normal, rotation)
+  end function cut_place_back
+
+  !> Whether two bodies of one volume are the same half of it; planes in coordinates of the mesh.
+  pure logical function cut_same_as(self, other) result(same)
+    class(cut_input_t), intent(in) :: self
+    type(cut_input_t), intent(in) :: other  !! Of the other body.
+    same = self%half == other%half
+    if (.not. (same .and. self%is_cut())) return
+    same = self%surface == other%surface .and. &
+           norm2(self%normal - other%normal) <= rounding .and. &
+           abs(dot_product(self%normal, self%point - other%point)) <= rounding*(norm2(self%point) + norm2(other%point))
+  end function cut_same_as
 end module dotyk_input_case

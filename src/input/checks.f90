@@ -1,19 +1,23 @@
-!> Checks groups against the table of keywords: unknown and missing names, numbers of values, types, ranges.
+!> Checks groups against the table of keywords: unknown and missing names, numbers of values, types, ranges. Values as
+!> written are converted to numbers and logicals strictly: nothing is guessed, nothing is left over.
 module dotyk_input_checks
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: has_usual_size, size_rule
   use dotyk_base_options, only: find_option
-  use dotyk_base_text, only: join, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
-  use dotyk_input_conversion, only: number_malformed, number_out_of_range, read_integer, read_logical, read_real
+  use dotyk_base_text, only: join, lower, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
   use dotyk_input_groups, only: entry_t, group_t, pick_groups, value_t
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, find_group, find_key, group_keyword_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
   use dotyk_input_problems, only: no_line, problems_t
   implicit none
   private
-  public :: check_group_names, check_occurrences, check_group
+  public :: check_group_names, check_occurrences, check_group, read_real, read_integer, read_logical
+
+  integer, parameter, public :: number_good = 0, number_malformed = 1, number_out_of_range = 2  !! Of a conversion.
+
+  character(*), parameter :: digits = '0123456789'
 
 contains
 
@@ -141,8 +145,7 @@ contains
   !> Check the values of one key and convert them.
   subroutine check_entry(group_name, entry, row, problems)
     character(*), intent(in) :: group_name  !! Name of the group, for messages.
-    !> Key with its values as written; converted on return, not usable where a value is wrong.
-    type(entry_t), intent(inout) :: entry
+    type(entry_t), intent(inout) :: entry  !! Key with values as written; converted on return, or not usable.
     type(keyword_t), intent(in) :: row  !! Row of the key in the table of keywords.
     class(problems_t), intent(inout) :: problems  !! Mistakes are added.
     character(:), allocatable :: message, place
@@ -335,4 +338,87 @@ contains
       options = [options, option]
     end do
   end function options_message
+
+  !> A real number: digits with at most one point, maybe an exponent after e or d.
+  pure subroutine read_real(text, value, status)
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    real(dp), intent(out) :: value  !! The number; 0 where there is none [any].
+    integer, intent(out) :: status  !! One of `number_*`.
+    character(:), allocatable :: mantissa, exponent
+    integer :: mark, power, magnitude, first, point
+    value = 0
+    status = number_malformed
+    mantissa = lower(text)
+    exponent = '0'
+    mark = scan(mantissa, 'ed')
+    if (mark > 0) then
+      exponent = mantissa(mark + 1:)
+      mantissa = mantissa(:mark - 1)
+    end if
+    call drop_sign(mantissa)
+    if (len(mantissa) == 0 .or. verify(mantissa, digits//'.') > 0) return
+    point = index(mantissa, '.')
+    if (point /= index(mantissa, '.', back=.true.) .or. mantissa == '.') return
+    call read_integer(exponent, power, status)
+    if (status == number_malformed) return
+    ! The power of ten of the leading digit shows overflow and underflow before the conversion.
+    first = scan(mantissa, digits(2:))
+    if (first == 0) then
+      status = number_good
+      return
+    end if
+    if (status /= number_good) return
+    if (point == 0) point = len(mantissa) + 1
+    magnitude = power + point - first
+    if (first < point) magnitude = magnitude - 1
+    status = number_out_of_range
+    if (magnitude > range(value) .or. magnitude < -range(value)) return
+    read (text, *) value
+    status = number_good
+  end subroutine read_real
+
+  !> An integer: digits, maybe with a sign.
+  pure subroutine read_integer(text, value, status)
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    integer, intent(out) :: value  !! The number; 0 where there is none.
+    integer, intent(out) :: status  !! One of `number_*`.
+    character(:), allocatable :: number
+    value = 0
+    status = number_malformed
+    number = text
+    call drop_sign(number)
+    if (len(number) == 0 .or. verify(number, digits) > 0) return
+    do while (len(number) > 1 .and. number(1:1) == '0')
+      number = number(2:)
+    end do
+    status = number_out_of_range
+    if (len(number) > range(value)) return
+    read (number, *) value
+    if (text(1:1) == '-') value = -value
+    status = number_good
+  end subroutine read_integer
+
+  !> A logical: .true., t, true and their opposites, in any case.
+  pure subroutine read_logical(text, value, status)
+    character(*), intent(in) :: text  !! Text of the value, without blanks.
+    logical, intent(out) :: value  !! The logical; false where there is none.
+    integer, intent(out) :: status  !! `number_good` or `number_malformed`.
+    value = .false.
+    status = number_good
+    select case (lower(text))
+    case ('.true.', 'true', 't', '.t.')
+      value = .true.
+    case ('.false.', 'false', 'f', '.f.')
+      value = .false.
+    case default
+      status = number_malformed
+    end select
+  end subroutine read_logical
+
+  !> Remove the sign in front of a number.
+  pure subroutine drop_sign(number)
+    character(:), allocatable, intent(inout) :: number  !! Digits of a number, maybe with a sign; without it on return.
+    if (len(number) == 0) return
+    if (scan(number(1:1), '+-') > 0) number = number(2:)
+  end subroutine drop_sign
 end module dotyk_input_checks

@@ -106,8 +106,7 @@ contains
   subroutine read_condition(group, input, robin_gap)
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> Initial gap up to which constraints have Robin conditions; `-huge` for none [length].
-    real(dp), intent(out) :: robin_gap
+    real(dp), intent(out) :: robin_gap  !! Initial gap up to which conditions are Robin; `-huge`: none [length].
     character(9) :: key
     integer :: k
     robin_gap = input%solver%robin_gap
@@ -130,8 +129,7 @@ contains
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     character(*), intent(in) :: key  !! Name of the key.
-    !> Bodies that the side names; none where it is unknown (n_matched).
-    integer, allocatable, intent(out) :: matched(:)
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the side names; none if unknown (n_matched).
     character(:), allocatable, intent(out) :: surface  !! Physical group of the surface.
     logical, intent(out) :: several  !! Whether wildcards name the body.
     character(:), allocatable :: text

@@ -1,13 +1,15 @@
-!> The text of `--help`: command line, exit codes, and the groups and keys of the table that checks them.
+!> The texts about command line, exit codes, and the groups and keys of the table that checks them: `--help`, the
+!> reference in Markdown (docs/input.md, `dotyk --help=markdown`), and the manual page (`dotyk --help=man`).
 module dotyk_input_help
   use dotyk_base_text, only: join, split_words, text_t, to_text
+  use dotyk_base_version, only: version
   use dotyk_input_command_line, only: list_exit_codes, list_options, option_t, usage_text
   use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_t, kind_formula, &
     kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
   private
-  public :: help_text, meaning_of, occurrence, values_text
+  public :: help_text, meaning_of, occurrence, values_text, reference_text, manual_text
 
   integer, parameter :: width = 110  !! Longest line.
   integer, parameter :: indent = 2, values_column = 27, meaning_column = 50  !! Columns of keys, values and meanings.
@@ -171,4 +173,224 @@ contains
       used = used + len(words(i)%s)
     end do
   end function wrapped
+
+  !> The whole page; lines are as long as the rows of its tables.
+  function reference_text() result(text)
+    character(:), allocatable :: text
+    type(group_keyword_t), allocatable :: groups(:)
+    integer :: i, k
+    call list_keywords(groups)
+    text = introduction(groups)
+    do i = 1, size(groups)
+      text = text//lf//'## `&'//groups(i)%name//'`'//lf//lf// &
+             capitalized(groups(i)%meaning)//'. '//capitalized(occurrence(groups(i)%occurs))//' in a file.'//lf//lf// &
+             '```'//lf//groups(i)%example//lf//'```'//lf//lf// &
+             '| key | value | unit | default | meaning |'//lf//'|---|---|---|---|---|'
+      do k = 1, size(groups(i)%key)
+        text = text//lf//row_of_key(groups(i)%key(k))
+      end do
+      text = text//lf
+    end do
+    text = text(:len(text) - 1)
+  end function reference_text
+
+  !> What stands before the groups: purpose, syntax, and the list of groups.
+  function introduction(groups) result(text)
+    type(group_keyword_t), intent(in) :: groups(:)  !! All groups (n_groups).
+    character(:), allocatable :: text
+    integer :: i
+    text = '# Input: groups and keys'//lf//lf// &
+      'For users who write an input file. After reading this page you can look up every group and key: its '// &
+      'values, unit and default, and what it does.'//lf// &
+      'The page is made by `dotyk --help=markdown` from the table that checks the input; `dotyk --help` prints '// &
+      'the same in the terminal.'//lf//lf// &
+      'The input file is in namelist syntax, a sequence of groups `&name key=value, key=value, ... /`.'//lf//lf// &
+      '- Groups and keys are in any order, over any number of lines. Commas or blanks separate values, `3*0` '// &
+      'stands for `0, 0, 0`, texts are in quotes, `!` begins a comment. Names of groups, keys and options are in '// &
+      'upper or lower case.'//lf// &
+      '- Formulas are texts in `x`, `y`, `z` (global coordinates) with `pi`, `e`, `+ - * / ^ ( )`, comparisons, '// &
+      '`a ? b : c` and functions such as `sin`, `exp`, `sqrt`, `abs`, `min`, `max`, `log` (natural).'//lf// &
+      '- Units are free, but must be consistent, as in N, m, Pa or N, mm, MPa.'//lf// &
+      '- Paths are relative to the input file. Physical groups of the mesh are named in gmsh (`Physical '// &
+      'Surface("bottom")`).'//lf// &
+      '- In two dimensions vectors have two values: x, y or xi, n.'//lf// &
+      '- All mistakes are reported together, each with file and line, before anything is computed; `dotyk '// &
+      'case.nml --check` stops there.'//lf//lf// &
+      '| group | number | describes |'//lf//'|---|---|---|'
+    do i = 1, size(groups)
+      text = text//lf//'| [`&'//groups(i)%name//'`](#'//groups(i)%name//') | '//occurrence(groups(i)%occurs)//' | '// &
+             groups(i)%meaning//' |'
+    end do
+    text = text//lf
+  end function introduction
+
+  !> One row of a group's table.
+  function row_of_key(row) result(text)
+    type(keyword_t), intent(in) :: row  !! The key.
+    character(:), allocatable :: text
+    character(:), allocatable :: limits
+    type(text_t), allocatable :: names(:)
+    limits = ''
+    if (row%positive) limits = ', above 0'
+    if (row%not_negative) limits = ', not below 0'
+    text = '| `'//row%key//'` | '//values_text(row)//limits//' | '//unit_of(row)//' | '// &
+           default_of(row)//' | '//code_quoted(row%meaning)
+    if (len(row%names) > 0) then
+      call split_words(row%names, names)
+      text = text//'; '//trim(merge('any of', 'one of', row%kind == kind_names))//': `'''// &
+             join(names, '''`, `''')//'''`'
+    end if
+    text = text//' |'
+  end function row_of_key
+
+  !> Unit of a key; 1 for numbers without one, empty for what is no number.
+  pure function unit_of(row) result(unit)
+    type(keyword_t), intent(in) :: row  !! The key.
+    character(:), allocatable :: unit
+    unit = row%unit
+    if (len(unit) == 0 .and. any(row%kind == [kind_real, kind_integer, kind_formula])) unit = '1'
+  end function unit_of
+
+  !> Default of a key in words.
+  pure function default_of(row) result(text)
+    type(keyword_t), intent(in) :: row  !! The key.
+    character(:), allocatable :: text
+    text = ''
+    if (row%required) then
+      text = 'required'
+    else if (len(row%default) > 0 .and. len(row%names) > 0) then
+      text = '`'''//row%default//'''`'
+    else if (len(row%default) > 0) then
+      text = '`'//row%default//'`'
+    end if
+  end function default_of
+
+  !> A text whose parts in single quotes are set as code: 'fixed' becomes `'fixed'`. Apostrophes inside words stay.
+  pure function code_quoted(text) result(marked)
+    character(*), intent(in) :: text  !! Plain text.
+    character(:), allocatable :: marked
+    logical :: inside
+    integer :: i
+    marked = ''
+    inside = .false.
+    do i = 1, len(text)
+      if (text(i:i) == '|') then
+        marked = marked//'\|'
+      else if (text(i:i) == "'" .and. inside) then
+        marked = marked//"'`"
+        inside = .false.
+      else if (text(i:i) == "'" .and. .not. follows_letter(text, i)) then
+        marked = marked//"`'"
+        inside = .true.
+      else
+        marked = marked//text(i:i)
+      end if
+    end do
+  end function code_quoted
+
+  !> Whether a letter stands before a place of a text.
+  pure logical function follows_letter(text, i) result(follows)
+    character(*), intent(in) :: text  !! The text.
+    integer, intent(in) :: i  !! The place, from 1.
+    follows = .false.
+    if (i > 1) follows = scan(text(i - 1:i - 1), 'abcdefghijklmnopqrstuvwxyz') > 0
+  end function follows_letter
+
+  !> A text with a capital first letter.
+  pure function capitalized(text) result(sentence)
+    character(*), intent(in) :: text  !! Text that begins with a lower case letter.
+    character(:), allocatable :: sentence
+    sentence = achar(iachar(text(1:1)) - 32)//text(2:)
+  end function capitalized
+
+  !> The whole page in troff, with the macros of man.
+  function manual_text() result(text)
+    character(:), allocatable :: text
+    type(group_keyword_t), allocatable :: groups(:)
+    type(option_t), allocatable :: options(:)
+    type(text_t), allocatable :: codes(:)
+    integer :: i, k
+    call list_options(options)
+    call list_exit_codes(codes)
+    call list_keywords(groups)
+    text = '.TH DOTYK 1 "" "dotyk '//version//'" "User Commands"'//lf//'.SH NAME'//lf// &
+           plain('dotyk, dotyk-render, dotyk-summary, dotyk-convert')//' \- frictionless contact of elastic bodies'// &
+           section('SYNOPSIS')//plain(usage_text('case.nml'))//lf//'.br'//lf//plain('dotyk --version | --help')// &
+           lf//'.br'//lf//plain('dotyk-render results.vtkhdf')//lf//'.br'//lf//plain('dotyk-summary results.vtkhdf')// &
+           lf//'.br'//lf//plain('dotyk-convert deck.inp')// &
+           section('DESCRIPTION')//plain(purpose)// &
+           entry('dotyk-render', '', 'draws a picture of results, or of the faces of CAD files')// &
+           entry('dotyk-summary', '', 'prints what a results file says, or its tables as CSV')// &
+           entry('dotyk-convert', '', 'makes a first scene from a deck of CalculiX or Abaqus')//lf//'.PP'//lf// &
+           plain('Each of these commands lists its options with --help.')// &
+           section('OPTIONS')//'Those of dotyk:'
+    do i = 1, size(options)
+      text = text//entry(options(i)%name, options(i)%value, options(i)%meaning)
+    end do
+    text = text//section('EXIT STATUS')//'Of dotyk:'
+    do i = lbound(codes, 1), ubound(codes, 1)
+      text = text//entry(to_text(i), '', codes(i)%s)
+    end do
+    text = text//lf//'.PP'//lf//plain(interrupt_text)// &
+           section('ENVIRONMENT')//'Programs that dotyk starts to make meshes, where others are wanted:'// &
+           entry('DOTYK_GMSH', '', 'in place of gmsh, for geometries and CAD files')// &
+           entry('DOTYK_PYTHON', '', 'in place of python3, for decks and other meshes')// &
+           section('EXAMPLE')//'.EX'//lf//plain('cp -r /usr/share/doc/dotyk/examples/hertz .')//lf// &
+           plain('cd hertz')//lf//plain('dotyk hertz.nml')//lf//plain('dotyk-summary hertz.vtkhdf')//lf//'.EE'// &
+           section('INPUT')//plain(namelist_text)
+    do i = 1, size(groups)
+      text = text//lf//'.SS '//plain('&'//groups(i)%name)//lf//plain(groups(i)%meaning//' ('// &
+             occurrence(groups(i)%occurs)//')')//lf//'.PP'//lf//'.EX'//lf//plain(groups(i)%example)//lf//'.EE'
+      do k = 1, size(groups(i)%key)
+        associate (row => groups(i)%key(k))
+          text = text//entry(row%key, values_text(row), meaning_of(row))
+        end associate
+      end do
+    end do
+    text = text//section('SEE ALSO')//'.BR gmsh (1)'
+  end function manual_text
+
+  !> The beginning of a section.
+  pure function section(title) result(text)
+    character(*), intent(in) :: title  !! Its title.
+    character(:), allocatable :: text
+    text = lf//'.SH '//title//lf
+  end function section
+
+  !> A paragraph with a tag: a name in bold and a value in italics.
+  pure function entry(name, value, meaning) result(text)
+    character(*), intent(in) :: name, value, meaning  !! What it says; there may be no value.
+    character(:), allocatable :: text
+    text = lf//'.TP'//lf//'\fB'//plain(name)//'\fR'
+    if (len(value) > 0) text = text//' \fI'//plain(value)//'\fR'
+    text = text//lf//plain(meaning)
+  end function entry
+
+  !> A text without anything that troff would take for its own. Quotes and hyphens are those that can be copied.
+  pure function plain(text) result(escaped)
+    character(*), intent(in) :: text  !! The text, of one or more lines.
+    character(:), allocatable :: escaped
+    integer :: i
+    escaped = ''
+    do i = 1, len(text)
+      ! At the beginning of a line a point would call a macro.
+      if (index(text(i:), '.') == 1 .and. (i == 1 .or. text(max(1, i - 1):max(1, i - 1)) == lf)) escaped = escaped//'\&'
+      select case (text(i:i))
+      case ('\')
+        escaped = escaped//'\e'
+      case ('-')
+        escaped = escaped//'\-'
+      case ("'")
+        escaped = escaped//'\(aq'
+      case ('`')
+        escaped = escaped//'\(ga'
+      case ('^')
+        escaped = escaped//'\(ha'
+      case ('~')
+        escaped = escaped//'\(ti'
+      case default
+        escaped = escaped//text(i:i)
+      end select
+    end do
+  end function plain
 end module dotyk_input_help

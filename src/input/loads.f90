@@ -1,19 +1,20 @@
-!> Reads `&load` and `&mass`, point masses, from checked groups.
+!> Reads what acts on bodies from checked groups: `&load`, `&mass` (point masses), `&support`, `&spring` (supports that
+!> yield), `&temperature` and `&initial_stress`.
 !>
 !> A mass acts by its weight and its centrifugal force: for each load of its body that is an acceleration or an angular
 !> velocity it becomes a total load on the surface, with its moment about the point.
 module dotyk_input_loads
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
-    load_local_traction, load_names, load_pressure, load_total
+  use dotyk_base_options, only: analysis_axisymmetric, analysis_plane_stress, load_acceleration, &
+    load_angular_velocity, load_force_density, load_local_traction, load_names, load_pressure, load_total
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
-  use dotyk_input_case, only: body_input_t, load_input_t, material_input_t
+  use dotyk_input_case, only: body_input_t, field_input_t, load_input_t, material_input_t, share_a_case, support_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_references, only: append_places, input_t
   use dotyk_input_vectors, only: read_formulas, read_vector
   implicit none
   private
-  public :: read_loads
+  public :: read_loads, read_supports, read_initial_stresses, read_temperatures
 
 contains
 
@@ -249,4 +250,186 @@ contains
       if (m > 0) has_density = material(m)%density > 0 .or. len(material(m)%density_formula) > 0
     end function has_density
   end subroutine check_densities
+
+  !> Read all of them, for each body that a group names.
+  subroutine read_supports(groups, input, support)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(support_input_t), allocatable, intent(out) :: support(:)  !! Supports, then springs (n_supports).
+    type(support_input_t), allocatable :: given(:)
+    integer, allocatable :: supports(:), springs(:), picked(:), matched(:), group_of(:), body_of(:)
+    integer :: i
+    call pick_groups(groups, 'support', supports)
+    call pick_groups(groups, 'spring', springs)
+    picked = [supports, springs]
+    allocate (given(size(picked)), group_of(0), body_of(0))
+    do i = 1, size(picked)
+      call read_support(groups(picked(i)), input, given(i), matched)
+      call append_places(i, matched, group_of, body_of)
+    end do
+    allocate (support(size(group_of)))
+    do i = 1, size(group_of)
+      support(i) = given(group_of(i))
+      support(i)%body = body_of(i)
+    end do
+  end subroutine read_supports
+
+  !> Read one of them.
+  subroutine read_support(group, input, support, matched)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(support_input_t), intent(out) :: support  !! The support, without a body; incomplete if the group is wrong.
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
+    character(:), allocatable :: message
+    call input%begin_action(group, support, matched)
+    allocate (support%value_formula(0))
+    support%is_spring = group%name == 'spring'
+    if (support%is_spring) then
+      call input%refuse_both(group, 'modulus', 'stiffness')
+      if (.not. (group%is_given('modulus') .or. group%is_given('stiffness'))) &
+        call input%add(group%line, '&spring: one of modulus (per area) and stiffness (total) is needed')
+      support%modulus = group%real_of('modulus')
+      support%stiffness = group%real_of('stiffness')
+    else
+      call input%refuse_both(group, 'value', 'value_formula')
+      if (group%is_given('case') .and. .not. (group%is_given('value') .or. group%is_given('value_formula'))) &
+        call input%report(group, 'case', 'case is that of value, which is missing: what is held is the same in '// &
+                          'all load cases (for value = 0 in this one and another value elsewhere, give value)')
+    end if
+    if (.not. group%is_usable('fix')) return
+    call support%fix%parse(group%text_of('fix'), input%scene%dimension, message)
+    if (len(message) > 0) then
+      call input%report(group, 'fix', 'fix: '//message)
+      return
+    end if
+    call read_vector(group, input, 'value', support%fix%local, support%value)
+    call read_formulas(group, input, 'value_formula', support%fix%local, support%value_formula)
+    call refuse_values_not_fixed(group, input, support)
+  end subroutine read_support
+
+  !> Report values in directions without prescribed displacement.
+  subroutine refuse_values_not_fixed(group, input, support)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(support_input_t), intent(in) :: support  !! The support, with directions and values.
+    character(:), allocatable :: name
+    integer :: i
+    do i = 1, 3
+      if (support%fix%fixed(i)) cycle
+      name = support%fix%name(i)
+      if (abs(support%value(i)) > 0) &
+        call input%report(group, 'value', 'value has '//name//' = '//to_text(support%value(i))// &
+                          ', but fix does not name '//name)
+      if (size(support%value_formula) == 0) cycle
+      if (support%value_formula(i)%s /= '0') &
+        call input%report(group, 'value_formula', 'value_formula has '//name//' = '// &
+                          shown(support%value_formula(i)%s)//', but fix does not name '//name//' (write ''0'')')
+    end do
+  end subroutine refuse_values_not_fixed
+
+  !> Read all `&temperature`.
+  subroutine read_temperatures(groups, input, body, material, temperature)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(body_input_t), intent(in) :: body(:)  !! The bodies (n_bodies).
+    type(material_input_t), intent(in) :: material(:)  !! The materials (n_materials).
+    type(field_input_t), allocatable, intent(out) :: temperature(:)  !! For each body named (n_temperatures).
+    integer :: i, k
+    call read_fields(groups, input, 'temperature', temperature)
+    do i = 1, size(temperature)
+      associate (b => temperature(i)%body)
+        if (b == 0) cycle
+        do k = 1, size(body(b)%material)
+          associate (m => body(b)%material(k))
+            if (m == 0) cycle
+            if (.not. material(m)%expands) &
+              call input%add(temperature(i)%line, '&temperature: the material '//shown(material(m)%name)// &
+                             ' of body '//shown(body(b)%name)//' has no expansion')
+          end associate
+        end do
+      end associate
+    end do
+  end subroutine read_temperatures
+
+  !> Read all `&initial_stress`.
+  subroutine read_initial_stresses(groups, input, initial_stress)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(field_input_t), allocatable, intent(out) :: initial_stress(:)  !! For each body named (n_initial_stresses).
+    character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'xz']
+    logical :: is_zero
+    integer :: i, k
+    call read_fields(groups, input, 'initial_stress', initial_stress)
+    if (input%scene%dimension /= 2) return
+    do i = 1, size(initial_stress)
+      if (i > 1) then
+        if (initial_stress(i)%line == initial_stress(i - 1)%line) cycle
+      end if
+      do k = 3, 6
+        if (k == 4 .or. (k == 3 .and. input%scene%analysis /= analysis_plane_stress)) cycle
+        is_zero = .not. abs(initial_stress(i)%value(k)) > 0
+        if (size(initial_stress(i)%formula) > 0) is_zero = initial_stress(i)%formula(k)%s == '0'
+        if (.not. is_zero) &
+          call input%add(initial_stress(i)%line, '&initial_stress: the component '//name(k)//' must be 0 in '// &
+                         trim(merge('plane stress  ', 'two dimensions', k == 3)))
+      end do
+    end do
+  end subroutine read_initial_stresses
+
+  !> Read all groups of one name; a body that two of them name is reported.
+  subroutine read_fields(groups, input, name, field)
+    type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    character(*), intent(in) :: name  !! Name of the groups.
+    type(field_input_t), allocatable, intent(out) :: field(:)  !! One for each body that a group names (n_fields).
+    type(field_input_t), allocatable :: of_group(:)
+    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
+    integer :: i, j, k
+    call pick_groups(groups, name, picked)
+    allocate (of_group(size(picked)), group_of(0), body_of(0))
+    do i = 1, size(picked)
+      associate (group => groups(picked(i)))
+        call read_field(group, input, of_group(i), matched)
+        twice: do k = 1, size(matched)
+          do j = 1, size(body_of)
+            if (body_of(j) /= matched(k)) cycle
+            if (.not. share_a_case(of_group(i)%in_case, of_group(group_of(j))%in_case)) cycle
+            call input%report(group, 'body', 'a second &'//name//' of body '//shown(input%bodies%name(matched(k))%s)// &
+                              trim(merge(' in one load case', '                 ', size(input%cases%name) > 0))// &
+                              ' (the first is in line '//to_text(of_group(group_of(j))%line)//')')
+            exit twice
+          end do
+        end do twice
+        call append_places(i, matched, group_of, body_of)
+      end associate
+    end do
+    allocate (field(size(group_of)))
+    do i = 1, size(group_of)
+      field(i) = of_group(group_of(i))
+      field(i)%body = body_of(i)
+    end do
+  end subroutine read_fields
+
+  !> Read value or formula of one group.
+  subroutine read_field(group, input, field, matched)
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(field_input_t), intent(out) :: field  !! The field, without a body; incomplete where the group has mistakes.
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
+    call input%begin_action(group, field, matched)
+    field%array = group%text_of('field')
+    field%reference = group%real_of('reference')
+    if (len(field%array) > 0) then
+      call input%refuse(group, 'value', 'field')
+      call input%refuse(group, 'formula', 'field')
+    else if (group%is_given('reference')) then
+      call input%report(group, 'reference', 'reference is for a field: value and formula are above that of the '// &
+                        'unstressed body')
+    end if
+    call input%refuse_both(group, 'value', 'formula')
+    if (.not. (group%is_given('value') .or. group%is_given('formula') .or. len(field%array) > 0)) &
+      call input%add(group%line, '&'//group%name//': ''value'' or ''formula'' is missing')
+    call group%read_numbers('value', field%value)
+    call group%texts_of('formula', field%formula)
+  end subroutine read_field
 end module dotyk_input_loads

@@ -6,22 +6,18 @@ module dotyk_input_parse
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
-  use dotyk_input_fields, only: read_initial_stresses, read_temperatures
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_keyword_table, only: list_keywords
   use dotyk_input_keywords, only: find_group, group_keyword_t
-  use dotyk_input_load_cases, only: read_contact_cases, read_load_cases
-  use dotyk_input_loads, only: read_loads
+  use dotyk_input_loads, only: read_initial_stresses, read_loads, read_supports, read_temperatures
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line
-  use dotyk_input_quantities, only: read_quantities
   use dotyk_input_reader, only: read_groups
   use dotyk_input_references, only: input_t, names_t
   use dotyk_input_remarks, only: add_remarks
   use dotyk_input_rigid_bodies, only: read_rigid_bodies
-  use dotyk_input_settings, only: read_accuracy, read_mesh_sizes, read_output, read_scene, read_solver
-  use dotyk_input_solver_checks, only: check_solver_keys
-  use dotyk_input_supports, only: read_supports
+  use dotyk_input_settings, only: check_solver_keys, read_accuracy, read_contact_cases, read_load_cases, &
+    read_mesh_sizes, read_output, read_quantities, read_scene, read_solver
   use dotyk_input_ties, only: read_ties
   implicit none
   private
@@ -33,8 +29,7 @@ contains
   subroutine read_case(file, case, error)
     character(*), intent(in) :: file  !! Path.
     type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
-    !> Allocated where the file has mistakes: all of them, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file has mistakes: all of them, one per line.
     character(:), allocatable :: text
     call read_text(file, text, error)
     if (.not. allocated(error)) call refuse_other_content(file, text, error)
@@ -47,8 +42,7 @@ contains
     character(*), intent(in) :: file  !! Path of the file, for messages and relative paths.
     character(*), intent(in) :: text  !! Text of the file.
     type(case_t), intent(out) :: case  !! The case; incomplete where there is an error.
-    !> Allocated where the file has mistakes: all of them, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the file has mistakes: all of them, one per line.
     type(input_t) :: input
     type(group_keyword_t), allocatable :: table(:)
     type(group_t), allocatable :: groups(:)

@@ -38,8 +38,7 @@ contains
   subroutine refuse_other_content(file, text, error)
     character(*), intent(in) :: file  !! Path, for the message.
     character(*), intent(in) :: text  !! Its bytes.
-    !> Allocated on return where the file is something else; unchanged otherwise.
-    type(error_t), allocatable, intent(inout) :: error
+    type(error_t), allocatable, intent(inout) :: error  !! Where the file is something else; unchanged otherwise.
     character(:), allocatable :: nature, advice, kind, first
     ! Bytes in which the first word is looked for.
     integer, parameter :: most_before = 200

@@ -10,16 +10,14 @@ module dotyk_input_problems
     character(:), allocatable :: file  !! Name of the file, as in the messages.
     integer :: count = 0  !! Number of problems.
     integer, allocatable :: line(:)  !! Lines of the file; the first `count` are in use (n_allocated).
-    !> Messages without file and line; the first `count` are in use (n_allocated).
-    type(text_t), allocatable :: message(:)
+    type(text_t), allocatable :: message(:)  !! Messages without place; the first `count` are in use (n_allocated).
   contains
     procedure :: init => problems_init
     procedure :: add => problems_add
     procedure :: raise => problems_raise
   end type problems_t
 
-  !> Line of a problem that belongs to the whole file; it is reported last.
-  integer, parameter, public :: no_line = huge(1)
+  integer, parameter, public :: no_line = huge(1)  !! Line of a problem of the whole file; it is reported last.
 
 contains
 

@@ -9,8 +9,7 @@ module dotyk_input_remarks
 
   !> Greatest number of groups of loads that are compared with each other: far above any that are written by hand.
   integer, parameter :: most_compared = 2000
-  !> Greatest number of lines of one sort, and of names in a line.
-  integer, parameter :: most_lines = 10, most_names = 5
+  integer, parameter :: most_lines = 10, most_names = 5  !! Most lines of one sort, and names in a line.
 
 contains
 
@@ -163,8 +162,7 @@ contains
 
     !> Note the cases of a group.
     subroutine note(in_case)
-      !> Whether it belongs to each; not allocated where these are all (n_cases).
-      logical, allocatable, intent(in) :: in_case(:)
+      logical, allocatable, intent(in) :: in_case(:)  !! Whether it belongs to each; not allocated: to all (n_cases).
       if (allocated(in_case)) has_own = has_own .or. in_case
     end subroutine note
   end subroutine look_at_cases

@@ -15,8 +15,7 @@ module dotyk_input_repeat
   private
   public :: repeat_body, append_bodies, name_copies
 
-  !> Greatest number of levels of an array, and of its copies.
-  integer, parameter :: max_levels = 3, most_copies = 200000
+  integer, parameter :: max_levels = 3, most_copies = 200000  !! Most levels of an array, and of its copies.
 
 contains
 
@@ -24,8 +23,7 @@ contains
   subroutine repeat_body(group, input, body, copies)
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> The body as placed by `at`, `axis` and, where it is not repeated, `angle`.
-    type(body_input_t), intent(in) :: body
+    type(body_input_t), intent(in) :: body  !! The body as placed by `at`, `axis` and, where not repeated, `angle`.
     type(body_input_t), allocatable, intent(out) :: copies(:)  !! The copies, the first index fastest (n_copies).
     integer, allocatable :: n(:)
     real(dp) :: angle(max_levels), shift(3, max_levels), centre(3), turned, moved(3)

@@ -112,8 +112,7 @@ contains
 
     !> Whether a group of several bodies spares one because it is rigid: not where all are.
     pure function is_spared(line, body, several)
-      !> Lines of the groups, bodies, 0 for none, and whether a group names several (n).
-      integer, intent(in) :: line(:), body(:)
+      integer, intent(in) :: line(:), body(:)  !! Lines of the groups, bodies or 0, whether a group names several (n).
       logical, intent(in) :: several(:)
       logical :: is_spared(size(line)), is_rigid(size(line))
       integer :: k

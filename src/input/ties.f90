@@ -3,9 +3,8 @@ module dotyk_input_ties
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, option_name, scheme_auto, scheme_dual, scheme_names
   use dotyk_base_text, only: quoted, shown, to_text
-  use dotyk_input_case, only: body_input_t, tie_input_t
+  use dotyk_input_case, only: body_input_t, cut_surface, tie_input_t
   use dotyk_input_contacts, only: read_side
-  use dotyk_input_cut, only: cut_surface
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_references, only: input_t, names_t
   implicit none
@@ -19,8 +18,7 @@ contains
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(body_input_t), intent(in) :: body(:)  !! Bodies (n_bodies).
-    !> Ties and bolts; incomplete where groups have mistakes (n_ties).
-    type(tie_input_t), allocatable, intent(out) :: tie(:)
+    type(tie_input_t), allocatable, intent(out) :: tie(:)  !! Ties and bolts; incomplete if groups are wrong (n_ties).
     type(tie_input_t), allocatable :: ties(:), bolts(:)
     integer :: i, k
     call read_kind(groups, input, 'tie', body, ties)

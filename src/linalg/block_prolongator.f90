@@ -1,5 +1,5 @@
 !> Prolongators from aggregates of nodes to a matrix of 2x2 or 3x3 blocks, P = (I - omega D^{-1} A) Q: the tentative
-!> prolongator Q of `dotyk_linalg_aggregate_basis` after one step of the block Jacobi method (P. Vanek, J. Mandel and M.
+!> prolongator Q of `dotyk_linalg_aggregation` after one step of the block Jacobi method (P. Vanek, J. Mandel and M.
 !> Brezina, Computing 56, 1996).
 !>
 !> Near-null-space vectors of A remain in the range of P where A maps them to zero, and basis functions lose the jumps
@@ -42,8 +42,7 @@ contains
     integer, intent(in) :: part  !! Block rows of a node.
     integer, intent(in) :: aggregate(:)  !! Aggregate of each node, 0 for none (n_nodes).
     integer, intent(in) :: n_coarse  !! Number of aggregates.
-    !> Q: coarse unknown, unknown of the node, node (m, part*dim, n_nodes) [].
-    real(dp), intent(in), contiguous :: basis(:, :, :)
+    real(dp), intent(in), contiguous :: basis(:, :, :)  !! Q: coarse unknown, nodal unknown, node [].
     real(sp), intent(in), contiguous :: inverse(:, :, :)  !! Inverse diagonal blocks of A/scale (dim, dim, n) [].
     real(dp), intent(in) :: omega  !! Factor of the step [].
     integer, allocatable :: mark(:), list(:)

@@ -51,8 +51,7 @@ contains
     class(block_rows_t), intent(out) :: self
     integer, intent(in) :: dim  !! Order of the blocks, 2 or 3.
     integer(int64), intent(in) :: start(:)  !! First neighbour of each node (n + 1).
-    !> Neighbours of the nodes, ascending, without the node itself (start(n + 1) - 1).
-    integer, intent(in) :: neighbour(:)
+    integer, intent(in) :: neighbour(:)  !! Neighbours of the nodes, ascending, without itself (start(n + 1) - 1).
     real(dp), intent(in) :: scale  !! Magnitude of the entries that will be added [matrix].
     integer(int64) :: first, length
     integer :: i
@@ -90,8 +89,7 @@ contains
     integer, intent(in) :: dim  !! Order of the blocks.
     integer, intent(in) :: n_nodes  !! Number of block rows.
     integer, intent(in) :: node(n)  !! Nodes of the element (n).
-    !> Element matrix: node a, node b, component i, component j (n, n, dim, dim) [matrix].
-    real(dp), intent(in) :: k(n, n, dim, dim)
+    real(dp), intent(in) :: k(n, n, dim, dim)  !! Element matrix: node a, node b, component i, component j [matrix].
     integer, intent(in) :: part  !! Index of the part.
     integer, intent(in) :: owner(n_nodes)  !! Part that owns each row (n_nodes); other rows are left to their owners.
     integer(int64), intent(in) :: start(n_nodes + 1)  !! First block of each row (n_nodes + 1).

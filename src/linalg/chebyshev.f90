@@ -18,8 +18,7 @@ module dotyk_linalg_chebyshev
     type(block_rows_t) :: rows  !! The matrix A.
     integer :: degree = 3  !! Number of products with D^{-1}.
     real(dp) :: ratio = 8  !! Ratio of the ends of the interval.
-    !> Upper end of the interval: the estimated greatest eigenvalue of D^{-1} A, with a margin [].
-    real(dp) :: greatest = 0
+    real(dp) :: greatest = 0  !! Upper end of the interval: greatest eigenvalue of D^{-1} A, with a margin [].
     real(sp), allocatable :: inverse(:, :, :)  !! Inverse diagonal blocks of A/scale (dim, dim, n) [].
   contains
     procedure :: prepare => chebyshev_prepare
@@ -41,8 +40,7 @@ contains
   !> Invert the diagonal blocks and estimate the greatest eigenvalue; `rows` is set before.
   subroutine chebyshev_prepare(self, regular)
     class(chebyshev_t), intent(inout) :: self
-    !> Whether all diagonal blocks are positive definite; the smoother cannot be used otherwise.
-    logical, intent(out) :: regular
+    logical, intent(out) :: regular  !! Whether all diagonal blocks are positive definite, as smoothing needs.
     type(cg_outcome_t) :: outcome
     real(dp), allocatable :: start(:), x(:)
     real(dp) :: least

@@ -1,16 +1,14 @@
 !> Sparse Cholesky factorization P K P^T = L L^T by CHOLMOD's supernodal way with 64-bit indices (Y. Chen, T. A. Davis,
 !> W. W. Hager and S. Rajamanickam, ACM Trans. Math. Softw. 35, 2008). The digits of a factor depend on the number of
-!> BLAS threads.
+!> BLAS threads. CHOLMOD is behind an opaque handle of `cholmod_shim.c`, named by no other module; its functions return
+!> one of `code_*`, or a code that CHOLMOD does not explain.
 module dotyk_linalg_cholesky
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t
+  use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_int, c_int64_t, c_null_ptr, c_ptr
   use omp_lib, only: omp_in_parallel
+  use dotyk_base_error, only: error_t, exit_machine, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
-  use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
-    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_factorize, dotyk_cholmod_solve, &
-    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, statistics_t
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
@@ -24,8 +22,7 @@ module dotyk_linalg_cholesky
   type, public :: supernodes_t
     integer(int64) :: n = 0  !! Number of supernodes.
     integer(int64), pointer, contiguous :: column_start(:) => null()  !! First column of each supernode (0:n).
-    !> Position of the first row of each supernode in `row` (0:n).
-    integer(int64), pointer, contiguous :: row_start(:) => null()
+    integer(int64), pointer, contiguous :: row_start(:) => null()  !! First row of each supernode in `row` (0:n).
     !> Position of the first value of each supernode in `value` (0:n).
     integer(int64), pointer, contiguous :: value_start(:) => null()
     integer(int64), pointer, contiguous :: row(:) => null()  !! Rows of the supernodes (0:sum of their rows - 1).
@@ -74,6 +71,87 @@ module dotyk_linalg_cholesky
   real(dp), parameter, public :: worth_threads = 1.0e9_dp
 
   integer :: n_factor_threads = 1  !! BLAS threads of a large factorization outside parallel regions.
+
+  integer(c_int), parameter :: code_ok = 0  !! No error.
+  integer(c_int), parameter :: code_out_of_memory = 1  !! CHOLMOD has no memory.
+  integer(c_int), parameter :: code_too_large = 3  !! The factor exceeds 64-bit integers.
+
+  type, bind(c) :: statistics_t  !! Result of the symbolic analysis; the struct of the same name in the shim.
+    integer(c_int64_t) :: entries  !! Stored entries of the factor, zeros inside supernodes included.
+    integer(c_int64_t) :: factor_bytes  !! Memory of the factor [bytes].
+    integer(c_int64_t) :: workspace_bytes  !! Estimated memory beside the factor and the matrix [bytes].
+    real(c_double) :: flops  !! Floating-point operations of a factorization.
+  end type statistics_t
+
+  interface
+    !> Make an empty handle.
+    type(c_ptr) function dotyk_cholmod_new() bind(c)
+      import :: c_ptr
+    end function dotyk_cholmod_new
+
+    !> Free a handle and all that belongs to it.
+    subroutine dotyk_cholmod_free(handle) bind(c)
+      import :: c_ptr
+      type(c_ptr), value :: handle  !! Handle of the factor.
+    end subroutine dotyk_cholmod_free
+
+    !> Symbolic analysis.
+    integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, trailing, statistics) bind(c)
+      import :: c_ptr, c_int, c_int64_t, statistics_t
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      integer(c_int64_t), value :: n  !! Order of K.
+      integer(c_int64_t), intent(in) :: start(*)  !! First entry of each column of the lower triangle, 0-based (n+1).
+      integer(c_int64_t), intent(in) :: row(*)  !! Row of each entry, ascending in each column, 0-based (entries).
+      integer(c_int64_t), intent(in) :: permutation(*)  !! The equation that is eliminated k-th, 0-based (n).
+      integer(c_int64_t), value :: trailing  !! Equations at the end of the permutation that stay there.
+      type(statistics_t), intent(out) :: statistics  !! Size and cost of the factor.
+    end function dotyk_cholmod_analyze
+
+    !> Make the lower triangle of P K P^T.
+    integer(c_int) function dotyk_cholmod_permute(handle, start, row, value) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      !> Position of the first entry of each column of the lower triangle of K, 0-based (n+1).
+      integer(c_int64_t), intent(in) :: start(*)
+      integer(c_int64_t), intent(in) :: row(*)  !! Row of each entry, 0-based (entries).
+      real(c_double), intent(in) :: value(*)  !! Value of each entry (entries) [any].
+    end function dotyk_cholmod_permute
+
+    !> Numeric factorization of P K P^T, which is freed.
+    integer(c_int) function dotyk_cholmod_factorize(handle, failed) bind(c)
+      import :: c_ptr, c_int, c_int64_t
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      integer(c_int64_t), intent(out) :: failed  !! First column of L whose pivot is not positive, 0 if none.
+    end function dotyk_cholmod_factorize
+
+    !> Solve K X = B, or with one of the factors P^T L P and P^T L^T P in place of K.
+    integer(c_int) function dotyk_cholmod_solve(handle, n, m, forward, back, x) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      integer(c_int64_t), value :: n  !! Order of K.
+      integer(c_int64_t), value :: m  !! Number of right-hand sides.
+      integer(c_int), value :: forward, back  !! Whether to solve with L, and with L^T; both: with K.
+      real(c_double), intent(inout) :: x(*)  !! Right-hand sides [any], then solutions (n, m) [those over K].
+    end function dotyk_cholmod_solve
+
+    !> The arrays of the supernodes.
+    subroutine dotyk_cholmod_supernodes(handle, counts, pointers) bind(c)
+      import :: c_ptr, c_int64_t
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      integer(c_int64_t), intent(out) :: counts(2)  !! Number of supernodes, length of the list of rows.
+      !> Addresses of: first column of each supernode, position of its first row, position of its first value, list of
+      !> rows, permutation, values (null before the factorization); all 0-based.
+      type(c_ptr), intent(out) :: pointers(6)
+    end subroutine dotyk_cholmod_supernodes
+
+    !> The equations of the last columns of L.
+    subroutine dotyk_cholmod_trailing(handle, m, equation) bind(c)
+      import :: c_ptr, c_int64_t
+      type(c_ptr), value :: handle  !! Handle of the factor.
+      integer(c_int64_t), value :: m  !! Number of columns.
+      integer(c_int64_t), intent(out) :: equation(*)  !! Equations of the last m columns (m).
+    end subroutine dotyk_cholmod_trailing
+  end interface
 
 contains
 
@@ -141,8 +219,7 @@ contains
     type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
     !> First equation whose pivot is not positive: there is no factor then, which is no error here; 0 if there is none.
     integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     real(dp), allocatable :: diagonal(:)
     failed_column = 0
     call take_matrix(self, matrix, diagonal, error)
@@ -155,8 +232,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     type(sparse_symmetric_t), intent(inout) :: matrix  !! The matrix K, destroyed on return.
     integer, intent(out) :: failed_column  !! As in `factorize`.
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     real(dp), allocatable :: diagonal(:)
     failed_column = 0
     call take_matrix(self, matrix, diagonal, error)
@@ -169,8 +245,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     type(sparse_symmetric_t), intent(in) :: matrix  !! The matrix K.
     real(dp), allocatable, intent(out) :: diagonal(:)  !! Its diagonal (n) [as K].
-    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! No memory, or the matrix is not the one that was analyzed.
     self%factorized = .false.
     self%weakest_pivot = 1
     self%weakest_equation = 0
@@ -387,4 +462,5 @@ contains
       call set_error(error, 'CHOLMOD refuses the '//what//' of '//size_text, exit_not_solvable)
     end select
   end subroutine raise
+
 end module dotyk_linalg_cholesky

@@ -19,7 +19,7 @@ typedef struct {
   int64_t n;
 } handle_t;
 
-/* Mirrored as statistics_t in dotyk_linalg_cholmod. */
+/* Mirrored as statistics_t in dotyk_linalg_cholesky. */
 typedef struct {
   int64_t entries;         /* stored entries of the factor, zeros inside supernodes included */
   int64_t factor_bytes;    /* memory of the factor [bytes] */

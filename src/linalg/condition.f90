@@ -48,8 +48,7 @@ contains
     real(dp), intent(in) :: diagonal(:)  !! Diagonal of K (n) [as K].
     real(dp), intent(out) :: values(:)  !! Eigenvalues, ascending; at most the order of the matrix (m) [].
     real(dp), intent(out) :: modes(:, :)  !! Modes x, unscaled and with `x^T D x = 1` (n, m) [1/sqrt(K)].
-    !> A solution is not finite, or LAPACK's iteration has not converged.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Not finite, or LAPACK's iteration has not converged.
     real(dp), allocatable :: solution(:, :), projected(:, :), inverse(:), vectors(:, :)
     integer :: m, i, j, step
     m = size(values)
@@ -83,8 +82,7 @@ contains
   !> Make columns orthonormal in the inner product of D, by Gram-Schmidt twice.
   pure subroutine make_orthonormal(diagonal, x)
     real(dp), intent(in) :: diagonal(:)  !! Diagonal D (n) [any].
-    !> Columns, linearly independent (n, m) [any]; orthonormal on return [1/sqrt(D)].
-    real(dp), intent(inout) :: x(:, :)
+    real(dp), intent(inout) :: x(:, :)  !! Independent columns (n, m) [any]; orthonormal on return [1/sqrt(D)].
     integer :: j, k, pass
     do j = 1, size(x, 2)
       do pass = 1, 2

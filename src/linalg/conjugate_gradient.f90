@@ -55,8 +55,7 @@ contains
   !> Solve A x = b from x = 0. The residual is that of the recurrence. An interrupt ends the iteration.
   subroutine conjugate_gradient(system, b, x, tolerance, most_steps, outcome, small)
     class(preconditioned_system_t), intent(in) :: system  !! The matrix and its preconditioner.
-    !> Right-hand side b (n) [A times x]; in the range of a semidefinite matrix.
-    real(dp), intent(in), contiguous :: b(:)
+    real(dp), intent(in), contiguous :: b(:)  !! Right-hand side b (n) [A times x], in the range of a singular matrix.
     real(dp), intent(out), contiguous :: x(:)  !! Solution x (n) [any].
     real(dp), intent(in) :: tolerance  !! Reduction of the residual in the norm of the preconditioner to stop at [].
     integer, intent(in) :: most_steps  !! Greatest number of steps.

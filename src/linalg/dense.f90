@@ -1,15 +1,17 @@
-!> Small dense problems, by LAPACK: eigenvalues, singular values, least squares, orthonormal bases.
+!> Small dense problems, by LAPACK: eigenvalues, singular values, least squares, orthonormal bases, generalized
+!> inverses.
 module dotyk_linalg_dense
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
-  use dotyk_base_thresholds, only: half_digits
+  use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_linalg_blas, only: dtrsm
   use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, &
-    largest_tridiagonal_eigenpair, cholesky_factor, solve_triangular
+    largest_tridiagonal_eigenpair, cholesky_factor, solve_triangular, find_inverse_root
 
   !> Work space that LAPACK asks for, per row of a matrix: its largest block of columns, 32 for the tridiagonal form and
   !> 64 for the QR factorization, and two or more vectors.
@@ -22,8 +24,7 @@ contains
     real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
     real(dp), intent(out) :: values(:)  !! Eigenvalues, ascending (n) [as `a`].
     real(dp), intent(out) :: vectors(:, :)  !! Orthonormal eigenvectors as columns (n, n) [].
-    !> An entry is not finite, or LAPACK's iteration has not converged.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Not finite, or LAPACK's iteration has not converged.
     real(dp), allocatable :: v(:, :), w(:), work(:)
     integer :: n, info
     n = size(a, 1)
@@ -47,8 +48,7 @@ contains
   subroutine cholesky_factor(a, factor, error)
     real(dp), intent(in) :: a(:, :)  !! The matrix (n, n) [any]; its lower triangle is read.
     real(dp), allocatable, intent(out) :: factor(:, :)  !! L with A = L L^T, zero above the diagonal (n, n) [sqrt(A)].
-    !> The matrix is not positive semidefinite, or an entry is not finite.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! It is not positive semidefinite, or an entry not finite.
     real(dp) :: shift, largest
     integer :: i, n, failed
     n = size(a, 1)
@@ -88,8 +88,7 @@ contains
     real(dp), intent(in) :: a(:, :)  !! The matrix (m, n) [any]; m may be 0.
     real(dp), intent(out) :: values(:)  !! Singular values, descending; zero from the (m+1)-th on (n) [as `a`].
     real(dp), intent(out) :: vectors(:, :)  !! Orthonormal right singular vectors as columns (n, n) [].
-    !> An entry is not finite, or LAPACK's iteration has not converged.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Not finite, or LAPACK's iteration has not converged.
     real(dp), allocatable :: b(:, :), s(:), vt(:, :), work(:)
     real(dp) :: none(1, 1)
     integer :: n, m, j, info
@@ -206,8 +205,7 @@ contains
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
     real(dp), intent(in) :: diagonal(:)  !! Diagonal (n) [any].
-    !> Entries beside the diagonal (at least n-1; further ones are ignored) [as `diagonal`].
-    real(dp), intent(in) :: off_diagonal(:)
+    real(dp), intent(in) :: off_diagonal(:)  !! Entries beside the diagonal (at least n-1) [as `diagonal`].
     real(dp), intent(out) :: value  !! Largest eigenvalue [as `diagonal`].
     real(dp), intent(out) :: vector(:)  !! Its eigenvector of norm 1 (n) [].
     real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)
@@ -237,4 +235,60 @@ contains
       vector = 1
     end if
   end subroutine largest_tridiagonal_eigenpair
+
+  !> Root and null space. Without a reference A is regular and is factorized by elimination, which keeps directions of
+  !> very different stiffness apart that an eigendecomposition would mix by rounding.
+  subroutine find_inverse_root(a, reference, root, null_space, failed)
+    real(dp), intent(in) :: a(:, :)  !! Lower triangle of A (n, n) [any].
+    real(dp), intent(in) :: reference  !! Magnitude that eigenvalues of A are compared with [as `a`]; 0: A is regular.
+    real(dp), allocatable, intent(out) :: root(:, :)  !! R (n, n) [1/sqrt(A)].
+    real(dp), allocatable, intent(out) :: null_space(:, :)  !! Orthonormal null directions as columns (n, n_null) [].
+    integer, intent(out) :: failed  !! 0, or 1 where A is not finite or the eigenvalues cannot be found.
+    type(error_t), allocatable :: error
+    real(dp) :: full(size(a, 1), size(a, 1)), values(size(a, 1))
+    integer :: i, n
+    n = size(a, 1)
+    do i = 1, n
+      full(i:, i) = a(i:, i)
+      full(i, i:) = a(i:, i)
+    end do
+    allocate (root(n, n), null_space(n, 0))
+    failed = 1
+    if (.not. all(ieee_is_finite(full))) return
+    if (.not. reference > 0) then
+      call invert_by_elimination(full, root, failed)
+      if (failed == 0) return
+    end if
+    call symmetric_eigen(full, values, root, error)
+    if (allocated(error)) return
+    failed = 0
+    associate (is_null => .not. (values > rounding*reference .and. values > tiny(1.0_dp)))
+      null_space = root(:, pack([(i, i=1, n)], is_null))
+      do i = 1, n
+        if (is_null(i)) then
+          root(:, i) = 0
+        else
+          root(:, i) = root(:, i)/sqrt(values(i))
+        end if
+      end do
+    end associate
+  end subroutine find_inverse_root
+
+  !> The root of the inverse of a positive definite matrix, `L^{-T}`.
+  subroutine invert_by_elimination(a, root, failed)
+    real(dp), intent(in) :: a(:, :)  !! Lower triangle of A (n, n) [any].
+    real(dp), intent(out) :: root(:, :)  !! Root of the inverse (n, n) [1/sqrt(A)].
+    integer, intent(out) :: failed  !! 0 if A is positive definite.
+    real(dp) :: factor(size(a, 1), size(a, 1))
+    integer :: i, n
+    n = size(a, 1)
+    factor = a
+    call dpotrf('L', n, factor, n, failed)
+    if (failed /= 0) return
+    root = 0
+    do i = 1, n
+      root(i, i) = 1
+    end do
+    call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_dp, factor, n, root, n)
+  end subroutine invert_by_elimination
 end module dotyk_linalg_dense

@@ -43,8 +43,7 @@ contains
   !> Factorize the matrix, whose lower triangle is read.
   subroutine dense_factorize(self, failed, last)
     class(dense_cholesky_t), intent(inout) :: self
-    !> First column whose pivot is not positive: there is no factor then; 0 if there is none.
-    integer, intent(out) :: failed
+    integer, intent(out) :: failed  !! First column whose pivot is not positive: no factor then; 0 if none.
     !> Last row with an entry of each column, at least the column: entries beyond stay zero; all rows if absent (n).
     integer, intent(in), optional :: last(:)
     integer :: threads, k, n_panels, far

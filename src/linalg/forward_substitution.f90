@@ -26,13 +26,10 @@ module dotyk_linalg_forward_substitution
 
   type, public :: forward_solution_t  !! Solutions of L y = P b for some right-hand sides, supernode by supernode.
     integer :: n = 0  !! Number of right-hand sides.
-    !> Supernodes that are in the reach of a right-hand side, ascending (n_supernodes).
-    integer, allocatable :: supernode(:)
-    !> Position of the first right-hand side of each of them in `column` (n_supernodes + 1).
-    integer, allocatable :: first_column(:)
+    integer, allocatable :: supernode(:)  !! Supernodes in the reach of a right-hand side, ascending (n_supernodes).
+    integer, allocatable :: first_column(:)  !! First right-hand side of each in `column` (n_supernodes + 1).
     integer, allocatable :: column(:)  !! Right-hand sides that reach each of them, ascending.
-    !> Position of the first value of each of them in `value` (n_supernodes + 1).
-    integer(int64), allocatable :: first_value(:)
+    integer(int64), allocatable :: first_value(:)  !! First value of each of them in `value` (n_supernodes + 1).
     !> Values of each of them: a block (own columns of the supernode, right-hand sides that reach it).
     real(dp), allocatable :: value(:)
   contains

@@ -27,8 +27,7 @@ module dotyk_linalg_lapack
     !> Least squares of minimum norm by QR factorization with column pivoting.
     subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
       import :: dp
-      !> Rows, columns, right-hand sides, leading dimensions, length of `work`.
-      integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+      integer, intent(in) :: m, n, nrhs, lda, ldb, lwork  !! Rows, columns, sides, leading dimensions, length of `work`.
       real(dp), intent(inout) :: a(lda, *)  !! The matrix, then its factors (lda, n) [any].
       real(dp), intent(inout) :: b(ldb, *)  !! Right-hand sides [any], then solutions (ldb, nrhs) [b/A].
       integer, intent(inout) :: jpvt(*)  !! Columns to keep in front, then the order of the columns (n).
@@ -87,8 +86,7 @@ module dotyk_linalg_lapack
     !> One step of incremental condition estimation.
     subroutine dlaic1(job, j, x, sest, w, gamma, sestpr, s, c)
       import :: dp
-      !> 1 for the largest, 2 for the smallest singular value; order of the triangle so far.
-      integer, intent(in) :: job, j
+      integer, intent(in) :: job, j  !! 1: largest, 2: smallest singular value; order of the triangle so far.
       real(dp), intent(in) :: x(*)  !! Approximate singular vector of the triangle so far (j) [].
       real(dp), intent(in) :: sest  !! Estimate of its singular value [any].
       real(dp), intent(in) :: w(*)  !! New row: entries before the diagonal (j) [as `sest`].

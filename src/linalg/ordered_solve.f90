@@ -41,8 +41,7 @@ module dotyk_linalg_ordered_solve
   !> Greatest work of a subtree as a fraction of all work, and work that is not cut [operations].
   real(dp), parameter :: subtree_fraction = 1/64.0_dp, least_subtree_work = 1.0e8_dp
   integer, parameter :: panel_columns = 128  !! Columns of a panel.
-  !> Rows of a chunk; what backward substitution sums over chunks is added in their order.
-  integer, parameter :: chunk_rows = 256
+  integer, parameter :: chunk_rows = 256  !! Rows of a chunk; backward substitution adds chunks in order.
 
 contains
 

@@ -8,8 +8,7 @@ module dotyk_linalg_ordering
   private
   public :: nested_dissection, partition_elements, expand_permutation, is_permutation
 
-  !> Graphs of fewer nodes keep their order: their factors are nearly dense in any order.
-  integer, parameter :: least_nodes = 50
+  integer, parameter :: least_nodes = 50  !! Smaller graphs keep their order: factors are nearly dense in any.
   integer, parameter :: n_options = 40  !! Length of METIS 5.1's array of options.
   integer, parameter :: option_seed = 9  !! Position of the seed in that array, from 1.
   integer, parameter :: option_separators = 16  !! Position of the number of separators, likewise.
@@ -149,8 +148,7 @@ contains
   !> Order of equations from an order of nodes; the equations of a node stay together.
   pure subroutine expand_permutation(node_permutation, equation, permutation)
     integer, intent(in) :: node_permutation(:)  !! Node that is eliminated k-th (n_nodes).
-    !> Equation of each component of each node (dimension, n_nodes), 0 where there is none.
-    integer, intent(in) :: equation(:, :)
+    integer, intent(in) :: equation(:, :)  !! Equation of each component of each node (dimension, n_nodes), or 0.
     integer, intent(out) :: permutation(:)  !! Equation that is eliminated k-th (number of equations).
     integer :: i, k, n
     n = 0

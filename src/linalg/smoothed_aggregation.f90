@@ -14,8 +14,7 @@
 module dotyk_linalg_smoothed_aggregation
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64, sp
-  use dotyk_linalg_aggregate_basis, only: carry_to_coarse, list_members, make_bases
-  use dotyk_linalg_aggregation, only: find_aggregates
+  use dotyk_linalg_aggregation, only: carry_to_coarse, find_aggregates, list_members, make_bases
   use dotyk_linalg_block_factor, only: block_factor_t
   use dotyk_linalg_block_prolongator, only: block_prolongator_t
   use dotyk_linalg_block_rows, only: block_rows_t
@@ -141,8 +140,7 @@ contains
     !> Near-null-space vectors; of the next level on return (n, n_vectors) [any].
     real(dp), allocatable, intent(inout) :: vector(:, :)
     real(dp), allocatable, intent(inout) :: mode(:, :)  !! Null vectors; of the next level on return (n, n_modes) [].
-    !> Has its matrix and the settings of its smoother; gets the rest.
-    type(aggregation_level_t), intent(inout) :: level
+    type(aggregation_level_t), intent(inout) :: level  !! Has its matrix and smoother settings; gets the rest.
     type(block_rows_t), intent(inout) :: coarse  !! Matrix of the next level.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a diagonal block is not positive definite.
     real(dp), allocatable :: basis(:, :, :), next_vector(:, :, :), next_mode(:, :)

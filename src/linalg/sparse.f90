@@ -1,9 +1,11 @@
-!> Sparse matrices: a symmetric one as CHOLMOD reads it, and a general one by rows (compressed sparse rows).
+!> Sparse matrices: a symmetric one as CHOLMOD reads it, and a general one by rows (compressed sparse rows); comparison
+!> of matrices that may differ by rounding, which can be an entry.
 module dotyk_linalg_sparse
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_parcel, only: parcel_t
   implicit none
   private
+  public :: same_rows
 
   !> Symmetric matrix: lower triangle with the diagonal by columns, rows ascending in each column. Indices are 64-bit
   !> and 0-based, because CHOLMOD reads these arrays. Every diagonal entry is stored, as the first entry of its column.
@@ -12,8 +14,7 @@ module dotyk_linalg_sparse
     !> Position of the first entry of each column, 0-based, and the number of entries (n+1).
     integer(int64), allocatable :: column_start(:)
     integer(int64), allocatable :: row(:)  !! Row of each entry, 0-based (number of entries).
-    !> Value of each entry; not allocated while only the pattern is known (number of entries).
-    real(dp), allocatable :: value(:)
+    real(dp), allocatable :: value(:)  !! Values; not allocated while the pattern alone is known (n_entries).
   contains
     procedure :: multiply => symmetric_multiply
     procedure :: n_entries => symmetric_entries
@@ -24,8 +25,7 @@ module dotyk_linalg_sparse
   type, public :: sparse_rows_t  !! General matrix by rows, 1-based, columns ascending in each row.
     integer :: n_rows = 0  !! Number of rows.
     integer :: n_columns = 0  !! Number of columns.
-    !> Position of the first entry of each row, and the number of entries + 1 (n_rows+1).
-    integer, allocatable :: row_start(:)
+    integer, allocatable :: row_start(:)  !! First entry of each row, and the number of entries + 1 (n_rows+1).
     integer, allocatable :: column(:)  !! Column of each entry (number of entries).
     real(dp), allocatable :: value(:)  !! Value of each entry (number of entries).
   contains
@@ -304,4 +304,51 @@ contains
     if (allocated(self%column)) deallocate (self%column)
     if (allocated(self%value)) deallocate (self%value)
   end subroutine rows_destroy
+
+  !> Whether two matrices are the same up to rounding.
+  pure logical function same_rows(a, b, tolerance) result(same)
+    type(sparse_rows_t), intent(in) :: a  !! The one matrix.
+    type(sparse_rows_t), intent(in) :: b  !! The other one.
+    real(dp), intent(in) :: tolerance  !! Difference relative to the largest entry of a row that counts as none [].
+    integer :: i
+    same = a%n_rows == b%n_rows .and. a%n_columns == b%n_columns
+    if (.not. same) return
+    do i = 1, a%n_rows
+      associate (of_a => [a%row_start(i), a%row_start(i + 1) - 1], of_b => [b%row_start(i), b%row_start(i + 1) - 1])
+        same = same_row(a%column(of_a(1):of_a(2)), a%value(of_a(1):of_a(2)), &
+                        b%column(of_b(1):of_b(2)), b%value(of_b(1):of_b(2)), tolerance)
+      end associate
+      if (.not. same) return
+    end do
+  end function same_rows
+
+  !> Whether two rows are the same up to rounding.
+  pure logical function same_row(column_a, a, column_b, b, tolerance) result(same)
+    integer, intent(in) :: column_a(:)  !! Columns of the one row, ascending.
+    real(dp), intent(in) :: a(:)  !! Its entries [any].
+    integer, intent(in) :: column_b(:)  !! Columns of the other row, ascending.
+    real(dp), intent(in) :: b(:)  !! Its entries [as a].
+    real(dp), intent(in) :: tolerance  !! As in `same_rows` [].
+    real(dp) :: difference
+    integer :: i, k, next_a, next_b
+    i = 1
+    k = 1
+    same = .true.
+    do while (same .and. (i <= size(a) .or. k <= size(b)))
+      next_a = huge(i)
+      next_b = huge(k)
+      if (i <= size(a)) next_a = column_a(i)
+      if (k <= size(b)) next_b = column_b(k)
+      difference = 0
+      if (next_a <= next_b) then
+        difference = a(i)
+        i = i + 1
+      end if
+      if (next_b <= next_a) then
+        difference = difference - b(k)
+        k = k + 1
+      end if
+      same = abs(difference) <= tolerance*maxval([0.0_dp, abs(a), abs(b)])
+    end do
+  end function same_row
 end module dotyk_linalg_sparse

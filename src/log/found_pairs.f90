@@ -10,8 +10,7 @@ module dotyk_log_found_pairs
   private
   public :: show_found, show_idle_bodies, body_names
 
-  !> Greatest number of lines, and of names in a line; more are summed up.
-  integer, parameter :: most_lines = 6, most_names = 8
+  integer, parameter :: most_lines = 6, most_names = 8  !! Most lines, and names in a line; more are summed up.
 
 contains
 

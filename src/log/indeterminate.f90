@@ -4,7 +4,7 @@ module dotyk_log_indeterminate
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
-  use dotyk_log_load_tables, only: vector_text
+  use dotyk_log_case_tables, only: vector_text
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_mode_columns, only: mode_columns_t
   use dotyk_scheme_solver_state, only: solver_state_t

@@ -1,6 +1,6 @@
-!> What is said of a solution, or of a scene that has none, in words of the scene.
+!> What is said of a solution, or of a scene that has none, in words of the scene; and of the engine that solves it.
 module dotyk_log_outcome
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
@@ -10,12 +10,15 @@ module dotyk_log_outcome
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_log_indeterminate, only: note_rest, note_undetermined
-  use dotyk_log_load_tables, only: vector_text
+  use dotyk_log_case_tables, only: vector_text
+  use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_no_equilibrium, ended_open_tie, ended_rigid_constraint
+  use dotyk_scheme_scheme, only: reason_accuracy, reason_aggregates, reason_near_null_modes, reason_rigid_rows, &
+    reason_slow
+  use dotyk_scheme_solver_state, only: ended_no_equilibrium, ended_open_tie, ended_rigid_constraint, solver_state_t
   implicit none
   private
-  public :: refuse_unsolvable, note_modes
+  public :: refuse_unsolvable, note_modes, note_factors, note_no_memory, note_rebuilt
 
 contains
 
@@ -26,8 +29,7 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! Bodies and contact pairs.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
-    !> Allocated where there is no solution; names body or pair, with its line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where there is no solution; names body or pair, with its line.
     if (state%ended == ended_no_equilibrium) &
       call refuse_motion(case, problem%body, problem%modes, first_mode(problem%modes, problem%tie), qp, &
                          state%unbounded, error)
@@ -59,8 +61,7 @@ contains
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
-    !> Allocated on return: names the bodies that move, and the resultants that move them.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the bodies that move, and the resultants that move them.
     character(:), allocatable :: others, carried
     real(dp) :: work(size(body)), own_work(size(body))
     logical :: moved(size(body))
@@ -175,8 +176,7 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
     type(solver_state_t), intent(in) :: state  !! State of the scheme at its end.
-    !> Allocated on return: names the contact pair, the overlap, and its place.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Names the contact pair, the overlap, and its place.
     character(:), allocatable :: place
     real(dp) :: overlap, point(3)
     integer :: k, n
@@ -233,4 +233,47 @@ contains
                   'the results are qualitative')
     if (n_far > 1) call log%line('  large rotation   '//counted(n_far - 1, 'more body', 'more bodies')//', smaller')
   end subroutine note_rotations
+
+  !> Bodies get factors in place of p-multigrids.
+  subroutine note_factors(reason, monitor)
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
+    call monitor%note('factors          '//sentence(reason)// &
+                      ': the bodies are factorized, and the contact solved again')
+  end subroutine note_factors
+
+  !> They do not get them.
+  subroutine note_no_memory(reason, monitor)
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
+    call monitor%log%line('  warning          '//sentence(reason)//', and the memory does not suffice for factors')
+  end subroutine note_no_memory
+
+  !> Bodies that were split get factors.
+  subroutine note_rebuilt(reason, monitor)
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
+    call monitor%note('factors          '//sentence(reason)//': the bodies are not split over ranks, each has its '// &
+                      'factor on one of them')
+  end subroutine note_rebuilt
+
+  !> A reason as a sentence.
+  pure function sentence(reason) result(text)
+    integer, intent(in) :: reason  !! One of `reason_*`.
+    character(:), allocatable :: text
+    select case (reason)
+    case (reason_near_null_modes)
+      text = 'the contact needs factors, as supports hardly resist some motions'
+    case (reason_rigid_rows)
+      text = 'the contact needs factors, as supports press rows together'
+    case (reason_aggregates)
+      text = 'the ties need factors, as bodies of theirs are too large for p-multigrid with ties'
+    case (reason_slow)
+      text = 'p-multigrid would take longer than factors'
+    case (reason_accuracy)
+      text = 'the accuracy of p-multigrid does not suffice'
+    case default
+      text = 'the contact needs factors'
+    end select
+  end function sentence
 end module dotyk_log_outcome

@@ -4,8 +4,8 @@ module dotyk_log_run_monitor
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
   use dotyk_base_progress, only: start_progress
-  use dotyk_log_progress, only: progress_line
-  use dotyk_log_timing, only: show_timing, stage_estimate, stage_iterate, stage_recover, stopwatch_t, timing_t
+  use dotyk_log_timing, only: progress_line, show_timing, stage_estimate, stage_iterate, stage_recover, stopwatch_t, &
+    timing_t
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
@@ -28,8 +28,7 @@ module dotyk_log_run_monitor
     procedure :: show_timing => log_monitor_show_timing
   end type log_monitor_t
 
-  !> Stages that take longer get lines of progress where standard output is no terminal [s].
-  real(dp), parameter :: long_stage = 10
+  real(dp), parameter :: long_stage = 10  !! Longer stages get lines of progress where no terminal [s].
 
 contains
 

@@ -1,26 +1,24 @@
 !> Ties in the log: what is tied, and what it transmits.
 module dotyk_log_tie_tables
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
+  use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_control_seams, only: count_split_rows, pair_of_other_roles
   use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_log_load_tables, only: vector_text
+  use dotyk_log_case_tables, only: vector_text
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
   public :: show_ties, show_tie_forces
 
-  integer, parameter :: most_shown = 20  !! Greatest number of ties with lines of their own.
   integer, parameter :: few = 4  !! The same of ties whose area is tied wholly.
   real(dp), parameter :: nearly_all = 0.999_dp  !! Slave surfaces less of which is tied get a word [].
   !> Sectors whose cuts are farther apart than this fraction of their angle are not cut alike [].
   real(dp), parameter :: most_turned = 0.02_dp
-  !> Nodes of a cut that are compared with those of another one, about, at most.
-  integer, parameter :: most_compared = 1000
+  integer, parameter :: most_compared = 1000  !! Nodes of a cut compared with those of another, about, at most.
   !> Cuts whose normal is farther off the shank get a word: at this angle it carries 0.4 % more [degrees].
   real(dp), parameter :: most_oblique = 5
 

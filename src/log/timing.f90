@@ -1,16 +1,17 @@
-!> Wall time and processor time of the stages of a run, and their lines in the log.
+!> Wall time and processor time of the stages of a run, their lines in the log, and the live line of an iteration.
 module dotyk_log_timing
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text, peak_memory
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: processor_time, wall_time
-  use dotyk_log_progress, only: duration
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t, greatest, share
+  use dotyk_scheme_history, only: history_t
   implicit none
   private
-  public :: show_timing
+  public :: show_timing, progress_line, duration
 
   type, public :: stage_time_t  !! Time of a stage.
     real(dp) :: wall = 0  !! Wall time [s].
@@ -148,4 +149,42 @@ contains
                   memory_text(minval(memory))//' to '//memory_text(maxval(memory))//', sum '// &
                   memory_text(sum(memory))//'; until bodies were read '//memory_text(maxval(of_bodies)))
   end subroutine show_ranks
+
+  !> Step, bound, points in contact, and an estimate of the time left.
+  function progress_line(history, tolerance, measure) result(line)
+    type(history_t), intent(in) :: history  !! History up to now.
+    real(dp), intent(in) :: tolerance  !! Tolerance of the stopping criterion; 0: no rate of convergence leads there [].
+    real(dp), intent(in) :: measure  !! Error measure that the criterion compares with it [].
+    character(:), allocatable :: line
+    real(dp) :: steps, rate
+    character(80) :: buffer
+    integer, parameter :: enough = 10  !! Steps from which on their increments tell a rate.
+    write (buffer, '(a,i6,a,i8)') '  iteration ', history%n, '   active ', history%active(history%n)
+    if (history%error_bound(history%n) < huge(1.0_dp)) &
+      write (buffer, '(a,i6,a,es9.2,a,i8)') '  iteration ', history%n, '   error bound ', &
+      history%error_bound(history%n), '   active ', history%active(history%n)
+    line = trim(buffer)
+    if (history%n < enough) return
+    rate = history%measured_contraction()
+    if (ieee_is_nan(rate)) return
+    if (rate > 0 .and. rate < 1 .and. measure > tolerance .and. tolerance > 0) then
+      steps = log(tolerance/measure)/log(rate)
+      line = line//'   remaining '//duration(steps*history%seconds(history%n)/history%n)
+    end if
+  end function progress_line
+
+  !> A time with two digits in a convenient unit: ms, s, min or h.
+  function duration(seconds) result(text)
+    real(dp), intent(in) :: seconds  !! Time [s].
+    character(:), allocatable :: text
+    if (seconds < 0.095_dp) then
+      text = to_text(1000*seconds, 2)//' ms'
+    else if (seconds < 100) then
+      text = to_text(seconds, 2)//' s'
+    else if (seconds < 6000) then
+      text = to_text(nint(seconds/60))//' min'
+    else
+      text = to_text(seconds/3600, 2)//' h'
+    end if
+  end function duration
 end module dotyk_log_timing

@@ -35,8 +35,7 @@ contains
     real(dp), intent(in) :: normal(:)  !! Its normal (dimension) [].
     !> Whether each element is in the second half, counted through all blocks (n_elements).
     logical, allocatable, intent(out) :: is_ahead(:)
-    !> Set where all elements lie on one side, and where a side is in pieces.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where all elements lie on one side, or a side is in pieces.
     type(corner_table_t) :: none
     integer, allocatable :: parent(:), n_of(:), beside(:, :)
     logical, allocatable :: is_crossed(:), moves(:)
@@ -299,8 +298,7 @@ contains
   !> The faces of a half that are inside the whole body.
   subroutine extract_cut(whole, half, name, surface)
     type(body_mesh_t), intent(in) :: whole  !! Mesh of the body.
-    !> Mesh of the half; it may have nodes of order elevation besides those of the whole body.
-    type(body_mesh_t), intent(in) :: half
+    type(body_mesh_t), intent(in) :: half  !! Mesh of the half; it may have further nodes of order elevation.
     character(*), intent(in) :: name  !! Name of the surface.
     type(surface_t), intent(out) :: surface  !! The surface.
     type(corner_table_t) :: outside

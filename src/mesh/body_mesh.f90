@@ -289,8 +289,7 @@ contains
   !> Number the nodes of the body in the order of the mesh.
   subroutine number_nodes(mesh, body_mesh)
     type(mesh_t), intent(in) :: mesh  !! Mesh.
-    !> Mesh of the body; on entry its blocks have node numbers of the mesh.
-    type(body_mesh_t), intent(inout) :: body_mesh
+    type(body_mesh_t), intent(inout) :: body_mesh  !! Mesh of the body; its blocks have node numbers of the mesh first.
     integer, allocatable :: number(:)
     integer :: b, e, i, n
     allocate (number(size(mesh%x, 2)))
@@ -325,8 +324,7 @@ contains
   !> Connected components of a body: nodes of one element belong to one component.
   subroutine connected_components(body_mesh, component, n_components)
     type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
-    !> Component of each node (n_nodes), numbered in the order of their first nodes.
-    integer, intent(out) :: component(:)
+    integer, intent(out) :: component(:)  !! Component of each node (n_nodes), in the order of their first nodes.
     integer, intent(out) :: n_components  !! Number of components.
     integer :: i
     if (allocated(body_mesh%whole)) then

@@ -1,4 +1,5 @@
-!> Parts of the boundary of a body: the numbers of the facets of a surface in it, and some of its facets as a surface.
+!> Parts of the boundary of a body: the numbers of the facets of a surface in it, some of its facets as a surface, and
+!> facets that two surfaces have in common.
 module dotyk_mesh_boundary_part
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
@@ -6,7 +7,7 @@ module dotyk_mesh_boundary_part
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: facets_in_boundary, boundary_part, find_entities
+  public :: facets_in_boundary, boundary_part, find_entities, find_common_facets
 
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
@@ -35,8 +36,7 @@ contains
   !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
   subroutine find_entities(mesh, number, boundary)
     type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
-    !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! Number of each node in the body, 0 where none (n_nodes of the mesh).
     type(surface_t), intent(inout) :: boundary  !! Boundary of the body; its entities are set.
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
@@ -77,4 +77,24 @@ contains
     if (allocated(boundary%tag)) part%tag = boundary%tag(facet)
     if (allocated(boundary%entity)) part%entity = boundary%entity(facet)
   end subroutine boundary_part
+
+  !> Facets of a surface that another surface of the same body has, too.
+  subroutine find_common_facets(surface, other, is_common)
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(surface_t), intent(in) :: other  !! The other one.
+    logical, allocatable, intent(out) :: is_common(:)  !! Whether the other has each facet (n_facets).
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: f, entry
+    call table%init(max_corners, other%n_facets)
+    do f = 1, other%n_facets
+      kind = element_kind(other%kind(f))
+      call table%add(other%node(:kind%n_corners, f), entry)
+    end do
+    allocate (is_common(surface%n_facets))
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      is_common(f) = table%find(surface%node(:kind%n_corners, f)) > 0
+    end do
+  end subroutine find_common_facets
 end module dotyk_mesh_boundary_part

@@ -1,27 +1,28 @@
 !> The script that gmsh reads after a CAD file: element sizes, and the physical groups `solid 1`, `solid 2`, ... and
 !> `face 1`, `face 2`, ..., numbered as gmsh does; and solids by their names in the file, with numbers where several
-!> have the same.
+!> have the same. Before it, for an STL file, the script that makes solids of its triangles: they become faces, divided
+!> at sharp edges and so that each can be meshed anew; each closed surface is a solid.
 module dotyk_mesh_cad_script
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_stl_script, only: stl_script
   implicit none
   private
-  public :: cad_script, script_of_solid
+  public :: cad_script, script_of_solid, sharp
 
   !> Elements along the largest extent of a solid, where no size is given, and around a circle; half as many on a mesh
   !> that others follow.
   integer, parameter :: most_along = 12, most_around = 16
-  !> Elements along a solid beyond which the size is a mistake: gmsh would take hours.
-  integer, parameter :: most_along_solid = 1000
+  integer, parameter :: most_along_solid = 1000  !! More elements along a solid are a mistake: gmsh would take hours.
   integer, parameter :: most_named = 1000  !! Solids beyond which names are not read: they are compared with each other.
+
+  !> Angle at which faces meet in an edge [degrees], as in contact surfaces of meshes without faces.
+  integer, parameter :: sharp = 40
 
 contains
 
   !> The script.
   function cad_script(size, order, of_triangles, is_first) result(text)
-    !> Size of the elements away from curved faces; not positive: a fraction of each solid [length].
-    real(dp), intent(in) :: size
+    real(dp), intent(in) :: size  !! Size away from curved faces; not positive: a fraction of each solid [length].
     integer, intent(in) :: order  !! Order of the elements, 1 or 2.
     logical, intent(in) :: of_triangles  !! Whether the file is an STL file.
     logical, intent(in) :: is_first  !! Whether other meshes follow, with sizes by the errors of this one.
@@ -131,4 +132,74 @@ contains
       '  EndIf'//lf// &
       'EndFor'//lf
   end function script_of_solid
+
+  !> The script.
+  function stl_script() result(text)
+    character(:), allocatable :: text
+    character, parameter :: lf = new_line('a')
+    text = 'ClassifySurfaces{'//to_text(sharp)//'*Pi/180, 1, 1, Pi};'//lf// &
+      'CreateGeometry;'//lf// &
+      'f() = Surface{:};'//lf// &
+      'n = #f();'//lf// &
+      'If (n == 0)'//lf// &
+      '  Error("the file has no triangles");'//lf// &
+      '  Exit;'//lf// &
+      'EndIf'//lf// &
+      'For i In {0:n-1}'//lf// &
+      '  b~{i}() = Abs(Boundary{ Surface{f(i)}; });'//lf// &
+      '  label~{i} = i;'//lf// &
+      'EndFor'//lf// &
+      ! Faces that share curves get one label, the least of their numbers.
+      'changed = 1;'//lf// &
+      'For pass In {0:n}'//lf// &
+      '  If (changed)'//lf// &
+      '    changed = 0;'//lf// &
+      '    For i In {0:n-1}'//lf// &
+      '      For j In {0:#b~{i}()-1}'//lf// &
+      '        c = b~{i}(j);'//lf// &
+      '        If (!Exists(least~{c}))'//lf// &
+      '          least~{c} = label~{i};'//lf// &
+      '        EndIf'//lf// &
+      '        If (least~{c} > label~{i})'//lf// &
+      '          least~{c} = label~{i};'//lf// &
+      '          changed = 1;'//lf// &
+      '        EndIf'//lf// &
+      '        If (label~{i} > least~{c})'//lf// &
+      '          label~{i} = least~{c};'//lf// &
+      '          changed = 1;'//lf// &
+      '        EndIf'//lf// &
+      '      EndFor'//lf// &
+      '    EndFor'//lf// &
+      '  EndIf'//lf// &
+      'EndFor'//lf// &
+      'v = 0;'//lf// &
+      'For i In {0:n-1}'//lf// &
+      '  If (label~{i} == i)'//lf// &
+      '    v += 1;'//lf// &
+      '    own() = {};'//lf// &
+      '    For k In {0:n-1}'//lf// &
+      '      If (label~{k} == i)'//lf// &
+      '        own() += f(k);'//lf// &
+      '      EndIf'//lf// &
+      '    EndFor'//lf// &
+      '    Surface Loop(v) = own();'//lf// &
+      '    Volume(v) = {v};'//lf// &
+      '    box~{v}() = BoundingBox Volume{v};'//lf// &
+      '  EndIf'//lf// &
+      'EndFor'//lf// &
+      ! A cavity, or a part inside of another: the file does not say which.
+      'For i In {1:v}'//lf// &
+      '  For k In {1:v}'//lf// &
+      '    inside = i != k;'//lf// &
+      '    For c In {0:2}'//lf// &
+      '      inside = inside && box~{i}(c) >= box~{k}(c) && box~{i}(c+3) <= box~{k}(c+3);'//lf// &
+      '    EndFor'//lf// &
+      '    If (inside)'//lf// &
+      '      Error("closed surface %g lies in the box of closed surface %g, a part or a cavity: write a file for '// &
+      'each part, or a .geo file", i, k);'//lf// &
+      '      Exit;'//lf// &
+      '    EndIf'//lf// &
+      '  EndFor'//lf// &
+      'EndFor'//lf
+  end function stl_script
 end module dotyk_mesh_cad_script

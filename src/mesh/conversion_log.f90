@@ -2,7 +2,7 @@
 module dotyk_mesh_conversion_log
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t
-  use dotyk_base_files, only: is_cad_file, is_geo_file, is_stl_file
+  use dotyk_base_files, only: is_stl_file
   use dotyk_base_kinds, only: int64
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_text, only: text_t
@@ -13,8 +13,7 @@ module dotyk_mesh_conversion_log
   integer, parameter :: max_lines = 6  !! Greatest number of lines of errors in a message.
 
   type, public :: conversion_log_t  !! What a log says.
-    !> The first errors, each on a line of its own behind two blanks, empty where there is none.
-    character(:), allocatable :: errors
+    character(:), allocatable :: errors  !! The first errors, each on a line behind two blanks; empty if none.
     character(:), allocatable :: counts  !! The last line that counts nodes and elements.
     character(:), allocatable :: remark  !! Remark for the user; empty where there is none.
     character(:), allocatable :: command  !! First program that a geometry started; empty where there is none.

@@ -7,8 +7,7 @@ module dotyk_mesh_corner_table
   type, public :: corner_table_t  !! Set of entries 1..n, each with its corners.
     integer :: n = 0  !! Number of entries.
     integer, allocatable :: key(:, :)  !! Sorted corners of each entry, padded with zeros in front (max_corners, room).
-    !> Entry in each slot, 0 where it is empty (n_slots); the number of slots is a power of 2.
-    integer, allocatable :: slot(:)
+    integer, allocatable :: slot(:)  !! Entry in each slot, 0 where empty (n_slots), a power of 2 of them.
   contains
     procedure :: init => table_init
     procedure :: add => table_add

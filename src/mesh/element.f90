@@ -1,23 +1,17 @@
-!> Element kinds: one table, and the dispatch to the families.
-!>
-!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1], pyramid on [-1,1]^2 (as gmsh). The node order is
-!> that of gmsh.
+!> Element kinds with their shape functions: the dispatch to the families.
 module dotyk_mesh_element
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind_t, element_line2, &
-    element_line3, element_prism15, element_prism18, element_prism6, element_pyramid13, element_pyramid14, &
-    element_pyramid5, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, element_tri3, &
-    element_tri6, kind_dimension, kind_nodes, max_element_nodes, max_faces, max_facet_nodes, n_element_kinds
-  use dotyk_mesh_hexahedron, only: hexahedron_kind, hexahedron_node
-  use dotyk_mesh_line, only: line_kind, line_node
-  use dotyk_mesh_prism, only: prism_gradients, prism_kind, prism_node, prism_values
-  use dotyk_mesh_pyramid, only: pyramid_gradients, pyramid_kind, pyramid_node, pyramid_values
+  use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind, element_kind_t, &
+    element_line2, element_line3, element_prism15, element_prism18, element_prism6, element_pyramid13, &
+    element_pyramid14, element_pyramid5, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, &
+    element_tri3, element_tri6, hexahedron_node, kind_dimension, kind_nodes, line_node, max_element_nodes, max_faces, &
+    max_facet_nodes, n_element_kinds, quadrilateral_node, tetrahedron_edge, tetrahedron_node, triangle_edge, &
+    triangle_node
+  use dotyk_mesh_prism, only: prism_gradients, prism_node, prism_values
+  use dotyk_mesh_pyramid, only: pyramid_gradients, pyramid_node, pyramid_values
   use dotyk_mesh_quadrature, only: quadrature_rule
-  use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
-  use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
-  use dotyk_mesh_tensor_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
-  use dotyk_mesh_tetrahedron, only: tetrahedron_edge, tetrahedron_kind, tetrahedron_node
-  use dotyk_mesh_triangle, only: triangle_edge, triangle_kind, triangle_node
+  use dotyk_mesh_shape_functions, only: lagrange_gradients, lagrange_values, serendipity_gradients, &
+    serendipity_values, simplex_gradients, simplex_values
   implicit none
   private
 
@@ -28,28 +22,6 @@ module dotyk_mesh_element
   public :: element_kind, kind_of_gmsh_type, shape_functions, shape_gradients, reference_nodes, quadrature_rule
 
 contains
-
-  !> Properties of an element kind.
-  pure function element_kind(id) result(kind)
-    integer, intent(in) :: id  !! One of `element_line2` .. `element_pyramid14`.
-    type(element_kind_t) :: kind
-    select case (id)
-    case (element_line2, element_line3)
-      kind = line_kind(id)
-    case (element_tri3, element_tri6)
-      kind = triangle_kind(id)
-    case (element_quad4, element_quad8, element_quad9)
-      kind = quadrilateral_kind(id)
-    case (element_tet4, element_tet10)
-      kind = tetrahedron_kind(id)
-    case (element_hex8, element_hex20, element_hex27)
-      kind = hexahedron_kind(id)
-    case (element_prism6, element_prism15, element_prism18)
-      kind = prism_kind(id)
-    case (element_pyramid5, element_pyramid13, element_pyramid14)
-      kind = pyramid_kind(id)
-    end select
-  end function element_kind
 
   !> Element kind of an element type of gmsh; 0 if the type is not supported.
   pure integer function kind_of_gmsh_type(gmsh_type) result(id)
@@ -67,35 +39,27 @@ contains
     integer, intent(in) :: kind  !! Element kind.
     real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(out) :: values(kind_nodes(kind))  !! Values of the shape functions (n_nodes) [].
+    integer :: n
+    n = kind_nodes(kind)
     select case (kind)
-    case (element_line2)
-      call lagrange_values(1, 1, 2, line_node, xi, values)
-    case (element_line3)
-      call lagrange_values(2, 1, 3, line_node, xi, values)
-    case (element_tri3)
-      call simplex_values(2, 0, triangle_edge, xi, values)
-    case (element_tri6)
-      call simplex_values(2, 3, triangle_edge, xi, values)
-    case (element_quad4)
-      call lagrange_values(1, 2, 4, quadrilateral_node, xi, values)
+    case (element_line2, element_line3)
+      call lagrange_values(n - 1, 1, n, line_node, xi, values)
+    case (element_quad4, element_quad9)
+      call lagrange_values(merge(1, 2, n == 4), 2, n, quadrilateral_node, xi, values)
+    case (element_hex8, element_hex27)
+      call lagrange_values(merge(1, 2, n == 8), 3, n, hexahedron_node, xi, values)
     case (element_quad8)
-      call serendipity_values(2, 8, quadrilateral_node, xi, values)
-    case (element_quad9)
-      call lagrange_values(2, 2, 9, quadrilateral_node, xi, values)
-    case (element_tet4)
-      call simplex_values(3, 0, tetrahedron_edge, xi, values)
-    case (element_tet10)
-      call simplex_values(3, 6, tetrahedron_edge, xi, values)
-    case (element_hex8)
-      call lagrange_values(1, 3, 8, hexahedron_node, xi, values)
+      call serendipity_values(2, n, quadrilateral_node, xi, values)
     case (element_hex20)
-      call serendipity_values(3, 20, hexahedron_node, xi, values)
-    case (element_hex27)
-      call lagrange_values(2, 3, 27, hexahedron_node, xi, values)
+      call serendipity_values(3, n, hexahedron_node, xi, values)
+    case (element_tri3, element_tri6)
+      call simplex_values(2, n - 3, triangle_edge, xi, values)
+    case (element_tet4, element_tet10)
+      call simplex_values(3, n - 4, tetrahedron_edge, xi, values)
     case (element_prism6, element_prism15, element_prism18)
-      call prism_values(kind_nodes(kind), xi, values)
+      call prism_values(n, xi, values)
     case (element_pyramid5, element_pyramid13, element_pyramid14)
-      call pyramid_values(kind_nodes(kind), xi, values)
+      call pyramid_values(n, xi, values)
     end select
   end subroutine shape_functions
 
@@ -105,35 +69,27 @@ contains
     real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     !> Derivatives with respect to xi (dimension, n_nodes) [].
     real(dp), intent(out) :: gradients(kind_dimension(kind), kind_nodes(kind))
+    integer :: n
+    n = kind_nodes(kind)
     select case (kind)
-    case (element_line2)
-      call lagrange_gradients(1, 1, 2, line_node, xi, gradients)
-    case (element_line3)
-      call lagrange_gradients(2, 1, 3, line_node, xi, gradients)
-    case (element_tri3)
-      call simplex_gradients(2, 0, triangle_edge, xi, gradients)
-    case (element_tri6)
-      call simplex_gradients(2, 3, triangle_edge, xi, gradients)
-    case (element_quad4)
-      call lagrange_gradients(1, 2, 4, quadrilateral_node, xi, gradients)
+    case (element_line2, element_line3)
+      call lagrange_gradients(n - 1, 1, n, line_node, xi, gradients)
+    case (element_quad4, element_quad9)
+      call lagrange_gradients(merge(1, 2, n == 4), 2, n, quadrilateral_node, xi, gradients)
+    case (element_hex8, element_hex27)
+      call lagrange_gradients(merge(1, 2, n == 8), 3, n, hexahedron_node, xi, gradients)
     case (element_quad8)
-      call serendipity_gradients(2, 8, quadrilateral_node, xi, gradients)
-    case (element_quad9)
-      call lagrange_gradients(2, 2, 9, quadrilateral_node, xi, gradients)
-    case (element_tet4)
-      call simplex_gradients(3, 0, tetrahedron_edge, xi, gradients)
-    case (element_tet10)
-      call simplex_gradients(3, 6, tetrahedron_edge, xi, gradients)
-    case (element_hex8)
-      call lagrange_gradients(1, 3, 8, hexahedron_node, xi, gradients)
+      call serendipity_gradients(2, n, quadrilateral_node, xi, gradients)
     case (element_hex20)
-      call serendipity_gradients(3, 20, hexahedron_node, xi, gradients)
-    case (element_hex27)
-      call lagrange_gradients(2, 3, 27, hexahedron_node, xi, gradients)
+      call serendipity_gradients(3, n, hexahedron_node, xi, gradients)
+    case (element_tri3, element_tri6)
+      call simplex_gradients(2, n - 3, triangle_edge, xi, gradients)
+    case (element_tet4, element_tet10)
+      call simplex_gradients(3, n - 4, tetrahedron_edge, xi, gradients)
     case (element_prism6, element_prism15, element_prism18)
-      call prism_gradients(kind_nodes(kind), xi, gradients)
+      call prism_gradients(n, xi, gradients)
     case (element_pyramid5, element_pyramid13, element_pyramid14)
-      call pyramid_gradients(kind_nodes(kind), xi, gradients)
+      call pyramid_gradients(n, xi, gradients)
     end select
   end subroutine shape_gradients
 

@@ -17,12 +17,10 @@ contains
   pure subroutine facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
     integer, intent(in) :: kind  !! Element kind of the facet, whose dimension is one less than that of space.
     integer, intent(in) :: dimension  !! Dimension of space.
-    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
-    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))  !! Coordinates of the nodes of the facet [length].
     real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
-    !> Unit outward normal; zero where the facet is degenerate (dimension) [].
-    real(dp), intent(out) :: normal(dimension)
+    real(dp), intent(out) :: normal(dimension)  !! Unit outward normal; zero where the facet is degenerate [].
     real(dp), intent(out) :: jacobian  !! Area per reference area [length^2; length in two dimensions].
     real(dp) :: a(3), b(3), n(3)
     call tangents(kind, dimension, x, xi, position, a, b)
@@ -37,8 +35,7 @@ contains
   pure subroutine tangents(kind, dimension, x, xi, position, a, b)
     integer, intent(in) :: kind  !! Element kind of the facet.
     integer, intent(in) :: dimension  !! Dimension of space, 2 or 3.
-    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
-    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))  !! Coordinates of the nodes of the facet [length].
     real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
     real(dp), intent(out) :: a(3)  !! Derivative with respect to xi(1) (3) [length].

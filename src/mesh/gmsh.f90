@@ -7,16 +7,13 @@ module dotyk_mesh_gmsh
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_gmsh_common, only: allocate_nodes, check_block, find_nodes, index_nodes, read_counts, type_kind, &
-    type_nodes
+  use dotyk_mesh_gmsh_common, only: allocate_nodes, begin_section, check_block, content_name, conversion_advice, &
+    find_nodes, gmsh_point, index_nodes, read_counts, read_end, read_format, skip_section, type_kind, type_nodes
   use dotyk_mesh_gmsh_entities, only: entities_t, entity_t, find_entity, read_entities_41, &
     read_partitioned_entities_41
-  use dotyk_mesh_gmsh_frame, only: begin_section, content_name, conversion_advice, read_end, read_format, skip_section
   use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
-  use dotyk_mesh_gmsh_type, only: gmsh_point
-  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
-  use dotyk_mesh_mesh_selection, only: mesh_selection_t
   implicit none
   private
   public :: read_gmsh, read_gmsh_text
@@ -42,8 +39,7 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent. What is not read is not checked.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read and checked; all if absent.
     type(byte_cursor_t) :: cursor
     call cursor%open(file, error)
     if (allocated(error)) return
@@ -59,8 +55,7 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
-    !> What is read; all if absent. What is not read is not checked.
-    type(mesh_selection_t), intent(in), optional :: selection
+    type(mesh_selection_t), intent(in), optional :: selection  !! What is read and checked; all if absent.
     type(byte_cursor_t) :: cursor
     call cursor%use_text(file, bytes)
     call read_sections(cursor, mesh, error, selection)

@@ -13,8 +13,7 @@ module dotyk_mesh_gmsh_entities
     type(tag_map_t) :: index  !! Index of an entity by its tag.
     integer, allocatable :: start(:)  !! Start of the groups of each entity in `group` (n_entities + 1).
     integer, allocatable :: group(:)  !! Group indices, ascending and without repetition for each entity (room).
-    !> Partition of each entity, from 1; 0 where the mesh is not partitioned (n_entities).
-    integer, allocatable :: partition(:)
+    integer, allocatable :: partition(:)  !! Partition of each entity, from 1; 0 without partitions (n_entities).
     !> Tag of the entity of which each one is a part, its own where the mesh is not partitioned (n_entities).
     integer, allocatable :: parent(:)
   end type entity_groups_t

@@ -1,5 +1,5 @@
-!> Values at nodes, such as temperatures, from the sections $NodeData of gmsh mesh files, text and binary, and of meshes
-!> that were made of other files (`dotyk_mesh_conversion`).
+!> Values at nodes, such as temperatures, by the tags of the nodes, from the sections $NodeData of gmsh mesh files, text
+!> and binary, and of meshes that were made of other files (`dotyk_mesh_conversion`).
 !>
 !> Source: gmsh reference manual, "MSH file format".
 module dotyk_mesh_gmsh_node_data
@@ -9,11 +9,19 @@ module dotyk_mesh_gmsh_node_data
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
   use dotyk_mesh_conversion, only: make_mesh, meshing_t, needs_conversion
-  use dotyk_mesh_gmsh_frame, only: begin_section, read_end, read_format, skip_section
-  use dotyk_mesh_node_values, only: node_values_t
+  use dotyk_mesh_gmsh_common, only: begin_section, read_end, read_format, skip_section
+  use dotyk_mesh_tag_map, only: growing_tag_map_t
   implicit none
   private
   public :: read_node_data
+
+  type, public :: node_values_t  !! The values.
+    type(growing_tag_map_t) :: node  !! Nodes that have one.
+    real(dp), allocatable, private :: value(:)  !! Values by indices of nodes; the first `node%n` are used (room) [any].
+  contains
+    procedure :: set => node_values_set
+    procedure :: find => node_values_find
+  end type node_values_t
 
 contains
 
@@ -149,4 +157,35 @@ contains
     text = trim(line)
     if (last > first) text = line(first + 1:last - 1)
   end function between_quotes
+
+  !> Set the value of a node.
+  subroutine node_values_set(self, tag, value)
+    class(node_values_t), intent(inout) :: self
+    integer(int64), intent(in) :: tag  !! Tag of the node.
+    real(dp), intent(in) :: value  !! The value [any].
+    real(dp), allocatable :: larger(:)
+    integer :: i
+    call self%node%add(tag, i)
+    if (.not. allocated(self%value)) allocate (self%value(32))
+    if (i > size(self%value)) then
+      allocate (larger(2*size(self%value)))
+      larger(:size(self%value)) = self%value
+      call move_alloc(larger, self%value)
+    end if
+    self%value(i) = value
+  end subroutine node_values_set
+
+  !> The value of a node.
+  pure subroutine node_values_find(self, tag, value, found)
+    class(node_values_t), intent(in) :: self
+    integer(int64), intent(in) :: tag  !! Tag of the node.
+    real(dp), intent(out) :: value  !! The value; 0 where it has none [any].
+    logical, intent(out) :: found  !! Whether it has one.
+    integer :: i
+    value = 0
+    i = 0
+    if (self%node%n > 0) i = self%node%find(tag)
+    found = i > 0
+    if (found) value = self%value(i)
+  end subroutine node_values_find
 end module dotyk_mesh_gmsh_node_data

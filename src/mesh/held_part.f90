@@ -143,8 +143,7 @@ contains
     type(whole_body_t), intent(in) :: whole_body  !! The whole body, as from `describe_whole`.
     logical, intent(in) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
     logical, intent(in) :: own_element(:)  !! Whether this rank computes it; it is held then (n_elements).
-    !> Whether this rank computes each node; it is a node of a held element then (n_nodes).
-    logical, intent(in) :: own_node(:)
+    logical, intent(in) :: own_node(:)  !! Whether this rank computes each node, of a held element (n_nodes).
     !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
     integer, allocatable, intent(out) :: number(:)
     type(whole_body_t) :: whole

@@ -11,7 +11,7 @@ module dotyk_mesh_joints
   use dotyk_base_text, only: counted, to_text
   use dotyk_base_thresholds, only: generic_direction
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
-  use dotyk_mesh_boundary_facets, only: boundary_facets_t, max_corners
+  use dotyk_mesh_boundary, only: boundary_facets_t, max_corners
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
   implicit none
@@ -19,8 +19,7 @@ module dotyk_mesh_joints
 
   type, public :: joints_t  !! How the parts of a body hang together.
     integer :: n_parts = 1  !! Number of unconnected parts.
-    !> Number of pieces that no whole face joins; larger than `n_parts` where edges or corners join some.
-    integer :: n_pieces = 1
+    integer :: n_pieces = 1  !! Pieces that no whole face joins; above `n_parts` where edges or corners join some.
     character(:), allocatable :: crack  !! What joins no parts although it seems to; not allocated where all is well.
     !> Why elements overlap or do not match, which nobody can mean; not allocated where all is well.
     character(:), allocatable :: fault
@@ -195,8 +194,7 @@ contains
     integer, intent(in) :: j  !! Facet on which they may lie.
     integer, intent(in) :: component(:)  !! Connected component of each node (n_nodes).
     real(dp), intent(in) :: h  !! Size of the smaller facet [length].
-    !> The same, or the shortest edge of the elements there where that is less [length].
-    real(dp), intent(in) :: thinnest
+    real(dp), intent(in) :: thinnest  !! The same, or the shortest edge of the elements there if less [length].
     type(findings_t), intent(inout) :: found  !! Findings; completed.
     real(dp) :: x(3, max_corners), y(3, max_corners), p(3), gap
     integer :: k, n

@@ -1,8 +1,10 @@
-!> A mesh as in the file: nodes, elements in blocks of one kind, physical groups.
+!> A mesh as in the file: nodes, elements in blocks of one kind, physical groups; all of the file, or volumes of some
+!> names with all surfaces, so that no process need hold the volumes of all bodies.
 !>
 !> Bodies extract their own part of it (`dotyk_mesh_body_mesh`); this module does not know bodies.
 module dotyk_mesh_mesh
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: text_t
   implicit none
   private
 
@@ -11,8 +13,7 @@ module dotyk_mesh_mesh
     !> Nodes of the elements in the order of gmsh, indices of nodes of the mesh (n_nodes of the kind, n_elements).
     integer, allocatable :: node(:, :)
     integer(int64), allocatable :: tag(:)  !! Element tags in the file (n_elements).
-    !> Number of their material among those of the body; of no meaning in a mesh as in the file.
-    integer :: material = 1
+    integer :: material = 1  !! Number of their material among those of the body; unused in a mesh as in the file.
     !> Geometric entity (curve, surface or volume of the geometry) of each element, 0 if unknown (n_elements); not
     !> allocated in parts of a mesh.
     integer, allocatable :: entity(:)
@@ -45,6 +46,17 @@ module dotyk_mesh_mesh
     procedure :: forget_repeated_entities => mesh_forget_repeated_entities
   end type mesh_t
 
+  type, public :: mesh_selection_t  !! What is read of a mesh file.
+    logical :: everything = .true.  !! Whether all is read; the other components have no meaning then.
+    integer :: dimension = 3  !! Dimension of the volumes: that of space. Elements below surfaces are not read.
+    !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
+    type(text_t), allocatable :: volume(:)
+    !> Whether the elements of the volumes are counted only (`n_in_file` of their blocks): nothing else is read.
+    logical :: counts_only = .false.
+  contains
+    procedure :: has_volume => selection_has_volume
+  end type mesh_selection_t
+
 contains
 
   !> Forget geometric entities that only repeat the tags of the physical groups, as scripts write them that know of no
@@ -62,4 +74,15 @@ contains
       self%block(i)%entity = 0
     end do
   end subroutine mesh_forget_repeated_entities
+
+  !> Whether the elements of a physical group of the dimension of space are read.
+  pure logical function selection_has_volume(self, name) result(has)
+    class(mesh_selection_t), intent(in) :: self
+    character(*), intent(in) :: name  !! Name of the group.
+    integer :: i
+    has = .false.
+    do i = 1, size(self%volume)
+      has = has .or. self%volume(i)%s == name
+    end do
+  end function selection_has_volume
 end module dotyk_mesh_mesh

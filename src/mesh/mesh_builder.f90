@@ -2,8 +2,7 @@
 module dotyk_mesh_mesh_builder
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_mesh, only: mesh_t, physical_group_t
-  use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t, physical_group_t
   use dotyk_mesh_tag_map, only: growing_tag_map_t, tag_map_t
   implicit none
   private
@@ -22,8 +21,7 @@ module dotyk_mesh_mesh_builder
     type(mesh_selection_t) :: selection  !! What is read of the file.
     !> Nodes that the elements use, where not all is read; elements have the numbers of this map until `use_nodes`.
     type(growing_tag_map_t) :: used
-    !> Number of each node among those of the file, where not all is read (n_nodes).
-    integer, allocatable :: file_node(:)
+    integer, allocatable :: file_node(:)  !! Number of each node in the file, where not all is read (n_nodes).
     integer :: n_groups = 0  !! Number of physical groups so far.
     integer :: n_blocks = 0  !! Number of blocks so far.
     real(dp), allocatable :: x(:, :)  !! Nodal coordinates (3, n_nodes) [length].

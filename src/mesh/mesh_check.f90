@@ -21,8 +21,7 @@ contains
   subroutine check_size(x, tag, error)
     real(dp), intent(in) :: x(:, :)  !! Nodal coordinates (dimension, n_nodes) [length].
     integer(int64), intent(in) :: tag(:)  !! Node tags (n_nodes).
-    !> Set for the first node out of range, or for a body that is too small.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! For the first node out of range, or too small a body.
     real(dp) :: edge
     integer :: i
     do i = 1, size(x, 2)

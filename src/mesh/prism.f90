@@ -1,70 +1,18 @@
 !> Prisms: prism6, prism15 (serendipity) and prism18. Reference domain: unit triangle x [-1,1].
 module dotyk_mesh_prism
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element_kind, only: element_kind_t, element_prism15, element_prism18, element_prism6, element_quad4, &
-    element_quad8, element_quad9, element_tri3, element_tri6, kind_nodes
-  use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
-  use dotyk_mesh_tensor_product, only: lagrange_line
-  use dotyk_mesh_triangle, only: triangle_edge, triangle_node
+  use dotyk_mesh_element_kind, only: triangle_edge, triangle_node
+  use dotyk_mesh_shape_functions, only: lagrange_line, simplex_gradients, simplex_values
   implicit none
   private
-  public :: prism_kind, prism_node, prism_values, prism_gradients
+  public :: prism_node, prism_values, prism_gradients
 
   !> Node of the triangle (tri6) below or above each node: corners; edges 12 13 14 23 25 36 45 46 56; faces 1254 1463
   !> 2365.
   integer, parameter :: base(18) = [1, 2, 3, 1, 2, 3, 4, 6, 1, 5, 2, 3, 4, 6, 5, 4, 6, 5]
-  !> Height of each node.
-  integer, parameter :: height(18) = [-1, -1, -1, 1, 1, 1, -1, -1, 0, -1, 0, 0, 1, 1, 1, 0, 0, 0]
-  !> Triangular faces, outward.
-  integer, parameter :: triangle(6, 2) = reshape([1, 3, 2, 8, 10, 7, 4, 5, 6, 13, 15, 14], [6, 2])
-  !> Quadrilateral faces, outward.
-  integer, parameter :: quadrilateral(9, 3) = reshape([ &
-    1, 2, 5, 4, 7, 11, 13, 9, 16, &
-    1, 4, 6, 3, 9, 14, 12, 8, 17, &
-    2, 3, 6, 5, 10, 12, 15, 11, 18], [9, 3])
+  integer, parameter :: height(18) = [-1, -1, -1, 1, 1, 1, -1, -1, 0, -1, 0, 0, 1, 1, 1, 0, 0, 0]  !! Of each node.
 
 contains
-
-  !> Properties of a prism.
-  pure function prism_kind(id) result(kind)
-    integer, intent(in) :: id  !! `element_prism6`, `element_prism15` or `element_prism18`.
-    type(element_kind_t) :: kind
-    integer :: n
-    kind%dimension = 3
-    kind%n_nodes = kind_nodes(id)
-    kind%n_corners = 6
-    kind%corner_kind = element_prism6
-    kind%n_faces = 5
-    kind%order = 2
-    kind%face_kind(:2) = element_tri6
-    select case (id)
-    case (element_prism6)
-      kind%name = 'prism6'
-      kind%gmsh_type = 6
-      kind%vtk_type = 13
-      kind%order = 1
-      kind%face_kind(:2) = element_tri3
-      kind%face_kind(3:5) = element_quad4
-    case (element_prism15)
-      kind%name = 'prism15'
-      kind%gmsh_type = 18
-      kind%vtk_type = 26
-      kind%face_kind(3:5) = element_quad8
-    case (element_prism18)
-      kind%name = 'prism18'
-      kind%gmsh_type = 13
-      kind%vtk_type = 32
-      kind%face_kind(3:5) = element_quad9
-    end select
-    n = kind_nodes(kind%face_kind(1))
-    kind%face_node(:n, :2) = triangle(:n, :)
-    n = kind_nodes(kind%face_kind(3))
-    kind%face_node(:n, 3:5) = quadrilateral(:n, :)
-    ! The wedge of VTK is reversed: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric
-    ! coordinates say the opposite; its faces, volumes and documentation do not.)
-    kind%vtk_order(:18) = [1, 3, 2, 4, 6, 5, 8, 10, 7, 14, 15, 13, 9, 12, 11, 17, 18, 16]
-    kind%vtk_order(kind%n_nodes + 1:) = 0
-  end function prism_kind
 
   !> Reference coordinates of a node.
   pure function prism_node(i) result(xi)

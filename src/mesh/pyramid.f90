@@ -8,65 +8,17 @@
 !> b^2. All gradients are polynomials of a, b and t. At the apex a and b have no limit: they are 0, as on the axis.
 module dotyk_mesh_pyramid
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element_kind, only: element_kind_t, element_pyramid13, element_pyramid14, element_pyramid5, &
-    element_quad4, element_quad8, element_quad9, element_tri3, element_tri6, kind_nodes
   implicit none
   private
-  public :: collapsed_coordinates, pyramid_kind, pyramid_node, pyramid_values, pyramid_gradients
+  public :: collapsed_coordinates, pyramid_node, pyramid_values, pyramid_gradients
 
   integer, parameter :: apex = 5  !! The node at the apex.
   !> Coordinates a and b of the nodes, and twice their height: corners, apex; edges 12 14 15 23 25 34 35 45; base.
   integer, parameter :: place(3, 14) = reshape([ &
     -1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0, 0, 0, 2, &
     0, -1, 0, -1, 0, 0, -1, -1, 1, 1, 0, 0, 1, -1, 1, 0, 1, 0, 1, 1, 1, -1, 1, 1, 0, 0, 0], [3, 14])
-  !> Triangular faces, outward.
-  integer, parameter :: triangle(6, 4) = reshape([ &
-    1, 2, 5, 6, 10, 8, &
-    2, 3, 5, 9, 12, 10, &
-    3, 4, 5, 11, 13, 12, &
-    4, 1, 5, 7, 8, 13], [6, 4])
-  integer, parameter :: base(9) = [1, 4, 3, 2, 7, 11, 9, 6, 14]  !! Base, outward.
 
 contains
-
-  !> Properties of a pyramid.
-  pure function pyramid_kind(id) result(kind)
-    integer, intent(in) :: id  !! `element_pyramid5`, `element_pyramid13` or `element_pyramid14`.
-    type(element_kind_t) :: kind
-    integer :: n
-    kind%dimension = 3
-    kind%n_nodes = kind_nodes(id)
-    kind%n_corners = 5
-    kind%corner_kind = element_pyramid5
-    kind%n_faces = 5
-    kind%order = 2
-    kind%face_kind(2:5) = element_tri6
-    kind%vtk_type = 27
-    select case (id)
-    case (element_pyramid5)
-      kind%name = 'pyramid5'
-      kind%gmsh_type = 7
-      kind%vtk_type = 14
-      kind%order = 1
-      kind%face_kind(1) = element_quad4
-      kind%face_kind(2:5) = element_tri3
-    case (element_pyramid13)
-      kind%name = 'pyramid13'
-      kind%gmsh_type = 19
-      kind%face_kind(1) = element_quad8
-    case (element_pyramid14)
-      kind%name = 'pyramid14'
-      kind%gmsh_type = 14
-      kind%face_kind(1) = element_quad9
-    end select
-    n = kind_nodes(kind%face_kind(1))
-    kind%face_node(:n, 1) = base(:n)
-    n = kind_nodes(kind%face_kind(2))
-    kind%face_node(:n, 2:5) = triangle(:n, :)
-    ! VTK has no pyramid of 14 nodes: the node at the centre of the base belongs to no cell.
-    kind%vtk_order(:13) = [1, 2, 3, 4, 5, 6, 9, 11, 7, 8, 10, 12, 13]
-    kind%vtk_order(kind%n_nodes + 1:) = 0
-  end function pyramid_kind
 
   !> Reference coordinates of a node.
   pure function pyramid_node(i) result(xi)

@@ -12,7 +12,7 @@ module dotyk_mesh_rigid_surface
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_jacobian, only: mirror_order
+  use dotyk_mesh_element_orientation, only: mirror_order
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
   use dotyk_mesh_physical_group, only: groups_named, unknown_group
@@ -27,8 +27,7 @@ module dotyk_mesh_rigid_surface
   type :: facet_t  !! A facet by its corners.
     integer :: block = 0, element = 0  !! Block, and element in it.
     integer, allocatable :: corner(:)  !! Corners, in the order of the file (n_corners).
-    !> Whether its normal is to be reversed; known once it is reached.
-    logical :: is_reversed = .false., is_reached = .false.
+    logical :: is_reversed = .false., is_reached = .false.  !! Whether its normal is reversed, once it is reached.
   end type facet_t
 
   type :: edge_t  !! Facets on both sides of an edge, of a node in two dimensions; 0 where there is none.
@@ -85,8 +84,7 @@ contains
     type(body_mesh_t), intent(inout) :: mesh  !! Mesh of the body, with the facets as its elements.
     logical, intent(in) :: is_axisymmetric  !! Whether a curve that ends on the axis is closed.
     type(facing_t), intent(in) :: facing  !! The side of contact.
-    !> Allocated where the surface has no two sides, or nothing tells the side of contact.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the surface has no two sides, or none of contact.
     type(facet_t), allocatable :: facet(:)
     type(corner_table_t) :: table
     type(edge_t), allocatable :: edge(:)
@@ -219,8 +217,7 @@ contains
     type(facet_t), intent(inout) :: facet(:)  !! The facets (n).
     type(corner_table_t), intent(in) :: table  !! Edges by their nodes.
     type(edge_t), intent(in) :: edge(:)  !! Their facets.
-    !> Allocated where there is no such orientation, or where edges do not join all facets.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where there is none, or edges do not join all facets.
     integer :: waiting(size(facet)), f, first, g, i, last, m
     logical :: reversed
     m = mesh%dimension - 1

@@ -37,8 +37,7 @@ module dotyk_mesh_size_view
   !> Measure of a regular simplex of edge 1, in the plane and in space, and what elements of gmsh have of it where this
   !> edge is asked for: measured on meshes of Delaunay and HXT, within 25 %.
   real(dp), parameter :: regular(2:3) = [sqrt(3.0_dp)/4, sqrt(2.0_dp)/12], filled(2:3) = [1/0.9_dp, 1/0.72_dp]
-  !> Thickness of the skirt, as a fraction of the facets.
-  real(dp), parameter :: skirt = 0.4_dp
+  real(dp), parameter :: skirt = 0.4_dp  !! Thickness of the skirt, as a fraction of the facets.
   integer, parameter :: most_passes = 400  !! Passes along all edges at most.
 
 contains

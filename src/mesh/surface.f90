@@ -22,13 +22,11 @@ module dotyk_mesh_surface
     integer, allocatable :: kind(:)  !! Element kind of each facet (n_facets).
     !> Nodes of each facet, body-local numbers, padded with 0, oriented outward (max_facet_nodes, n_facets).
     integer, allocatable :: node(:, :)
-    !> Block of the body mesh to which the parent element of each facet belongs (n_facets).
-    integer, allocatable :: block(:)
+    integer, allocatable :: block(:)  !! Block of the body mesh with the parent element of each facet (n_facets).
     !> Number of the parent element in its block, 0 where there is none: on bodies without volume (n_facets).
     integer, allocatable :: element(:)
     integer(int64), allocatable :: tag(:)  !! Element tag of each facet in the file (n_facets).
-    !> Geometric entity of each facet, a face of the CAD model, 0 if unknown (n_facets).
-    integer, allocatable :: entity(:)
+    integer, allocatable :: entity(:)  !! Geometric entity (face of the CAD model), 0 if unknown (n_facets).
     !> Smooth sheet of each facet at each of its corners, from 1: at a sharp edge the facets on its two sides belong to
     !> different sheets; padded with 0 (4, n_facets). Not allocated where nobody needs it: then there is one sheet.
     integer, allocatable :: sheet(:, :)
@@ -49,13 +47,11 @@ contains
   subroutine extract_surface(mesh, body_mesh, surface_name, surface, error, has_facets)
     type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
     type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
-    !> Name of the physical groups; with wildcards the union of those that it matches.
-    character(*), intent(in) :: surface_name
+    character(*), intent(in) :: surface_name  !! Name of the physical groups; with wildcards the union.
     type(surface_t), intent(out) :: surface  !! Facets in the order of the file.
     !> Set for an unknown name, a group without facets on the body, and facets inside the body.
     type(error_t), allocatable, intent(out) :: error
-    !> Whether facets of elements of the body have the name, be they inside it.
-    logical, intent(out), optional :: has_facets
+    logical, intent(out), optional :: has_facets  !! Whether facets of the body have the name, be they inside it.
     logical :: wanted(size(mesh%group))
     type(corner_table_t) :: table
     type(text_t), allocatable :: names(:)
@@ -119,8 +115,7 @@ contains
   subroutine gather_facets(mesh, dimension, number, wanted, table, tag, entity)
     type(mesh_t), intent(in) :: mesh  !! Mesh.
     integer, intent(in) :: dimension  !! Dimension of space.
-    !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
-    integer, intent(in) :: number(:)
+    integer, intent(in) :: number(:)  !! Number of each node in the body, 0 where none (n_nodes of the mesh).
     logical, intent(in) :: wanted(:)  !! Groups to collect (n_groups).
     type(corner_table_t), intent(out) :: table  !! Facets by their corners, body-local numbers.
     integer(int64), allocatable, intent(out) :: tag(:)  !! Element tags of the facets (table%n).
@@ -155,8 +150,7 @@ contains
   subroutine find_parents(body_mesh, table, surface, parents)
     type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
     type(corner_table_t), intent(in) :: table  !! Facets by their corners.
-    !> Surface; it gets one facet for each entry of the table, 0 for those without a parent.
-    type(surface_t), intent(inout) :: surface
+    type(surface_t), intent(inout) :: surface  !! Surface; gets a facet for each entry of the table, without parents.
     integer, allocatable, intent(out) :: parents(:)  !! Number of parent elements of each facet (n_facets).
     logical, allocatable :: touched(:)
     type(element_kind_t) :: kind
@@ -202,8 +196,7 @@ contains
   subroutine find_faces(body_mesh, table, surface, times)
     type(body_mesh_t), intent(in) :: body_mesh  !! Mesh of the body.
     type(corner_table_t), intent(in) :: table  !! Facets by their corners.
-    !> Surface; it gets one facet for each entry of the table, without parents.
-    type(surface_t), intent(inout) :: surface
+    type(surface_t), intent(inout) :: surface  !! Surface; gets a facet for each entry of the table, without parents.
     integer, allocatable, intent(out) :: times(:)  !! 1 for the facets that are faces, 0 for others (n_facets).
     type(element_kind_t) :: kind
     integer :: b, e, facet

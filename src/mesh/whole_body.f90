@@ -16,16 +16,14 @@ module dotyk_mesh_whole_body
     !> Number in its block of the whole body of each held element, one block after the other, ascending in each
     !> (n_held_elements).
     integer, allocatable :: element(:)
-    !> Whether this rank computes a held node; the others belong to other ranks (n_held_nodes).
-    logical, allocatable :: own_node(:)
+    logical, allocatable :: own_node(:)  !! Whether this rank computes a held node, or others (n_held_nodes).
     logical, allocatable :: own_element(:)  !! Whether this rank computes a held element (n_held_elements).
     integer, allocatable :: component(:)  !! Connected component of each held node (n_held_nodes).
     integer :: n_components = 0  !! Number of connected components.
     real(dp) :: diameter = 0  !! Greatest extent, `body_mesh_t%diameter` [length].
     real(dp) :: shortest_extent = 0  !! Shortest edge of the brick with the same moments, `shortest_extent` [length].
     integer, allocatable :: facet_kind(:)  !! The boundary, as in `surface_t`: kinds of the facets (n_facets).
-    !> Their nodes, in the numbers of the held ones (max_facet_nodes, n_facets).
-    integer, allocatable :: facet_node(:, :)
+    integer, allocatable :: facet_node(:, :)  !! Their nodes, in held numbers (max_facet_nodes, n_facets).
   contains
     procedure :: carry => whole_body_carry
   end type whole_body_t

@@ -12,7 +12,7 @@ module dotyk_model_assembly
   use dotyk_control_parallel, only: largest_first
   use dotyk_control_response_choice, only: assemble_representative, operator_slot_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
-  use dotyk_elasticity_free_modes, only: free_rigid_modes
+  use dotyk_elasticity_rigid_motion, only: free_rigid_modes
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_ranks_exchange, only: share, share_errors
@@ -72,8 +72,7 @@ contains
     type(stiffness_t), allocatable, intent(out) :: stiffness(:)
     !> Compliance operators of the representatives to come (n_bodies).
     type(operator_slot_t), allocatable, intent(out) :: slot(:)
-    !> Allocated where bodies cannot be assembled: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where bodies cannot be assembled: all problems.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))

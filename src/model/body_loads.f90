@@ -6,8 +6,7 @@ module dotyk_model_body_loads
   use dotyk_base_options, only: load_acceleration, load_angular_velocity, load_force_density, load_names, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_centrifugal_balance, only: balance_centrifugal_force
-  use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
+  use dotyk_elasticity_load, only: add_surface_load, add_volume_load, balance_centrifugal_force, load_t
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
     notable_difference, resultant_of
   use dotyk_input_case, only: load_input_t

@@ -20,8 +20,7 @@ contains
     type(congruence_classes_t), intent(in) :: classes  !! Congruence classes of the bodies.
     type(body_ranks_t), intent(in) :: ranks  !! Which rank computes which bodies.
     type(body_t), intent(inout) :: body(:)  !! Bodies with supports and loads, not assembled (n_bodies).
-    !> Their surfaces; in the numbers of the held nodes on return (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces; by held nodes on return (n_bodies).
     !> Rigid body modes that supports leave; found for bodies that are not held wholly, at the held nodes (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
     integer :: b

@@ -14,11 +14,9 @@ module dotyk_model_body_setup
   use dotyk_model_body_supports, only: load_names, support_names
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
-  use dotyk_model_locking, only: would_lock
-  use dotyk_model_materials, only: build_material, survey_material, turn_material
+  use dotyk_model_materials, only: build_material, survey_material, turn_material, would_lock
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_alone, read_mesh
-  use dotyk_model_special_volumes, only: refuse_on_both_halves
-  use dotyk_model_volumes, only: volume_t
+  use dotyk_model_volumes, only: refuse_on_both_halves, volume_t
   implicit none
   private
   public :: build_bodies, build_body, body_surfaces_t, refuse_unused
@@ -29,11 +27,9 @@ contains
   subroutine build_bodies(case, body, surfaces, remarks, error, kept, given)
     type(case_t), intent(in) :: case  !! The case.
     type(body_t), allocatable, intent(out) :: body(:)  !! Bodies, not yet assembled (n_bodies).
-    !> Surfaces of the bodies that contact pairs may need (n_bodies).
-    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)  !! Surfaces that pairs may need (n_bodies).
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
-    !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where meshes, materials, supports or loads are wrong.
     !> The volumes with the surfaces that were asked for, those of the first bodies with each; the meshes are read
     !> without the other ranks (n_bodies).
     type(volume_t), intent(inout), optional :: kept(:)

@@ -14,8 +14,7 @@ module dotyk_model_body_surfaces
   type, public :: body_surfaces_t  !! Surfaces of a body.
     type(surface_t) :: boundary  !! The whole boundary; without facets where no search needs it.
     integer :: n = 0  !! Number of named surfaces.
-    !> Names as the input has them, maybe with wildcards; the first n are in use (n_allocated).
-    type(text_t), allocatable :: name(:)
+    type(text_t), allocatable :: name(:)  !! Names in the input, with wildcards; the first n are used (n_allocated).
     type(surface_t), allocatable :: surface(:)  !! The surfaces; the first n are in use (n_allocated).
     !> Their facets in the boundary; the first n are in use (n_allocated).
     type(facet_numbers_t), allocatable, private :: number(:)

@@ -13,17 +13,15 @@ module dotyk_model_contact_cases
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: applies_in, case_t, contact_input_t
-  use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_model_pair_search, only: allows_zero_theta
-  use dotyk_model_row_theta, only: set_formula_theta
+  use dotyk_model_row_theta, only: set_formula_theta, set_mesh_theta
   implicit none
   private
   public :: check_contact_cases, contacts_of_case, set_contact_case
 
   type, public :: pair_conditions_t  !! Gap and theta of a pair as `&contact` has them.
     integer :: gap_kind = 0  !! One of `gap_*`.
-    !> Gaps of the points; not allocated where no load case changes anything (n_points) [length].
-    real(dp), allocatable :: gap(:)
+    real(dp), allocatable :: gap(:)  !! Gaps of the points; not allocated where no case changes any (n_points) [length].
     real(dp), allocatable :: bend(:)  !! What was taken off them (n_points) [length].
     real(dp), allocatable :: curved(:)  !! What of that part they still have (n_points) [length].
     real(dp), allocatable :: uncertainty(:)  !! How uncertain they are (n_points) [length].
@@ -32,8 +30,7 @@ module dotyk_model_contact_cases
     real(dp) :: theta = 0  !! Their mean [length/pressure].
   end type pair_conditions_t
 
-  !> Gaps of rows that differ by less, relative to the largest gap, are the same.
-  real(dp), parameter :: same_gap = 1.0e-6_dp
+  real(dp), parameter :: same_gap = 1.0e-6_dp  !! Gaps that differ by less, by the largest gap, are the same.
 
 contains
 
@@ -41,8 +38,7 @@ contains
   subroutine contacts_of_case(case, load_case, contact, is_changed)
     type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
     integer, intent(in) :: load_case  !! The load case.
-    !> Contacts with gap and theta of the load case (n_pairs).
-    type(contact_input_t), allocatable, intent(out) :: contact(:)
+    type(contact_input_t), allocatable, intent(out) :: contact(:)  !! Contacts with gap and theta of the case (n_pairs).
     logical, allocatable, intent(out) :: is_changed(:)  !! Whether a `&contact_case` changes a pair (n_pairs).
     integer :: i, k
     contact = case%contact
@@ -75,10 +71,8 @@ contains
   subroutine check_contact_cases(case, problem, base, error)
     type(case_t), intent(in) :: case  !! The case, with one contact for each pair.
     type(contact_problem_t), intent(inout) :: problem  !! Bodies and pairs.
-    !> Gap and theta of the pairs as `&contact` has them (n_pairs).
-    type(pair_conditions_t), allocatable, intent(out) :: base(:)
-    !> Allocated where there is something wrong: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(pair_conditions_t), allocatable, intent(out) :: base(:)  !! Gap and theta as `&contact` has them (n_pairs).
+    type(error_t), allocatable, intent(out) :: error  !! Where there is something wrong: all problems.
     type(problem_list_t) :: problems
     type(contact_input_t), allocatable :: contact(:)
     logical, allocatable :: is_changed(:)
@@ -154,8 +148,7 @@ contains
     type(contact_input_t), intent(in) :: given  !! The contact in the load case.
     integer, intent(in) :: k  !! Index of the pair.
     type(contact_problem_t), intent(inout) :: problem  !! Bodies and pairs.
-    !> Allocated where the gap or the penalty parameter cannot be used; names the pair.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where gap or penalty parameter are wrong; names the pair.
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
     real(dp), allocatable :: own(:)

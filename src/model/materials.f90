@@ -1,17 +1,19 @@
-!> Builds materials from the input, and turns them with their bodies.
+!> Builds materials from the input, turns them with their bodies, and decides whether linear elements are elevated to
+!> order 2 against volumetric locking.
 module dotyk_model_materials
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: locking_auto, locking_ignore, material_isotropic, material_orthotropic
+  use dotyk_base_options, only: analysis_plane_stress, locking_auto, locking_ignore, material_isotropic, &
+    material_orthotropic
   use dotyk_elasticity_constants_survey, only: survey_constants
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_stiffness_tensor, only: material_axes, rotate_stiffness, rotate_strain
-  use dotyk_input_case, only: material_input_t
+  use dotyk_input_case, only: case_t, material_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
-  public :: build_material, survey_material, turn_material
+  public :: build_material, survey_material, turn_material, would_lock
 
   !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids lock: Poisson's ratio 0.45
   !> [].
@@ -24,8 +26,7 @@ contains
     type(material_input_t), intent(in) :: given  !! `&material`.
     integer, intent(in) :: locking  !! One of `locking_*`.
     type(material_t), intent(out) :: material  !! The material.
-    !> Allocated where the constants are not those of a stable material.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the constants are not those of a stable material.
     real(dp) :: axes(3, 3)
     if (allocated(given%stiffness_formula)) then
       ! Until `survey_material` knows the constants.
@@ -58,8 +59,7 @@ contains
   subroutine set_constants(given, material, error)
     type(material_input_t), intent(in) :: given  !! `&material`.
     type(material_t), intent(out) :: material  !! The material.
-    !> Allocated where the constants are not those of a stable material.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where the constants are not those of a stable material.
     select case (given%kind)
     case (material_isotropic)
       call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)
@@ -114,4 +114,20 @@ contains
         expansion = rotate_strain(expansion, rotation)
     end associate
   end subroutine turn_material
+
+  !> Whether linear triangles, tetrahedra, prisms and pyramids would lock in a body: they are elevated to order 2.
+  logical function would_lock(case, b) result(locks)
+    type(case_t), intent(in) :: case  !! The case.
+    integer, intent(in) :: b  !! Index of the body.
+    type(material_t) :: material
+    type(error_t), allocatable :: failed
+    integer :: k
+    locks = .false.
+    if (case%solver%locking /= locking_auto .or. case%scene%analysis == analysis_plane_stress) return
+    do k = 1, size(case%body(b)%material)
+      ! Errors are reported where the body is built.
+      call build_material(case%material(case%body(b)%material(k)), case%solver%locking, material, failed)
+      if (.not. allocated(failed)) locks = locks .or. material%incompressibility >= linear_simplices_lock
+    end do
+  end function would_lock
 end module dotyk_model_materials

@@ -6,10 +6,9 @@ module dotyk_model_mesh_file
   use dotyk_input_case, only: case_t
   use dotyk_mesh_conversion, only: forget_mesh, make_mesh, meshing_t, needs_conversion
   use dotyk_mesh_gmsh, only: read_gmsh
-  use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t
   use dotyk_mesh_smooth_faces, only: join_smooth_faces
-  use dotyk_mesh_stl_script, only: sharp
+  use dotyk_mesh_cad_script, only: sharp
   use dotyk_mesh_volume_union, only: add_volume_union
   use dotyk_ranks_communication, only: this_rank
   use dotyk_ranks_exchange, only: meet

@@ -8,7 +8,7 @@ module dotyk_model_met_pairs
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_exclusions, only: exclusion_of
+  use dotyk_model_pair_list, only: exclusion_of
   use dotyk_model_pair_search, only: search_pair
   use dotyk_ranks_division, only: division_t
   implicit none

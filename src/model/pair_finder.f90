@@ -10,17 +10,13 @@ module dotyk_model_pair_finder
   use dotyk_contact_near_facets, only: near_faces_t
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_cut, only: cut_surface
+  use dotyk_input_case, only: case_t, contact_input_t, cut_surface
   use dotyk_mesh_boundary_part, only: boundary_part
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
-  use dotyk_model_distant_bodies, only: list_distant_bodies
-  use dotyk_model_double_pairs, only: merge_double_pairs
-  use dotyk_model_exclusions, only: are_tied, exclusion_of, exclusion_texts
-  use dotyk_model_pair_list, only: pair_list_t
-  use dotyk_model_unnamed_faces, only: list_unnamed_faces, touching
+  use dotyk_model_pair_list, only: are_tied, exclusion_of, exclusion_texts, merge_double_pairs, pair_list_t
+  use dotyk_model_unnamed_faces, only: list_distant_bodies, list_unnamed_faces, touching
   implicit none
   private
   public :: form_pairs
@@ -42,8 +38,7 @@ contains
 
   !> Form all contact pairs; the groups of the case become the pairs.
   subroutine form_pairs(case, body, surfaces, surface_a, surface_b, report, error)
-    !> The case; `contact` has one entry for each pair on return, in the order of the groups.
-    type(case_t), intent(inout) :: case
+    type(case_t), intent(inout) :: case  !! The case; `contact` has one entry for each pair on return, in order.
     type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces (n_bodies).
     type(surface_t), allocatable, intent(out) :: surface_a(:)  !! Slave surface of each pair (n_pairs).

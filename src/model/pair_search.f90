@@ -11,8 +11,7 @@ module dotyk_model_pair_search
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_mesh_theta, only: set_mesh_theta
-  use dotyk_model_row_theta, only: set_formula_theta
+  use dotyk_model_row_theta, only: set_formula_theta, set_mesh_theta
   use dotyk_ranks_division, only: division_t
   implicit none
   private
@@ -30,10 +29,8 @@ contains
     type(surface_t), intent(in) :: surface_b  !! Master surface.
     type(division_t), intent(in) :: division  !! Whether ranks divide the search.
     type(contact_pair_t), intent(out) :: pair  !! The contact pair.
-    !> Allocated where the gap formula, the surfaces or theta cannot be used.
-    type(error_t), allocatable, intent(out) :: error
-    !> Points that are its rows, in place of those that a search finds (n).
-    type(met_point_t), intent(in), optional :: met(:)
+    type(error_t), allocatable, intent(out) :: error  !! Where the gap formula, the surfaces or theta cannot be used.
+    type(met_point_t), intent(in), optional :: met(:)  !! Points that are its rows, in place of a search (n).
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
     settings%name = given%name

@@ -43,13 +43,11 @@ contains
     type(case_t), intent(inout) :: case  !! The case; `contact` has one entry for each pair on return.
     type(body_t), intent(in) :: body(:)  !! Assembled bodies (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)  !! Their surfaces that pairs may need (n_bodies).
-    !> Slave surface of each pair; divided into smooth sheets (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_a(:)
+    type(surface_t), allocatable, intent(out) :: surface_a(:)  !! Slave surfaces in smooth sheets (n_pairs).
     type(surface_t), allocatable, intent(out) :: surface_b(:)  !! Master surface of each pair, likewise (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)  !! Contact pairs (n_pairs).
     type(pair_report_t), intent(out) :: found  !! What the search for pairs found.
-    !> Allocated where pairs cannot be discretized: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where pairs cannot be discretized: all problems.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer, allocatable :: owner(:)

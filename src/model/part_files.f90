@@ -25,7 +25,7 @@ module dotyk_model_part_files
   use dotyk_mesh_whole_body, only: whole_body_t
   use dotyk_model_body_setup, only: build_bodies
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_locking, only: would_lock
+  use dotyk_model_materials, only: would_lock
   use dotyk_model_mesh_file, only: find_msh
   use dotyk_model_volumes, only: volume_t
   implicit none

@@ -1,4 +1,4 @@
-!> Discretizes the ties of the input.
+!> Discretizes the ties of the input. A bolt acts along its shank: the faces around the cut have its direction.
 module dotyk_model_ties
   use dotyk_base_error, only: error_slot_t, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_kinds, only: dp
@@ -10,13 +10,16 @@ module dotyk_model_ties
   use dotyk_contact_tie, only: discretize_tie, facet_size
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_input_case, only: applies_in, case_t, tie_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_common_facets, only: find_common_facets
-  use dotyk_mesh_facet, only: frame_of_normal
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_boundary_part, only: find_common_facets
+  use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_facet, only: area_vector, frame_of_normal
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_shank_direction, only: angle_to_shank
   implicit none
   private
   public :: find_ties, set_bolts, tightens
@@ -25,10 +28,13 @@ module dotyk_model_ties
   !> The rotated side of a sector lies on the other one up to this fraction of a facet: what facets of curved sides are
   !> apart.
   real(dp), parameter :: most_off_sector = 0.1_dp
-  !> Length of the mean of unit normals over a flat surface, at least [].
-  real(dp), parameter :: nearly_flat = 0.9999_dp
-  !> Fraction of the side of a sector that is tied, at least, where the body is cut [].
-  real(dp), parameter :: whole_side = 0.999_dp
+  real(dp), parameter :: nearly_flat = 0.9999_dp  !! Least length of the mean of unit normals over a flat surface [].
+  real(dp), parameter :: whole_side = 0.999_dp  !! Least fraction of the side of a sector tied where the body is cut [].
+
+  integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
+  !> A body is a shank where the mean squared cosine between the normals around the cut and its direction is less than
+  !> this fraction of that of any other direction: a cone of 17 degrees still is, the foot of a head is not [].
+  real(dp), parameter :: clearly = 0.2_dp
 
 contains
 
@@ -41,8 +47,7 @@ contains
     type(surface_t), intent(in) :: surface_a(:)  !! Their slave surfaces (n_pairs).
     type(surface_t), intent(in) :: surface_b(:)  !! Their master surfaces (n_pairs).
     type(tied_surfaces_t), allocatable, intent(out) :: tie(:)  !! The ties, in the order of the input (n_ties).
-    !> Allocated where ties cannot be discretized: all problems, one per line.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! Where ties cannot be discretized: all problems.
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: k, p
@@ -235,8 +240,7 @@ contains
     type(body_surfaces_t), intent(in) :: surfaces_a  !! Surfaces of the slave body.
     type(body_surfaces_t), intent(in) :: surfaces_b  !! Surfaces of the master body.
     type(tied_surfaces_t), intent(out) :: tie  !! The tie.
-    !> The surfaces are too far from each other, or do not face each other.
-    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable, intent(out) :: error  !! The surfaces are too far apart, or do not face each other.
     type(pair_settings_t) :: settings
     type(contact_pair_t), allocatable :: of_component(:)
     type(body_mesh_t) :: turned
@@ -361,4 +365,46 @@ contains
     tightens = given%is_bolt .and. given%has_force
     if (tightens) tightens = applies_in(given%in_case, load_case)
   end function tightens
+
+  !> Angle between the normal of a cut and the shank, 0 where the body is no shank there [degrees].
+  !>
+  !> The normals n of the faces beside the cut are perpendicular to a shank: its direction is the eigenvector of the
+  !> smallest eigenvalue of the sum of A n n^T over these faces of areas A.
+  real(dp) function angle_to_shank(mesh, cut, normal) result(angle)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of one half.
+    type(surface_t), intent(in) :: cut  !! Its faces at the cut.
+    real(dp), intent(in) :: normal(3)  !! Unit normal of the cut (3) [].
+    type(surface_t) :: boundary
+    type(corner_table_t) :: faces
+    type(element_kind_t) :: kind
+    logical, allocatable :: at_cut(:)
+    real(dp) :: total(mesh%dimension, mesh%dimension), vectors(mesh%dimension, mesh%dimension), n(mesh%dimension)
+    real(dp) :: spread_of(mesh%dimension)
+    integer :: d, f, i, entry, least
+    d = mesh%dimension
+    angle = 0
+    allocate (at_cut(mesh%n_nodes()), source=.false.)
+    call faces%init(max_corners, cut%n_facets)
+    do f = 1, cut%n_facets
+      kind = element_kind(cut%kind(f))
+      call faces%add(cut%node(:kind%n_corners, f), entry)
+      at_cut(cut%node(:kind%n_corners, f)) = .true.
+    end do
+    call extract_boundary(mesh, boundary)
+    total = 0
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      associate (corner => boundary%node(:kind%n_corners, f))
+        if (.not. any(at_cut(corner))) cycle
+        if (faces%find(corner) > 0) cycle
+        n = area_vector(mesh%x(:, corner))
+      end associate
+      if (norm2(n) > 0) total = total + spread(n, 2, d)*spread(n, 1, d)/norm2(n)
+    end do
+    call diagonalize(d, total, vectors)
+    spread_of = [(total(i, i), i=1, d)]
+    least = minloc(spread_of, dim=1)
+    if (.not. spread_of(least) < clearly*minval(spread_of, mask=[(i /= least, i=1, d)])) return
+    angle = acos(min(1.0_dp, abs(dot_product(vectors(:, least), normal(:d)))))*180/acos(-1.0_dp)
+  end function angle_to_shank
 end module dotyk_model_ties

@@ -5,6 +5,7 @@ module dotyk_output_hdf5_reason
   use hdf5, only: h5dont_atexit_f, h5eset_auto_f, h5open_f
   implicit none
   private
+  public :: start_hdf5, hdf5_reason
 
   type, bind(c) :: error_record_t  !! H5E_error2_t of HDF5's C interface.
     integer(c_int64_t) :: class_id, major, minor
@@ -38,8 +39,6 @@ module dotyk_output_hdf5_reason
       type(c_ptr), value, intent(in) :: text  !! Text, ended by a null character.
     end function c_strlen
   end interface
-
-  public :: start_hdf5, hdf5_reason
 
 contains
 

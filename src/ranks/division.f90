@@ -24,8 +24,7 @@ module dotyk_ranks_division
     procedure :: append => division_append
   end type division_t
 
-  !> Items with less than this part of the work of a rank are dealt out as a whole: 1/4.
-  integer, parameter :: portions = 4
+  integer, parameter :: portions = 4  !! Items with less than this part of the work of a rank are dealt out whole.
 
   public :: deal_out
 
@@ -119,8 +118,7 @@ contains
   !> One number of each item.
   subroutine fill_values(self, value, first, last)
     class(division_t), intent(in) :: self
-    !> Those of the portion of this rank in, of all out (n) [any].
-    real(dp), intent(inout), contiguous, target :: value(:)
+    real(dp), intent(inout), contiguous, target :: value(:)  !! Those of this rank in, of all out (n) [any].
     integer, intent(in) :: first  !! First item of this rank.
     integer, intent(in) :: last  !! Its last item.
     real(dp), pointer :: columns(:, :)

@@ -22,8 +22,7 @@ module dotyk_ranks_exchange
 
   type, public :: exchange_cost_t  !! What exchanges have cost this rank so far.
     real(dp) :: waited = 0  !! Time in which it waited for other ranks [s].
-    !> Processor time that it spent on that: ranks that wait ask for messages again and again [s].
-    real(dp) :: processor = 0
+    real(dp) :: processor = 0  !! Processor time spent on that: waiting ranks ask for messages all the time [s].
     integer(int64) :: n = 0  !! Number of exchanges.
     real(dp) :: bytes = 0  !! Numbers that it got from other ranks [bytes].
   end type exchange_cost_t
@@ -42,8 +41,7 @@ module dotyk_ranks_exchange
   !> Kinds of exchanges, the first number of a greeting.
   integer(int64), parameter :: of_items = 1, of_values = 2, of_flag = 3, of_meeting = 4, of_parts = 5, &
     of_sums = 6, of_lists = 7, of_counts = 8, of_joined = 9
-  !> Owner of items that all ranks compute together: all of them have them.
-  integer, parameter, public :: all_ranks = -1
+  integer, parameter, public :: all_ranks = -1  !! Owner of items that all ranks compute together and have.
   integer(int64), parameter :: not_there = -1  !! Size of an item that is not allocated.
 
 contains
@@ -203,8 +201,7 @@ contains
   !> Parts of all ranks on the first one, one rank after the other.
   subroutine collect(own, all)
     real(dp), intent(in) :: own(:)  !! Those of this rank (any) [any].
-    !> Those of all ranks on the first one, of size 0 on the others (any) [as own].
-    real(dp), allocatable, intent(out) :: all(:)
+    real(dp), allocatable, intent(out) :: all(:)  !! Those of all ranks on the first, size 0 on others (any) [as own].
     integer(int64) :: n(n_ranks())
     if (n_ranks() == 1) then
       all = own

@@ -7,7 +7,7 @@ module dotyk_response_aggregate_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64, sp
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_elasticity_rigid_body_modes, only: near_null_vectors
   use dotyk_linalg_block_prolongator, only: block_prolongator_t
   use dotyk_linalg_block_rows, only: block_rows_t
   use dotyk_linalg_chebyshev, only: chebyshev_t

@@ -4,7 +4,7 @@ module dotyk_response_aggregated_corners
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_elasticity_rigid_body_modes, only: near_null_vectors
   use dotyk_elasticity_two_levels, only: two_levels_t
   use dotyk_linalg_smoothed_aggregation, only: smoothed_aggregation_t
   use dotyk_response_aggregate_space, only: aggregate_space_t

@@ -6,8 +6,7 @@
 !> that K <= D; the rows on the corner space, `B P`; and `B R`.
 module dotyk_response_multigrid_rows
   use dotyk_base_kinds, only: dp, sp
-  use dotyk_linalg_row_comparison, only: same_rows
-  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_linalg_sparse, only: same_rows, sparse_rows_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_contact_map, only: contact_map_t
   implicit none

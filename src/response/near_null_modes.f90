@@ -8,13 +8,13 @@
 !>     K^{-1} = K_s^{-1} + Z S^{-1} Z^T,    S = (E^T Z)^{-T} Z^T K Z,
 !>
 !> exactly. K_s is well conditioned, and S is stationary in Z, so that it is as accurate as the energy `Z^T K Z`, which
-!> is computed from the elements (`dotyk_elasticity_body_force`). For the schemes Z are rigid body modes with
+!> is computed from the elements (`body_force`). For the schemes Z are rigid body modes with
 !> springs S.
 module dotyk_response_near_null_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_body_force, only: body_force
+  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_dense, only: right_singular_vectors, solve_dense
   implicit none

@@ -4,7 +4,7 @@ module dotyk_scheme_mode_stiffness
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_clique_graph, only: make_clique_graph
+  use dotyk_linalg_clique_matrix, only: make_clique_graph
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none

@@ -3,8 +3,7 @@
 module dotyk_scheme_undetermined_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_linalg_inverse_root, only: find_inverse_root
+  use dotyk_linalg_dense, only: find_inverse_root, symmetric_eigen
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_mode_columns, only: mode_columns_t

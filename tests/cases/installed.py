@@ -92,7 +92,7 @@ class Installed(dotyk_case.Case):
         head = file["VTKHDF/PointData/node_tag"][:] > 4
         self.assertAlmostEqual(file["VTKHDF/PointData/displacement"][:][head, 2].mean(), -4/200, delta=1e-9)
 
-    def test_manual(self):
+    def test_help(self):
         """Every group with its keys as in docs/input.md, every option of --help; troff has nothing to complain of."""
         def by_group(text, group, key):
             parts = re.split(group, text)[1:]

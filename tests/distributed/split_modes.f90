@@ -6,7 +6,7 @@ program split_modes
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_plane_strain, load_force_density, load_traction
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_free_modes, only: free_rigid_modes
+  use dotyk_elasticity_rigid_motion, only: free_rigid_modes
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_held_body, only: hold_surface
   use dotyk_elasticity_load, only: add_surface_load, add_volume_load, load_t

@@ -5,7 +5,7 @@ module hdf5_test_source
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted
-  use dotyk_output_hdf5_read, only: hdf5_source_t
+  use dotyk_output_hdf5, only: hdf5_file_t
   use hdf5, only: h5_integer_kind, h5aclose_f, h5aget_space_f, h5aget_type_f, h5aopen_by_name_f, h5aread_f, &
     h5dclose_f, &
     h5dget_space_f, h5dopen_f, h5dread_f, h5kind_to_type, h5sclose_f, h5sget_simple_extent_dims_f, &
@@ -14,7 +14,7 @@ module hdf5_test_source
   implicit none
   private
 
-  type, extends(hdf5_source_t), public :: test_source_t  !! A file open for reading.
+  type, extends(hdf5_file_t), public :: test_source_t  !! A file open for reading.
   contains
     procedure :: get_text  !! get_text(object, name, text, error): an attribute, without the nulls that may pad it.
     procedure, private :: attribute_reals, attribute_longs
@@ -152,7 +152,7 @@ contains
     if (found == rank) then
       call h5sget_simple_extent_dims_f(space, extent, most, status)
     else
-      call set_error(error, quoted(self%path)//': '//name//' has another number of dimensions')
+      call set_error(error, quoted(self%label)//': '//name//' has another number of dimensions')
     end if
     call h5sclose_f(space, status)
   end subroutine open_dataset

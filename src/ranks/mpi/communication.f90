@@ -20,8 +20,7 @@ module dotyk_ranks_communication
   integer, parameter, public :: greeting_length = 4  !! Numbers in a greeting.
   !> First number of the greeting of a rank that ends; the second one is its exit code.
   integer(int64), parameter, public :: is_ending = -1
-  !> Numbers that one message may have: MPI counts in default integers.
-  integer(int64), parameter :: most_numbers = huge(1)
+  integer(int64), parameter :: most_numbers = huge(1)  !! Most numbers in a message: MPI counts in default integers.
 
   !> Rank of this process, number of ranks, and that on its node; set once, at the start.
   integer, protected :: own_rank = 0, number_of_ranks = 1, ranks_on_node = 1
@@ -125,8 +124,7 @@ contains
     real(dp), intent(in) :: own(:)  !! Those of this rank.
     integer(int64), intent(in) :: n(:)  !! Number of each rank (n_ranks).
     real(dp), intent(out) :: all(:)  !! Those of all ranks (sum(n)).
-    !> Numbers that one message may have, for tests; as many as MPI counts if absent.
-    integer(int64), intent(in), optional :: most
+    integer(int64), intent(in), optional :: most  !! Most numbers in a message, for tests; those of MPI if absent.
     integer(int64) :: first, last, done, limit
     integer :: r
     limit = most_numbers

@@ -1,23 +1,28 @@
-!> Forces in the log: contact pairs, reactions of supports, strain energies, and what is left of the equilibrium.
-module dotyk_log_force_tables
+!> Results in the log: contact pairs, reactions of supports, strain energies, what is left of the equilibrium, the
+!> greatest displacements and stresses, and quantities with error bars of the mesh.
+module dotyk_log_result_tables
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
+  use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
+  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_pressures, only: pair_solution_t, well_covered
+  use dotyk_control_nodal_stresses, only: nodal_stress_t
+  use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, well_covered
+  use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, bar_no_limit, &
+    bar_one_mesh, bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_log_load_tables, only: resultant_line, vector_text
+  use dotyk_elasticity_nodal_stress, only: von_mises
+  use dotyk_log_case_tables, only: resultant_line, vector_text
   use dotyk_log_tie_tables, only: show_tie_forces
   implicit none
   private
-  public :: show_balance, show_pair_results
+  public :: show_balance, show_pair_results, show_greatest_values, show_quantities
 
-  !> Greatest number of contact pairs, supports or bodies with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_digits = 10, digits_of_error = 2  !! Digits of a value at most, and of its error bar.
 
 contains
 
@@ -186,4 +191,112 @@ contains
     end do
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more rigid body', 'more rigid bodies'))
   end subroutine show_motions
-end module dotyk_log_force_tables
+
+  !> The greatest displacement of all nodes, and the greatest von Mises stress, if stresses at nodes are known.
+  subroutine show_greatest_values(log, problem, solution, nodal_stress)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    type(body_solution_t), intent(in) :: solution(:)  !! Displacements of the bodies (n_bodies).
+    type(nodal_stress_t), intent(in) :: nodal_stress(:)  !! Stresses at their nodes (n_bodies).
+    type(nodal_field_t) :: moved(size(solution)), stressed(size(solution))
+    integer :: b, i
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      if (allocated(solution(b)%displacement)) moved(b)%value = norm2(solution(b)%displacement, 1)
+      if (allocated(nodal_stress(b)%value)) &
+        stressed(b)%value = [(von_mises(nodal_stress(b)%value(:, i)), i=1, size(nodal_stress(b)%value, 2))]
+    end do
+    call show_greatest(log, problem, 'displacement     ', moved)
+    call show_greatest(log, problem, 'von Mises        ', stressed)
+  end subroutine show_greatest_values
+
+  !> The greatest value at a node, its body and its place; nothing where all are 0.
+  subroutine show_greatest(log, problem, word, field)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(contact_problem_t), intent(in) :: problem  !! Bodies and their ranks.
+    character(*), intent(in) :: word  !! What the values are.
+    type(nodal_field_t), intent(in) :: field(:)  !! Values at the nodes that this rank holds (n_bodies) [any].
+    real(dp) :: greatest(size(field)), along(size(field)), place(3)
+    logical, allocatable :: is_there(:)
+    integer :: b, i
+    greatest = 0
+    do b = 1, size(field)
+      if (allocated(field(b)%value)) greatest(b) = maxval(field(b)%value)
+    end do
+    call problem%ranks%share_greatest(greatest)
+    b = maxloc(greatest, 1)
+    if (.not. greatest(b) > 0) return
+    place = 0
+    associate (body => problem%body(b))
+      allocate (is_there(body%mesh%n_nodes()), source=.false.)
+      if (allocated(field(b)%value)) is_there = .not. field(b)%value < greatest(b)
+      ! Ranks that share a body must name one node.
+      do i = 1, body%dimension
+        along = -huge(along)
+        if (any(is_there)) along(b) = maxval(body%mesh%x(i, :), mask=is_there)
+        call problem%ranks%share_greatest(along)
+        place(i) = along(b)
+        is_there = is_there .and. .not. body%mesh%x(i, :) < place(i)
+      end do
+      call log%line('  '//word//'greatest '//to_text(greatest(b), 5)//' in '//quoted(body%name)//' at '// &
+                    vector_text(place, body%mesh%diameter()))
+    end associate
+  end subroutine show_greatest
+
+  !> A line for each quantity.
+  subroutine show_quantities(log, quantities)
+    type(log_t), intent(inout) :: log  !! The log.
+    type(quantity_errors_t), intent(in) :: quantities  !! The quantities; nothing is shown where there are none.
+    character(:), allocatable :: name
+    integer :: i, n
+    if (.not. allocated(quantities%of)) return
+    n = size(quantities%of)
+    if (n > 0) call log%line('  quantity             value, error bar of the mesh')
+    do i = 1, min(n, most_shown)
+      name = quantities%of(i)%name
+      call log%line('  '//name//repeat(' ', max(1, 21 - len(name)))//quantity_text(quantities%of(i)))
+    end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more quantity', 'more quantities')// &
+                                      ' in the results file')
+  end subroutine show_quantities
+
+  !> Value and error bar, or why there is none.
+  function quantity_text(of) result(text)
+    type(quantity_value_t), intent(in) :: of  !! The quantity.
+    character(:), allocatable :: text
+    integer :: digits
+    if (of%why_unknown /= bar_is_known) then
+      text = to_text(of%value, 6)//', no error bar: '//reason(of%why_unknown)
+      return
+    end if
+    digits = most_digits
+    if (of%error > 0) digits = digits_of_error + ceiling(log10(max(1.0_dp, abs(of%value)/of%error)))
+    text = to_text(of%value, min(most_digits, digits))//' +- '//to_text(of%error, digits_of_error)
+  end function quantity_text
+
+  !> Why there is no error bar.
+  function reason(why) result(text)
+    integer, intent(in) :: why  !! One of `bar_*`.
+    character(:), allocatable :: text
+    select case (why)
+    case (bar_no_contact)
+      text = 'no constraint is active'
+    case (bar_zero)
+      text = 'zero, but for rounding'
+    case (bar_no_estimate)
+      text = 'the discretization error is not known'
+    case (bar_no_factors)
+      text = "bodies have no factors; response='full' has them"
+    case (bar_soft)
+      text = 'supports hardly resist motions of bodies'
+    case (bar_singular)
+      text = 'contact forces are not unique'
+    case (bar_one_mesh)
+      text = 'one mesh only; &accuracy has several'
+    case (bar_no_limit)
+      text = 'it grows from mesh to mesh and has no limit'
+    case default
+      text = 'unknown'
+    end select
+  end function reason
+end module dotyk_log_result_tables
