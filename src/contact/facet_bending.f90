@@ -24,7 +24,7 @@ module dotyk_contact_facet_bending
   end type bending_t
 
   !> That part of r, measured: of balls on a block by Hertz, and of balls between plates by finer meshes [].
-  real(dp), parameter :: narrow_part = 1/3.0_dp
+  real(dp), parameter :: narrow_part = 0.5_dp
 
 contains
 

@@ -222,6 +222,16 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         force, doubt, _ = self.round_on_flat(3, "hex8", 6, code=1, down=0.04)
         self.assertGreaterEqual(doubt, abs(force - 22.6))
 
+    def test_contact_narrower_than_a_facet(self):
+        """A ball on the vertex of coarse facets presses one row, which is as stiff as a facet: the force is told to be
+        uncertain by about as much as it is wrong, or more."""
+        exact, _, _ = self.round_on_flat(24, "hex8", 24)
+        for n, code in (2, 1), (8, 0):
+            force, doubt, text = self.round_on_flat(n, "hex8", 24, code=code)
+            self.assertGreater(abs(force - exact), 0.2 * exact)
+            self.assertGreaterEqual(doubt, 0.5 * abs(force - exact))
+            self.assertIn("uncertain by", text)
+
     def test_coarse_bore(self):
         """A quarter of a bush whose bore, a CAD face, has few facets: patches are off by what is told. Lame: 0.809."""
         for n in 2, 3, 5:
