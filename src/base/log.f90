@@ -83,6 +83,8 @@ contains
       call self%end_progress()
       call print_text(trim(text)//new_line('a'), status)
       call look(self, status)
+      ! Progress is for when nothing else is printed.
+      if (.not. self%terminal) self%drawn = wall_time()
     end if
   end subroutine log_line
 
