@@ -28,7 +28,7 @@ environment() {
 }
 
 lint() {
-  environment && build/venv/bin/fortitude check src tests && spelling && /usr/bin/python3 -B tests/support/test_links.py
+  environment && build/venv/bin/fortitude check src tests && spelling && /usr/bin/python3 -B tests/support/test_pages.py
 }
 
 # Of all pages. Names and words that codespell takes for others are in tools/spelling.txt.

@@ -1,4 +1,5 @@
-"""Links of all pages: files and anchors exist; pages of docs that sources name exist; docs/README.md has every page."""
+"""Pages: links and anchors exist; pages of docs that sources name exist; docs/README.md has every page; the messages of
+docs/messages.md are those of the program."""
 import pathlib
 import re
 import unittest
@@ -64,11 +65,52 @@ class Links(unittest.TestCase):
         missing = [path.name for path in (ROOT / "docs").glob("*.md") if path.name != "README.md" and "](%s" % path.name not in index]
         self.assertEqual(missing, [])
 
+    def test_tables_have_equal_columns(self):
+        wrong = []
+        for path in pages():
+            wanted = None
+            for number, line in enumerate(without_code(path.read_text()).splitlines()):
+                if not line.lstrip().startswith("|"):
+                    wanted = None
+                    continue
+                columns = len(re.split(r"(?<!\\)\|", re.sub(r"\$[^$]*\$|`[^`]*`", "x", line.strip())))
+                wanted = wanted or columns
+                if columns != wanted:
+                    wrong.append("%s: %s" % (path.relative_to(ROOT), line[:80]))
+        self.assertEqual(wrong, [])
+
     def test_broken_links_are_found(self):
         """The test itself."""
         path = ROOT / "docs" / "README.md"
         text = "# A b\n[a](no.md) [b](#a-b) [c](#c) [d](../README.md#no) [e](https://x.y/z) `[f](no.md)`\n"
         self.assertEqual(len(broken(path, text)), 3)
+
+
+def literals():
+    """The texts of the sources, parts of one text joined, with single blanks."""
+    texts = []
+    for path in (ROOT / "src").rglob("*.f90"):
+        joined = re.sub(r"'\s*//\s*&?\s*(?:\n\s*&?\s*)?'", "", path.read_text())
+        texts.append(joined.replace("''", "'"))
+    return re.sub(r"\s+", " ", "\n".join(texts))
+
+
+class Messages(unittest.TestCase):
+    """docs/messages.md explains messages that the program has."""
+
+    def test_messages_are_in_the_sources(self):
+        sources = literals()
+        missing, found = [], 0
+        for line in (ROOT / "docs" / "messages.md").read_text().splitlines():
+            for message in re.findall(r"`([^`]+)`", line.split(" | ")[0]) if line.startswith("| `") else []:
+                # Names and numbers are those of an example.
+                for part in re.split(r"\.\.\.|'[^']*'|\b\d+ ?%?|\b[ndij]\b", message):
+                    part = re.sub(r"\s+", " ", part).strip(" ,;:()")
+                    if len(part) >= 6:
+                        found += 1
+                        missing += [message] if part not in sources else []
+        self.assertEqual(missing, [])
+        self.assertGreater(found, 50)
 
 
 if __name__ == "__main__":
