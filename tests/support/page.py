@@ -69,7 +69,7 @@ class PageCase(dotyk_case.Case):
                 path.chmod(0o755)
         environment = {**os.environ, "PATH": "%s:%s" % (folder, os.environ["PATH"]), "OMP_NUM_THREADS": "1"}
         done = subprocess.run(["bash", "-euo", "pipefail", "-c", commands], cwd=self.folder, env=environment, text=True,
-                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=1800)
         self.assertEqual(done.returncode, code, "%s\n%s" % (commands, done.stdout))
         return done.stdout
 
