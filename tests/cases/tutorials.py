@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""The tutorials of docs: their commands run as printed, and the log has the lines of the page."""
+"""The tutorials of docs, and errors.md: their commands run as printed, and the log has the lines of the page."""
 import re
+import shutil
 
 import dotyk_case
 from page import DOCS, PageCase, blocks
@@ -32,6 +33,28 @@ class Tutorials(PageCase):
         log = self.dotyk("hertz.nml", "--threads", "1")
         # Rounding, and moments about the origin, which are differences.
         self.compare("five_minutes.md", log, skip="bound|penetration|relative error|moment|smallest|forces \\d|least|touch   ")
+
+    def test_errors(self):
+        """Error bars of the example, and meshes that the program chooses for the roller of the recipes."""
+        page = (DOCS / "errors.md").read_text()
+        recipes = (DOCS / "how_do_i.md").read_text()
+        for language, block in blocks(recipes):
+            if language == "geo" and "roller.geo" in block:
+                self.write("roller.geo", block)
+        scene = next(block for _, block in blocks(recipes) if block.startswith("! accuracy.nml"))
+        self.copy("hertz/hertz.geo")
+        self.write("bars.nml", self.copy("hertz/hertz.nml").read_text() + re.search(r"(?m)^&output quantity=.*$", page)[0] + "\n")
+        log = self.dotyk("bars.nml", "--threads", "1")
+        for number, group in enumerate(re.findall(r"&accuracy [^`/]*/", page)):
+            self.write("roller.nml", re.sub(r"(?m)^&accuracy.*$", group, scene))
+            shutil.rmtree(self.folder / ".dotyk")
+            log += self.dotyk("roller.nml", "--threads", "1")
+        self.assertEqual(number, 2)
+        lines = [re.sub(r", after [\d.]+ s", "", line) for line in printed(page) + ["  accuracy mesh 3: 5045 unknowns"]]
+        for line in lines:
+            if not line.startswith("&"):
+                self.assertHasLine(line, re.sub(r", after [\d.]+ s", "", log))
+        self.assertHasLine(re.search(r"`(peak:touch [^`]*)`", page)[1], log)
 
     def test_from_calculix(self):
         self.write_files((DOCS / "from_calculix.md").read_text(), ["inp"])
