@@ -163,7 +163,8 @@ class Scene:
     def run(self, **solver):
         """One run; keywords are those of &solver."""
         scene = dotyk.Scene.parse(self.nml)
-        scene.groups.remove(scene.find('solver'))
+        for group in scene.all('solver'):  # not every example has one
+            scene.groups.remove(group)
         scene.scene(mesh=self.name + '.msh')
         scene.solver(**solver)
         scene.output(fields='displacement contact')

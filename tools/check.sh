@@ -1,9 +1,10 @@
 #!/bin/bash
 # Checks that are slower or stricter than tools/test.sh, each in a build folder of its own; what they need goes to build/venv.
 # usage: tools/check.sh [PART...]      all parts without any; exit code 1 where one fails
-#   lint      fortitude, with the rules of fortitude.toml
+#   lint      fortitude, with the rules of fortitude.toml; spelling of the pages; their links
 #   werror    all warnings of the compiler are errors
 #   api       the pages that FORD makes of the comments, without a warning: build/api/index.html
+#   site      the pages of docs as a site, without a warning: build/site/index.html
 #   flang     LLVM's flang builds all layers that need no module file of gfortran, and runs unit tests
 #   runners   unit tests under pFUnit (CONTRIBUTING.md) and under the small runner: as many as the .pf files have, both times
 #   package   the Python package of tools/python installs by pip, and its tests pass with the h5py and numpy that pip finds
@@ -17,7 +18,7 @@ set -uo pipefail
 
 tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$tools/.."
-parts=(lint werror api flang runners package slurm quick scenes debug asan coverage)
+parts=(lint werror api site flang runners package slurm quick scenes debug asan coverage)
 
 # A Python environment with the tools of check_requirements.txt.
 environment() {
@@ -27,7 +28,13 @@ environment() {
 }
 
 lint() {
-  environment && build/venv/bin/fortitude check src tests
+  environment && build/venv/bin/fortitude check src tests && spelling && /usr/bin/python3 -B tests/support/test_pages.py
+}
+
+# Of all pages. Names and words that codespell takes for others are in tools/spelling.txt.
+spelling() {
+  "$tools/setup.sh" --run codespell || return
+  git ls-files -z '*.md' | xargs -0 codespell --ignore-words tools/spelling.txt
 }
 
 werror() {
@@ -39,6 +46,14 @@ api() {
   rm -rf build/api
   build/venv/bin/ford --quiet tools/ford.md > build/api.log 2>&1 || { cat build/api.log; return 1; }
   if grep -i warning build/api.log; then return 1; fi
+}
+
+# The pages and pictures of the repository in their folders, made into a site.
+site() {
+  environment || return
+  rm -rf build/pages build/site
+  git ls-files -z '*.md' 'docs/*.png' 'inputs/*.png' | xargs -0 cp --parents -t "$(mkdir -p build/pages && echo build/pages)" || return
+  build/venv/bin/mkdocs build --quiet --strict --config-file tools/site.yml
 }
 
 flang() {

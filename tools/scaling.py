@@ -327,12 +327,8 @@ def shared(counts):
 
 def blocks(data, machine, counts):
     """The tables of docs/scaling.md by their marks."""
-    constants = ["| count | value | unit | from |", "|---|---:|---|---|"]
-    constants += ["| `%s` | %.4g | %s | %s |" % (name, *entry) for name, entry in data["constants"].items()]
-    less = shared(counts)
     return {"test": self_test(data)[0], "strong": strong(SIZES, NODES, machine, counts), "weak": weak(OF_NODE, NODES, machine, counts),
-            "strong, shared": strong(SIZES, NODES, machine, less), "weak, shared": weak(OF_NODE, NODES, machine, less),
-            "one": one_run(1e9, 100, machine, counts), "one, shared": one_run(1e9, 100, machine, less), "constants": constants}
+            "weak, shared": weak(OF_NODE, NODES, machine, shared(counts)), "one": one_run(1e9, 100, machine, counts)}
 
 
 def write(data, machine, counts):

@@ -83,6 +83,8 @@ contains
     do
       call monitor%log%hold()
       call accuracy%begin_mesh(case)
+      ! One that is kept has the sizes of another run, by other errors, loads or quantities.
+      if (accuracy%n_meshes > 1) call forget_meshes(case)
       call run_mesh(arguments, case, run, threads, monitor, accuracy, code, error)
       call accuracy%remove_views()
       call monitor%log%take(lines)

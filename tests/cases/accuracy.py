@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Meshes that the program chooses until the error is as small as asked for (&accuracy)."""
 import re
+import shutil
 
 import numpy as np
 
@@ -158,6 +159,22 @@ class Accuracy(dotyk_case.Case):
         # the corners of the two bodies
         for corner in ((1.0, 1.0), (4.0, 1.0)):
             self.assertLess(np.sort(np.linalg.norm(x - corner, axis=1))[9], 0.02, log)
+
+    def test_meshes_of_another_run_do_not_count(self):
+        """The same geometry under another load: its meshes are those of a run in a folder of its own."""
+        def unknowns(nml):
+            self.write("case.nml", nml)
+            return self.meshes(self.dotyk("case.nml"))[0]
+        self.write("step.geo", STEP)
+        pulled = STEPS + "&accuracy error=0.01 /"
+        sheared = pulled.replace("traction=0,1e-3", "traction=1e-3,0")
+        first = unknowns(pulled)
+        shutil.rmtree(self.folder / ".dotyk")
+        alone = unknowns(sheared)
+        self.assertNotEqual(alone, first)
+        shutil.rmtree(self.folder / ".dotyk")
+        unknowns(pulled)
+        self.assertEqual(unknowns(sheared), alone)
 
     def test_limit_ends_with_exit_code_1(self):
         log, summary = self.run_scene(STEPS + "&accuracy error=0.001, max_meshes=2 /", STEP, code=1)

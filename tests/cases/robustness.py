@@ -1,4 +1,4 @@
-"""Scenes at the edge of what makes sense: a right answer, or a message with the exit code of docs/limits.md."""
+"""Scenes at the edge of what makes sense: a right answer, or a message with the exit code of docs/messages.md."""
 import subprocess
 
 import dotyk_case

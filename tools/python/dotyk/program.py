@@ -17,7 +17,7 @@ MARK = '! Written by dotyk.run.\n'
 class Error(Exception):
     """A run without results.
 
-    message: what the program said, such as all mistakes of a namelist with file and line. code: its exit code (docs/limits.md): 1
+    message: what the program said, such as all mistakes of a namelist with file and line. code: its exit code (docs/messages.md): 1
     stopped before there were results, 2 bad input, 3 not solvable as posed, 4 a file cannot be written, 5 the machine; 128 plus its
     number where a signal ended it; None where the program could not be started. log: what it had printed.
     """
