@@ -31,7 +31,7 @@ class Faults(dotyk_case.Case):
 
     def start(self, *arguments, until=None):
         """Start the program, and wait for a text in what it prints."""
-        process = subprocess.Popen([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder,
+        process = subprocess.Popen([os.environ["DOTYK"], *map(str, arguments), "--verbose"], cwd=self.folder,
                                    stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.addCleanup(process.stdout.close)

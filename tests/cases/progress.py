@@ -38,7 +38,7 @@ class Progress(Case):
         self.write("lower.geo", geo + 'SystemCall "sleep 1.5";\n')
         self.write("upper.geo", blocks.block_geo("hex8", 1, (0, 0, 1)))
         self.write("column.nml", blocks.column_nml(3))
-        written = self.on_terminal("column.nml")
+        written = self.on_terminal("column.nml", "--verbose")
         self.assertIn(CLEAR + "  progress         meshing lower.geo with gmsh: 1 s", written)
         screen = [line.split(CLEAR)[-1] for line in written.split("\n")]
         self.assertFalse([line for line in screen if "progress" in line])
