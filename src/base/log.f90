@@ -52,7 +52,8 @@ contains
     logical, intent(in) :: verbose  !! Print details, too.
     self%quiet = quiet
     self%verbose = verbose
-    self%terminal = c_isatty(1_c_int) /= 0 .and. .not. is_launched()
+    self%terminal = .not. is_launched()
+    if (self%terminal) self%terminal = c_isatty(1_c_int) /= 0
     self%live = .false.
     self%drawn = wall_time()
     self%pause = 2
