@@ -36,7 +36,7 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! The problem.
     type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
     call show_budget(log, output, problem%body, solution%state, solution%budget)
-    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies())
+    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies(), any(problem%pair%is_layer))
     call show_gap_doubt(log, problem%pair, solution%gap_doubt)
     call show_idle_bodies(log, problem, solution%state%pressure, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
@@ -110,10 +110,11 @@ contains
   end function digits_of_energy
 
   !> The potential energy and its terms, (19).
-  subroutine show_energies(log, state, energies)
+  subroutine show_energies(log, state, energies, has_layer)
     type(log_t), intent(inout) :: log  !! The log.
     type(solver_state_t), intent(in) :: state  !! How the scheme ended.
     type(energies_t), intent(in) :: energies  !! The terms.
+    logical, intent(in) :: has_layer  !! Whether the penalty term has the energy of layers, which is no error.
     real(dp) :: work
     ! What rounding leaves where no load does work.
     real(dp), parameter :: no_work = 1.0e-12_dp
@@ -124,7 +125,7 @@ contains
     call log%detail('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
     call log%detail('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
-    if (energies%penalty > much_penalty*energies%strain .and. energies%strain > 0) &
+    if (energies%penalty > much_penalty*energies%strain .and. energies%strain > 0 .and. .not. has_layer) &
       call log%line('  warning          the penalty term is '//to_text(100*energies%penalty/energies%strain, 2)// &
                     ' % of the strain energy: bodies under forces yield, and contact forces of given displacements '// &
                     'or gaps fall short, by about as much; give theta = 0, or a smaller one')
