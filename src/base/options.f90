@@ -174,8 +174,7 @@ contains
     character(*), intent(in) :: names  !! One of the lists above.
     character(*), intent(in) :: name  !! Name to look up, without blanks around it.
     integer, intent(out) :: option  !! Its option; 0 where the list has no such name.
-    !> "must be one of: ...", with the nearest name; empty where the name is in the list.
-    character(:), allocatable, intent(out), optional :: message
+    character(:), allocatable, intent(out), optional :: message  !! "must be one of: ...", with the nearest; or empty.
     type(text_t), allocatable :: words(:)
     call split_words(names, words)
     do option = 1, size(words)

@@ -2,11 +2,15 @@
 !>
 !> gfortran 12 keeps the length of a text that a function returns in one place for all threads. Procedures that several
 !> threads call make texts only for errors, and in `!$omp critical (message)`, always of this name.
+!>
+!> Names with wildcards: * stands for any text, also none, and ? for any one character.
 module dotyk_base_text
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
+  public :: to_text, lower, nearest_name, edit_distance, suggestion, append_text, join, split_words, counted, quoted, &
+    shown, visible, has_wildcard, matches
 
   type, public :: text_t  !! A text of its own length, for arrays of texts.
     character(:), allocatable :: s  !! The text.
@@ -16,9 +20,6 @@ module dotyk_base_text
   interface to_text
     module procedure text_of_integer, text_of_long, text_of_real
   end interface to_text
-
-  public :: to_text, lower, nearest_name, edit_distance, suggestion, append_text, join, split_words, counted, quoted, &
-    shown, visible
 
 contains
 
@@ -284,4 +285,45 @@ contains
     starts = text(i:i) /= ' '
     if (starts .and. i > 1) starts = text(i - 1:i - 1) == ' '
   end function starts_word
+
+  !> Whether a name has a wildcard.
+  pure logical function has_wildcard(pattern)
+    character(*), intent(in) :: pattern  !! Name, maybe with wildcards.
+    has_wildcard = scan(pattern, '*?') > 0
+  end function has_wildcard
+
+  !> Whether a text is one of those that a pattern stands for; the whole text counts, letters in their case.
+  pure logical function matches(pattern, text)
+    character(*), intent(in) :: pattern  !! Name with wildcards.
+    character(*), intent(in) :: text  !! Text to compare.
+    integer :: p, t, star, retry
+    p = 1
+    t = 1
+    star = 0
+    retry = 1
+    do while (t <= len(text))
+      if (p <= len(pattern)) then
+        if (pattern(p:p) == '*') then
+          ! At first the star stands for nothing.
+          star = p
+          retry = t
+          p = p + 1
+          cycle
+        else if (pattern(p:p) == '?' .or. pattern(p:p) == text(t:t)) then
+          p = p + 1
+          t = t + 1
+          cycle
+        end if
+      end if
+      if (star == 0) then
+        matches = .false.
+        return
+      end if
+      ! The last star takes one character more.
+      retry = retry + 1
+      t = retry
+      p = star + 1
+    end do
+    matches = verify(pattern(p:), '*') == 0
+  end function matches
 end module dotyk_base_text

@@ -19,7 +19,7 @@ module dotyk_control_couple_penetration
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_mean_rotation, only: mean_rotation
+  use dotyk_mesh_placement, only: mean_rotation
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none

@@ -7,13 +7,12 @@ module dotyk_driver_cad_faces
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
   use dotyk_input_case, only: case_t
-  use dotyk_linalg_lapack, only: dgesv, dsyev
+  use dotyk_linalg_blas, only: dgesv, dsyev
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_physical_group, only: group_names, groups_named
+  use dotyk_mesh_mesh, only: group_names, groups_named, mesh_t
   use dotyk_mesh_surface, only: extract_surface, surface_names, surface_t
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_ranks_communication, only: this_rank

@@ -5,8 +5,7 @@ module dotyk_driver_mesh_sizes
   use dotyk_base_files, only: is_cad_file, own_mark
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_operating_system, only: remove_file
-  use dotyk_base_text, only: append_text, quoted, text_t, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: append_text, matches, quoted, text_t, to_text
   use dotyk_input_case, only: case_t, mesh_size_input_t
   use dotyk_input_paths, only: read_text
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body

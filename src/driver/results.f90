@@ -43,8 +43,7 @@ contains
     type(contact_solution_t), intent(inout) :: solution  !! The solution; nodal stresses take its recovered strains.
     type(log_monitor_t), intent(inout) :: monitor  !! Log and watch.
     type(results_file_t), intent(inout) :: file  !! The results file: created with the first load case.
-    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
-    type(pair_solution_t), allocatable, intent(out) :: pair_solution(:)
+    type(pair_solution_t), allocatable, intent(out) :: pair_solution(:)  !! Results of the pairs (n_pairs).
     !> Allocated where results are not finite, or the file cannot be written; it is discarded.
     type(error_t), allocatable, intent(out) :: error
     type(nodal_field_t), allocatable :: contact_pressure(:)
@@ -170,8 +169,7 @@ contains
     type(case_t), intent(in) :: case  !! The case.
     type(contact_problem_t), intent(in) :: problem  !! Bodies, their ranks, contact pairs.
     type(body_solution_t), intent(in) :: solution(:)  !! Displacements and stresses of the bodies (n_bodies).
-    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
-    type(pair_solution_t), intent(in) :: pair_solution(:)
+    type(pair_solution_t), intent(in) :: pair_solution(:)  !! Results of the pairs (n_pairs).
     type(solver_state_t), intent(in) :: state  !! State of the scheme, with the energy.
     !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error

@@ -29,8 +29,7 @@ module dotyk_driver_results_fields
   type :: whole_body_fields_t  !! One body, of which each rank has its own nodes and elements.
     private
     logical :: is_here = .true.  !! Whether this rank has it all, and writes it.
-    !> Own nodes, in the numbers of this rank, and their numbers in the whole body (n_own_nodes).
-    integer, allocatable :: node(:), whole_node(:)
+    integer, allocatable :: node(:), whole_node(:)  !! Own nodes, by this rank and in the whole body (n_own_nodes).
     integer, allocatable :: element(:), whole_element(:)  !! The same of elements, through all blocks (n_own_elements).
     integer, allocatable :: held_node(:)  !! Numbers in the whole body of the nodes of this rank (n_nodes).
     integer, public :: n_nodes = 0, n_elements = 0  !! Numbers of nodes and elements of the whole body.
@@ -281,8 +280,7 @@ contains
   !> A field of the elements. Ranks without own elements may give one of no columns.
   subroutine fields_of_elements(self, held, whole)
     class(whole_body_fields_t), intent(in) :: self
-    !> At the elements that this rank holds, in the order of the blocks (n, n_held_elements) [any].
-    real(dp), intent(in) :: held(:, :)
+    real(dp), intent(in) :: held(:, :)  !! At the held elements, in the order of blocks (n, n_held_elements) [any].
     !> At those of the whole body; of size 0 on ranks but the first (n, n_elements) [as held].
     real(dp), allocatable, intent(out) :: whole(:, :)
     if (self%is_here) then

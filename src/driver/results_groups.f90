@@ -40,8 +40,7 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)  !! Contact pairs (n_pairs).
     integer, intent(in) :: first_row(:)  !! Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     type(contact_solution_t), intent(in) :: solution  !! The solution, with the penalty parameters.
-    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
-    type(pair_solution_t), intent(in) :: pair_solution(:)
+    type(pair_solution_t), intent(in) :: pair_solution(:)  !! Results of the pairs (n_pairs).
     character(21), parameter :: half_axis(2) = ['patch_half_axis_long ', 'patch_half_axis_short']
     character(:), allocatable :: group
     integer :: i, k

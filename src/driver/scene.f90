@@ -19,8 +19,7 @@ module dotyk_driver_scene
     type(contact_problem_t) :: problem  !! Bodies, modes, contact pairs.
     type(stiffness_t), allocatable :: stiffness(:)  !! Of the representatives, until they are factorized (n_bodies).
     type(contact_operator_t) :: operator  !! Rows of B, weights, gaps and theta, until the QP has them.
-    !> Compliance operators of the representatives, until the compliance has them (n_bodies).
-    type(operator_slot_t), allocatable :: slot(:)
+    type(operator_slot_t), allocatable :: slot(:)  !! Of the representatives, until the compliance has them (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)  !! Sizes of the factors (n_bodies).
     integer :: n_full_solves = 0  !! Solves with whole factors so far.
     integer :: case = 1  !! The load case that acts on it; 0: parts of several.
@@ -28,8 +27,7 @@ module dotyk_driver_scene
     logical :: is_factorized = .false.  !! Whether the factors, or what is in their place, belong to the bodies.
     !> Rigid body modes as the supports leave them; kept where there are several load cases (n_bodies).
     type(body_modes_t), allocatable :: modes(:)
-    !> Gaps and penalty parameters of the pairs that load cases change (n_pairs).
-    type(pair_conditions_t), allocatable :: pair_conditions(:)
+    type(pair_conditions_t), allocatable :: pair_conditions(:)  !! Gaps and theta that cases change (n_pairs).
     type(contact_qp_t) :: qp  !! The quadratic programme.
     type(body_compliance_t) :: compliance  !! Its compliance.
     type(kept_estimates_t) :: kept  !! What error estimates and nodal stresses keep between rounds and load cases.

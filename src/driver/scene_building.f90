@@ -26,9 +26,8 @@ module dotyk_driver_scene_building
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_contact_cases, only: check_contact_cases
   use dotyk_model_joints, only: refuse_doubles
-  use dotyk_model_met_pairs, only: add_met_pairs
   use dotyk_model_pair_search, only: search_pair
-  use dotyk_model_pairs, only: find_pairs
+  use dotyk_model_pairs, only: add_met_pairs, find_pairs
   use dotyk_model_quantities, only: find_quantities
   use dotyk_model_ties, only: find_ties
   use dotyk_ranks_communication, only: n_ranks

@@ -74,8 +74,7 @@ contains
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).
     type(constraint_t), intent(in) :: constraint  !! Equations and nodal axes of the body.
     type(corner_space_t), intent(in) :: space  !! The corner space.
-    !> Stiffness by block rows, in nodal axes, with its pattern; packed on return [force/length].
-    type(block_rows_t), intent(inout) :: rows
+    type(block_rows_t), intent(inout) :: rows  !! With its pattern, in nodal axes; packed on return [force/length].
     real(dp), intent(out) :: volume  !! Volume of the body [volume].
     real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume, see `weight_moduli` [].
     type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
@@ -235,8 +234,7 @@ contains
       integer, allocatable, intent(in) :: owner_of_corner(:)  !! The same of corners; used for `coarse` (n_corners).
       integer, intent(in) :: place(:), corner(:)  !! Node and corner of each weight of the interpolation (n_weights).
       real(dp), intent(in) :: weight(:)  !! The weights (n_weights) [].
-      !> Element matrix in global axes, lost (at least (n*dim)**2) [force/length].
-      real(dp), contiguous, intent(inout) :: k(:)
+      real(dp), contiguous, intent(inout) :: k(:)  !! In global axes, lost (at least (n*dim)**2) [force/length].
       real(dp) :: corner_k((nc*dim)**2)
       integer :: frame_of(n)
       frame_of = constraint%frame_of(node)

@@ -49,8 +49,7 @@ module dotyk_elasticity_body
     type(text_t), allocatable :: unresolved(:)
     !> What acts on the body in each load case; not allocated where it is the same in all of them (n_cases).
     type(body_actions_t), allocatable :: of_case(:)
-    !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
-    real(dp), allocatable :: rhs(:)
+    real(dp), allocatable :: rhs(:)  !! Loads minus forces of prescribed displacements (n_equations) [force].
     real(dp) :: volume = 0  !! Volume [volume].
     !> Mean of the modulus field over the volume; of several materials, those of the others count by their least Young's
     !> modulus over that of the first [].
@@ -82,8 +81,7 @@ module dotyk_elasticity_body
 
   type, public :: stiffness_t  !! The stiffness of a body, until it is factorized.
     type(sparse_symmetric_t) :: matrix  !! Matrix over the free equations [force/length].
-    !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
-    integer(int64), allocatable :: graph_start(:)
+    integer(int64), allocatable :: graph_start(:)  !! First of each node in `graph_neighbour` (n_nodes + 1).
     integer, allocatable :: graph_neighbour(:)  !! Neighbours, node after node (graph_start(n_nodes + 1) - 1).
   contains
     procedure :: forget_graph => stiffness_forget_graph
@@ -91,8 +89,7 @@ module dotyk_elasticity_body
   end type stiffness_t
 
   type :: body_actions_t  !! Components of `body_t` with the same names.
-    !> Prescribed displacements along the nodal axes; zero where not allocated (dim, n_nodes) [length].
-    real(dp), allocatable :: prescribed(:, :)
+    real(dp), allocatable :: prescribed(:, :)  !! Along the nodal axes; zero if not allocated (dim, n_nodes) [length].
     real(dp) :: rigid_motion(6) = 0  !! Held motions of a rigid body, see `rigid_hold_t` (6) [length, radian].
     type(initial_state_t) :: initial  !! Temperature and initial stress.
     real(dp), allocatable :: load(:, :)  !! Nodal forces; zero where not allocated (dim, n_nodes) [force].
@@ -137,8 +134,7 @@ contains
   subroutine assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
     type(body_t), intent(in) :: body  !! The body.
     type(stiffness_t), intent(inout) :: stiffness  !! Stiffness by free equations, with the node graph [force/length].
-    !> Right-hand side, from which forces of prescribed displacements are subtracted (n_equations) [force].
-    real(dp), intent(inout) :: rhs(:)
+    real(dp), intent(inout) :: rhs(:)  !! Loads, minus forces of prescribed displacements (n_equations) [force].
     real(dp), intent(out) :: volume  !! Volume of the body [volume].
     real(dp), intent(out) :: mean_modulus_factor  !! Mean of the modulus field over the volume [].
     type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.

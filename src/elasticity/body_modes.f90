@@ -22,8 +22,7 @@ module dotyk_elasticity_body_modes
     real(dp), allocatable :: resultant(:)  !! Resultants of the loads on the modes (n) [force].
     !> Spring stiffnesses of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
-    !> Contribution of prescribed displacements to the resultants on near-null-space modes (n) [force].
-    real(dp), allocatable :: lift_resultant(:)
+    real(dp), allocatable :: lift_resultant(:)  !! Of prescribed displacements on near-null-space modes (n) [force].
     real(dp), allocatable :: resultant_size(:)  !! Absolute terms of resultants on near-null-space modes (n) [force].
     type(rigid_body_modes_t) :: rigid  !! Rigid body modes as translations and rotations, for messages.
   contains

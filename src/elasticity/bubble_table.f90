@@ -1,8 +1,9 @@
-!> Bubbles of an element kind: functions of one degree more than the element has, minus their interpolants, so that
-!> they vanish at all nodes. Values and gradients at the points of a rule in the element and of rules on its faces.
+!> Bubbles of an element kind: functions of one degree more than the element has, minus their interpolants, so that they
+!> vanish at all nodes. Values and gradients at the points of a rule in the element and of rules on its faces.
 !>
 !> Simplices have the monomials of the next degree, quadrilaterals and hexahedra those of the next degree in each
-!> variable, prisms the products of both. Pyramids have monomials of the collapsed coordinates (`dotyk_mesh_pyramid`).
+!> variable, prisms the products of both. Pyramids have monomials of the collapsed coordinates
+!> (`dotyk_mesh_shape_functions`).
 module dotyk_elasticity_bubble_table
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_isoparametric_map, only: point_shape_table_t
@@ -10,7 +11,7 @@ module dotyk_elasticity_bubble_table
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_pyramid5, element_tet4, &
     element_tri3, kind_dimension, quadrature_rule, reference_nodes, shape_functions, shape_gradients
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_pyramid, only: collapsed_coordinates
+  use dotyk_mesh_shape_functions, only: collapsed_coordinates
   implicit none
   private
 

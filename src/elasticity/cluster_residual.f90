@@ -18,9 +18,8 @@ module dotyk_elasticity_cluster_residual
   use dotyk_elasticity_face_table, only: face_table_t
   use dotyk_elasticity_face_tractions, only: face_tractions_t
   use dotyk_elasticity_point_stress, only: point_material_t
-  use dotyk_linalg_blas, only: dtrsm
+  use dotyk_linalg_blas, only: dpotrf, dtrsm
   use dotyk_linalg_dense, only: solve_dense
-  use dotyk_linalg_lapack, only: dpotrf
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet10, element_tri6, reference_nodes
   use dotyk_mesh_facet, only: cross

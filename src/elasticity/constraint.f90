@@ -31,8 +31,7 @@ module dotyk_elasticity_constraint
   end type rigid_hold_t
 
   type, public :: constraint_t  !! Equations and prescribed displacements of the nodes of a body.
-    !> Equation of each nodal unknown, `held` (0) where its displacement is prescribed (dim, n_nodes).
-    integer, allocatable :: equation(:, :)
+    integer, allocatable :: equation(:, :)  !! Equation of each nodal unknown, or `held` (0) (dim, n_nodes).
     integer :: n_equations = 0  !! Number of free equations.
     real(dp), allocatable :: prescribed(:, :)  !! Prescribed along the nodal axes, 0 where free (dim, n_nodes) [length].
     integer, allocatable :: frame_of(:)  !! Index in `frame` of the axes of each node, 0: global axes (n_nodes).

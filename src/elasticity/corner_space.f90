@@ -30,7 +30,7 @@ module dotyk_elasticity_corner_space
     procedure :: prolong => corner_space_prolong
   end type corner_space_t
 
-  public :: corner_weights
+  public :: corner_weights, corners_of_node, number_corners
 
   !> Smallest value of a linear shape function, at a node, of the corners of the edge, face or element of the node; the
   !> others are zero there.

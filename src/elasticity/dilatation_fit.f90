@@ -18,7 +18,7 @@ module dotyk_elasticity_dilatation_fit
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_elasticity_shape_table, only: map_element, shape_table_t
-  use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
+  use dotyk_linalg_dense, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
@@ -49,8 +49,7 @@ contains
     real(dp), intent(in) :: u(:, :, :)  !! Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     !> Thermal dilatations at the nodes, which are subtracted; none where not allocated (n_bodies, n_nodes) [].
     real(dp), allocatable, intent(in) :: thermal(:, :)
-    !> One fit per body; empty where no dilatation is projected (n_bodies).
-    type(dilatation_fit_t), allocatable, intent(out) :: fits(:)
+    type(dilatation_fit_t), allocatable, intent(out) :: fits(:)  !! By bodies; empty where none is projected (n_bodies).
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
     integer :: i
     if (.not. is_projected(mesh, analysis, material)) then
@@ -291,8 +290,7 @@ contains
     real(dp), allocatable, intent(out) :: mean(:)  !! Mean dilatation of each element (n_elements) [].
     real(dp), allocatable, intent(out) :: centre(:, :)  !! Centroid of each element (dim, n_elements) [length].
     real(dp), allocatable, intent(out) :: volume(:)  !! Volumes, 0 for inverted elements (n_elements) [volume].
-    !> Thermal dilatation at the nodes, which is subtracted; none where absent (n_nodes) [].
-    real(dp), intent(in), optional :: thermal(:)
+    real(dp), intent(in), optional :: thermal(:)  !! Thermal, subtracted; none where absent (n_nodes) [].
     real(dp), allocatable :: expanded(:)
     integer :: b, first, last
     allocate (expanded(mesh%n_nodes()), source=0.0_dp)

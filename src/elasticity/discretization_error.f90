@@ -48,8 +48,7 @@ contains
     real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
     !> Recovered strains in each material, those of u on return; what is kept of the mesh is reused (n_materials).
     type(gradient_recovery_t), intent(inout) :: recovery(:)
-    !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
-    real(dp), intent(out) :: square(:, :)
+    real(dp), intent(out) :: square(:, :)  !! Squared errors, by elements (n_bodies, n_elements) [energy].
     real(dp), intent(out) :: norm_square(:)  !! Squared energy norms of the displacements (n_bodies) [energy].
     !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
@@ -128,16 +127,14 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material  !! The material.
     real(dp), intent(in), contiguous :: u(:, :, :)  !! In the axes of the mesh (n_bodies, dim, n_nodes) [length].
-    !> Thermal dilatations at the nodes; none where not allocated (n_bodies, n_nodes) [].
-    real(dp), allocatable, intent(in) :: expanded(:, :)
+    real(dp), allocatable, intent(in) :: expanded(:, :)  !! Thermal; or not allocated (n_bodies, n_nodes) [].
     type(gradient_recovery_t), intent(inout) :: fit  !! Recovered strains.
     integer, intent(in) :: partner(:)  !! As in `estimate_discretization_errors` (n_bodies).
     !> Squared errors of the elements, squared energy norms of the displacement on them, bounds of the rounding errors
     !> of these norms, and products with the partners, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), dimension(:, :), intent(inout) :: square, norm_square, rounding_square, product
     type(error_t), allocatable, intent(out) :: error  !! Where the modulus field is no formula or not positive.
-    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
-    type(dilatation_fit_t), allocatable :: dilatation(:)
+    type(dilatation_fit_t), allocatable :: dilatation(:)  !! By bodies; empty where none is projected (n_bodies).
     type(material_field_t) :: field  ! The material in space.
     type(shape_table_t) :: table  ! Shape functions at the quadrature points, by nodes.
     type(point_shape_table_t) :: rule, corners  ! The same by points, and the linear ones.

@@ -34,8 +34,7 @@ module dotyk_elasticity_element_quadrature
     logical :: is_isotropic = .false.
     real(dp) :: lambda = 0  !! Lame's first parameter of this part [pressure].
     real(dp) :: mu = 0  !! Shear modulus of an isotropic material [pressure].
-    !> Thermal expansion of the material, as a strain: order xx yy zz yz xz xy (6, n_matrices) [1/temperature].
-    real(dp), allocatable :: expansion(:, :)
+    real(dp), allocatable :: expansion(:, :)  !! Thermal expansion xx yy zz yz xz xy (6, n_matrices) [1/temperature].
     !> Projected part of the bulk modulus by that in `bulk_weight`; 0 where no dilatation is projected [pressure].
     real(dp) :: bulk = 0
     integer :: n_points = 0  !! Number of quadrature points of the current element.
@@ -54,8 +53,7 @@ module dotyk_elasticity_element_quadrature
     logical, private :: is_curved = .false.  !! Whether the current element takes the rule of curved ones.
     type(material_field_t), private :: field  !! The material in space.
     integer, private :: analysis = analysis_3d  !! Type of analysis: one of the `analysis_*` constants.
-    !> Projection functions at the points, of shape (n_points, n_functions) [1/sqrt(volume)].
-    real(dp), allocatable, private :: value(:)
+    real(dp), allocatable, private :: value(:)  !! Of shape (n_points, n_functions) [1/sqrt(volume)].
   contains
     procedure :: init => element_quadrature_init
     procedure :: move_to => element_quadrature_move_to

@@ -18,8 +18,7 @@ module dotyk_elasticity_element_residual
   use dotyk_elasticity_face_tractions, only: add_faces, face_tractions_t
   use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_point_stress, only: point_material_t, stresses_at
-  use dotyk_linalg_blas, only: dgemm, dsyrk, dtpsv
-  use dotyk_linalg_lapack, only: dpotrf
+  use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtpsv
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
@@ -27,16 +26,13 @@ module dotyk_elasticity_element_residual
 
   type, public :: residual_data_t  !! Loads and held directions of bodies of one mesh, in its axes.
     type(face_table_t) :: faces  !! Faces of the elements.
-    !> Constant force densities in each material (dim, n_bodies, n_materials) [force/volume].
-    real(dp), allocatable :: density(:, :, :)
+    real(dp), allocatable :: density(:, :, :)  !! Constant by materials (dim, n_bodies, n_materials) [force/volume].
     !> Stresses of the bodies at rest at the nodes, as in `point_material_t`: of their temperatures in each material;
     !> none where not allocated (n_bodies, n_strains, n_nodes, n_materials) [pressure].
     real(dp), allocatable :: thermal(:, :, :, :)
-    !> Their temperatures, where `thermal` is allocated (n_bodies, n_nodes) [temperature].
-    real(dp), allocatable :: temperature(:, :)
+    real(dp), allocatable :: temperature(:, :)  !! Where `thermal` is allocated (n_bodies, n_nodes) [temperature].
     real(dp), allocatable :: initial(:, :, :)  !! Of their initial stresses (n_bodies, n_strains, n_nodes) [pressure].
-    !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
-    real(dp), allocatable :: held(:, :, :, :)
+    real(dp), allocatable :: held(:, :, :, :)  !! On held directions of faces (dim, dim, n_boundary, n_bodies) [].
     type(point_forces_t), allocatable :: applied(:)  !! Other loads (n_bodies).
     integer, allocatable :: first(:, :)  !! First entry of each element in `order` (n_elements + 1, n_bodies).
     integer, allocatable :: order(:, :)  !! Other loads by elements (greatest number of loads, n_bodies).

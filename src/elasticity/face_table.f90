@@ -10,12 +10,9 @@ module dotyk_elasticity_face_table
   private
 
   type, public :: face_table_t  !! The table.
-    !> Element behind each face, in the order of the blocks; 0 on the boundary (max_faces, n_elements).
-    integer, allocatable :: neighbour(:, :)
-    !> Index of each face among those of the boundary; 0 for the others (max_faces, n_elements).
-    integer, allocatable :: boundary(:, :)
-    !> Index of each face among those between two elements; 0 for the others (max_faces, n_elements).
-    integer, allocatable :: interior(:, :)
+    integer, allocatable :: neighbour(:, :)  !! Element behind each face; 0 on the boundary (max_faces, n_elements).
+    integer, allocatable :: boundary(:, :)  !! Index of each face on the boundary, or 0 (max_faces, n_elements).
+    integer, allocatable :: interior(:, :)  !! Index of each face among the inner ones, or 0 (max_faces, n_elements).
     integer :: n_interior = 0  !! Number of faces between two elements.
     integer :: n_boundary = 0  !! Number of faces of the boundary.
     integer, allocatable :: before(:)  !! First element of each block minus one, then all elements (n_blocks + 1).

@@ -105,8 +105,7 @@ contains
     integer, intent(in) :: slots  !! Number of gradient slots.
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     type(face_table_t), intent(in) :: faces  !! Faces of the elements.
-    !> Projections on the held directions of the faces of the boundary (dim, dim, n_boundary, n_bodies) [].
-    real(dp), intent(in) :: held(:, :, :, :)
+    real(dp), intent(in) :: held(:, :, :, :)  !! On held directions of faces (dim, dim, n_boundary, n_bodies) [].
     type(point_material_t), intent(in) :: material(:)  !! Materials (n_materials).
     type(bubble_table_t), intent(in) :: table(:)  !! Bubbles of the kinds of the blocks (n_blocks).
     type(face_tractions_t), intent(in) :: tractions  !! Those of faces between two elements, as far as they are known.
@@ -248,8 +247,7 @@ contains
     !> That of the element behind, whose stress is 0 where it is not positive; 1 on the boundary [volume].
     real(dp), intent(out) :: their_worst
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
-    !> Projections on the held directions of a face of the boundary (dim, dim, n_bodies) [].
-    real(dp), intent(in), optional :: held(:, :, :)
+    real(dp), intent(in), optional :: held(:, :, :)  !! On held directions of a face (dim, dim, n_bodies) [].
     real(dp) :: inverse(n_points, dim, dim), stress(n_points, n_strains, n_bodies)
     real(dp), dimension(n_points) :: radius, w, modulus
     real(dp) :: their_inverse(their_n_points, dim, dim), their_stress(their_n_points, n_strains, n_bodies)

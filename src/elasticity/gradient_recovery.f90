@@ -15,12 +15,10 @@ module dotyk_elasticity_gradient_recovery
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_isoparametric_map, only: points_in_row
-  use dotyk_elasticity_monomials, only: evaluate_monomials, lanes, monomials_t
   use dotyk_elasticity_node_graph, only: incidence_t
-  use dotyk_elasticity_recovery_patch, only: add_ring, recovery_patch_t
+  use dotyk_elasticity_recovery_patch, only: add_ring, evaluate_monomials, lanes, monomials_t, recovery_patch_t
   use dotyk_linalg_blas, only: dgemm
-  use dotyk_linalg_dense, only: least_squares
-  use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
+  use dotyk_linalg_dense, only: factorize_gram, least_squares, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
@@ -191,8 +189,7 @@ contains
     !> Coefficients of the displacements (n_bodies, dim, monomials%n) [length].
     real(dp), intent(in) :: coefficient(n_bodies, monomials%dimension, monomials%n)
     real(dp), intent(in) :: axes(:, :)  !! Axes of the patch, as rows (dim, dim) [1/length].
-    !> Coefficients of the strains in the axes of the mesh (n_bodies, n_strains, n_lower) [].
-    real(dp), intent(out) :: strain(:, :, :)
+    real(dp), intent(out) :: strain(:, :, :)  !! Strains in the axes of the mesh (n_bodies, n_strains, n_lower) [].
     integer :: i, j, k, lower, s
     strain = 0
     do k = 2, monomials%n
@@ -310,8 +307,7 @@ contains
     type(monomials_t), intent(in) :: monomials  !! Monomials of the fit.
     integer, intent(in) :: n_values  !! Number of fitted values per node: displacement components of all bodies.
     real(dp), intent(in) :: values(n_values, *)  !! Fitted values (n_values, n_nodes of the body) [length].
-    !> Coefficients of the fitted values in the axes of the patch (n_values, monomials%n) [length].
-    real(dp), intent(out) :: coefficient(n_values, monomials%n)
+    real(dp), intent(out) :: coefficient(n_values, monomials%n)  !! Of the fitted values [length].
     real(dp), allocatable :: relative(:, :)
     integer :: i
     allocate (relative(n_values, self%n_nodes))

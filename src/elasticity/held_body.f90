@@ -3,7 +3,7 @@ module dotyk_elasticity_held_body
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_mesh_held_part, only: describe_whole, hold_part, surface_part
-  use dotyk_mesh_whole_body, only: whole_body_t
+  use dotyk_mesh_body_mesh, only: whole_body_t
   implicit none
   private
   public :: hold_body, hold_surface

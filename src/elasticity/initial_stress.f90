@@ -18,8 +18,7 @@ module dotyk_elasticity_initial_stress
   public :: add_initial_forces, add_mean_initial_stress, initial_stress_of_nodes
 
   type, public :: initial_state_t  !! Fields at the nodes of a body; between them the shape functions interpolate.
-    !> Temperature above that of the stress-free body; none where not allocated (n_nodes) [temperature].
-    real(dp), allocatable :: temperature(:)
+    real(dp), allocatable :: temperature(:)  !! Above the stress-free one; or not allocated (n_nodes) [temperature].
     real(dp) :: range(2) = 0  !! Its extremes over the whole body, for the log (2) [temperature].
     !> Initial stress in global axes, order xx yy zz yz xz xy; none where not allocated (6, n_nodes) [pressure].
     real(dp), allocatable :: stress(:, :)
@@ -71,8 +70,7 @@ contains
     type(element_quadrature_t), intent(in) :: points  !! The element.
     type(initial_state_t), intent(in) :: state  !! Temperature and initial stress.
     real(dp), intent(in) :: g(n, slots, n_points)  !! Gradients of the shape functions (n, slots, n_points) [1/length].
-    !> Linear forms of the projected dilatation, where there is one (n, dim, n_functions) [sqrt(volume)/length].
-    real(dp), intent(in) :: d(n, dim, n_functions)
+    real(dp), intent(in) :: d(n, dim, n_functions)  !! Of the projected dilatation [sqrt(volume)/length].
     real(dp), intent(out) :: force(dim, n)  !! Nodal forces (dim, n) [force].
     real(dp) :: stress(6, n_points), amplitude(n_functions)
     integer :: i, k, q, s

@@ -21,8 +21,7 @@ module dotyk_elasticity_isoparametric_map
     integer :: n_true = 0  !! Number of points without repetitions.
     real(dp), allocatable :: shape(:, :)  !! Shape functions (n_points, n_nodes) [].
     real(dp), allocatable :: gradient(:, :, :)  !! By reference coordinates (n_points, n_nodes, dimension) [].
-    !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension) [].
-    real(dp), allocatable :: products(:, :, :)
+    real(dp), allocatable :: products(:, :, :)  !! Sums of products of two (n_points, dimension, dimension) [].
     real(dp), allocatable :: shape_square(:)  !! Sums over the nodes of squares of shape functions (n_points) [].
     real(dp), allocatable :: weight(:)  !! Reference weights; 0 for repetitions (n_points) [].
   contains
@@ -71,8 +70,7 @@ contains
     real(dp), intent(in) :: products(n_points, dim, dim)  !! Sums of products of two derivatives [].
     real(dp), intent(in) :: weight(n_points)  !! Reference weights (n_points) [].
     real(dp), intent(in) :: x(dim, n)  !! Nodes (dim, n) [length].
-    !> Inverse Jacobians: derivative of reference coordinate m by coordinate k (n_points, dim, dim) [1/length].
-    real(dp), intent(out) :: inverse(n_points, dim, dim)
+    real(dp), intent(out) :: inverse(n_points, dim, dim)  !! Inverse Jacobians: xi_m by x_k [1/length].
     real(dp), intent(out) :: radius(n_points)  !! Radius in axisymmetric analyses, 1 in others (n_points) [length].
     !> Sums over nodes and slots of the squares of the shape functions' gradients (n_points) [1/length^2].
     real(dp), intent(out) :: g_square(n_points)
@@ -124,8 +122,7 @@ contains
     real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
     real(dp), intent(in) :: inverse(n_points, dim, dim)  !! Inverse Jacobians from `map_points` [1/length].
     real(dp), intent(in) :: radius(n_points)  !! Radius in axisymmetric analyses (n_points) [length].
-    !> Displacements of all bodies; used in axisymmetric analyses only (n_points, n_bodies, dim) [length].
-    real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
+    real(dp), intent(in) :: displacement(n_points, n_bodies, dim)  !! Used in axisymmetric analyses only [length].
     !> Derivatives of displacement i by coordinate k; u_r/r in the third slot of the first component in axisymmetric
     !> analyses (n_points, dim, slots) [].
     real(dp), intent(out) :: slope(n_points, dim, slots)

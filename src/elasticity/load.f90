@@ -31,8 +31,7 @@ module dotyk_elasticity_load
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
   use dotyk_elasticity_shape_table, only: load_degree, map_element, shape_table_pair_t, shape_table_t
   use dotyk_elasticity_vector_field, only: vector_field_t
-  use dotyk_linalg_dense, only: right_singular_vectors
-  use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
+  use dotyk_linalg_dense, only: factorize_gram, right_singular_vectors, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
     reference_nodes, shape_functions
@@ -51,8 +50,7 @@ module dotyk_elasticity_load
     !> Densities of the materials that an angular velocity or acceleration acts on (n_materials) [mass/volume].
     real(dp), allocatable :: density(:)
     type(text_t), allocatable :: density_formula(:)  !! Their formulas; empty where the number holds (n_materials).
-    !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
-    type(text_t), allocatable :: formula(:)
+    type(text_t), allocatable :: formula(:)  !! By components; an empty one keeps the value; or not allocated (3).
     real(dp) :: moment(3) = 0  !! Moment of a total load (3) [force length].
     !> Point that force and moment of a total load refer to; the centroid of the surface where not allocated (3)
     !> [length].

@@ -45,12 +45,11 @@ module dotyk_elasticity_material
     real(dp) :: mu = 0  !! Lame's second parameter, the shear modulus, of an isotropic material [pressure].
     real(dp) :: stiffness(6, 6) = 0  !! Stiffness in global axes (6, 6) [pressure].
     real(dp) :: density = 0  !! Density; 0 where it is not given [mass/volume].
-    !> Thermal expansion in global axes, as a strain: order xx yy zz yz xz xy, engineering shear (6) [1/temperature].
-    real(dp) :: expansion(6) = 0
+    real(dp) :: expansion(6) = 0  !! In global axes, as a strain xx yy zz yz xz xy, engineering shear [1/temperature].
     !> Formula in x, y, z of the modulus field, a factor on the stiffness; 1 everywhere where not allocated.
     character(:), allocatable :: modulus_formula
     !> Constants that are formulas, each by its own. Those above then are of an isotropic material as soft and as nearly
-    !> incompressible as this one is anywhere (`dotyk_elasticity_constants_survey`).
+    !> incompressible as this one is anywhere (`dotyk_model_materials`).
     type(material_formulas_t) :: formulas
     !> Young's modulus of the softest material axis: the smallest modulus of an orthotropic material; the smallest
     !> 1/S_ii, i = 1..3, of the compliance S of an anisotropic one [pressure].

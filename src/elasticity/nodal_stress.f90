@@ -234,8 +234,7 @@ contains
     real(dp), intent(in) :: u(:, :)  !! Displacements (dim, n_nodes) [length].
     real(dp), intent(in) :: mean(:, :)  !! Mean stresses of the elements (6, n_elements) [pressure].
     logical, intent(in) :: is_meant(:)  !! Nodes whose stress is that of this material (n_nodes).
-    !> Stresses in the order of the means; those of some nodes change (6, n_nodes) [pressure].
-    real(dp), intent(inout) :: stress(:, :)
+    real(dp), intent(inout) :: stress(:, :)  !! Stresses; those of some nodes change (6, n_nodes) [pressure].
     type(dilatation_fit_t) :: fit(6)
     type(element_kind_t) :: kind
     real(dp), allocatable :: dilatation(:), centre(:, :), volume(:), xi(:, :), weight(:)
@@ -287,8 +286,7 @@ contains
     real(dp), intent(in) :: u(:, :)  !! Displacements in global axes (dim, n_nodes) [length].
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
-    !> Strain energy; of the own elements where the rank holds a part of the body [energy].
-    real(dp), intent(out), optional :: energy
+    real(dp), intent(out), optional :: energy  !! Strain energy; of own elements of a part of the body [energy].
     type(error_t), allocatable :: error
     real(dp), allocatable :: factor(:), thermal(:)
     integer, allocatable :: own(:)

@@ -19,8 +19,7 @@ contains
   !> An element of each node: of the own ones, where the rank has some.
   subroutine find_homes(mesh, home)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    !> Block, element in it, and number in it of each node; 0 for nodes without (3, n_nodes).
-    integer, allocatable, intent(out) :: home(:, :)
+    integer, allocatable, intent(out) :: home(:, :)  !! Block, element and number in it of each node; or 0 (3, n_nodes).
     integer :: b, e, i, number, round
     allocate (home(3, mesh%n_nodes()), source=0)
     ! Recovered strains are those of the whole body in own elements: these come first.

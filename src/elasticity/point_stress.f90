@@ -74,8 +74,7 @@ contains
     real(dp), intent(out) :: radius(n_points)  !! Radius in axisymmetric analyses, 1 in others (n_points) [length].
     real(dp), intent(out) :: w(n_points)  !! Jacobian determinants by the weights, 0 for repetitions [volume].
     real(dp), intent(out) :: modulus(n_points)  !! Modulus factor (n_points) [].
-    !> Stresses; 0 where the element is inverted at a point (n_points, n_strains, n_bodies) [pressure].
-    real(dp), intent(out) :: stress(n_points, n_strains, n_bodies)
+    real(dp), intent(out) :: stress(n_points, n_strains, n_bodies)  !! Stresses; 0 where inverted at a point [pressure].
     real(dp), intent(out) :: worst  !! Smallest determinant; if not positive `inverse` and `w` are undefined [volume].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     real(dp), intent(out), optional :: matrix(n_strains, n_strains, n_points)  !! Material, by the factor [pressure].

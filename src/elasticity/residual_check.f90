@@ -47,8 +47,7 @@ contains
     type(bubble_factor_t), intent(inout) :: factor(:)
     type(allowance_t), intent(inout) :: room  !! Memory for factors.
     type(allowance_t), intent(inout) :: face_room  !! Memory for the tractions of faces, while this runs.
-    !> Squared errors of the elements in the order of the blocks (n_bodies, n_elements) [energy].
-    real(dp), intent(inout) :: square(:, :)
+    real(dp), intent(inout) :: square(:, :)  !! Squared errors, by elements (n_bodies, n_elements) [energy].
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the modulus field has no value.
     type(point_material_t) :: point_material(size(material))
     type(bubble_table_t), allocatable :: table(:)

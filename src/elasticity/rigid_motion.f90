@@ -3,8 +3,6 @@
 !>
 !> A rigid motion is a translation and a rotation times the radius of the component, both about its centre: six
 !> numbers of one unit.
-!>
-!> Rigid body modes that the supports of a body leave free.
 module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64

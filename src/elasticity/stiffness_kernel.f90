@@ -18,8 +18,7 @@ contains
     integer, intent(in) :: n_points  !! Number of quadrature points.
     real(dp), intent(in) :: g(n*slots, n_points)  !! Node and slot in one index (n*slots, n_points) [1/length].
     real(dp), intent(in) :: w(n_points)  !! Quadrature weights times the modulus field (n_points) [volume].
-    !> M; blocks above the diagonal are not set (n*slots, n*slots) [length^(dim-2)].
-    real(dp), intent(out) :: products(n*slots, n*slots)
+    real(dp), intent(out) :: products(n*slots, n*slots)  !! M; lower blocks (n*slots, n*slots) [length^(dim-2)].
     integer :: first, last, column, row, q
     real(dp) :: c1, c2, c3, c4
     last = n*slots

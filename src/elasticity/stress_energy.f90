@@ -27,8 +27,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! Where an element is inverted or the modulus not positive.
     real(dp), intent(out), optional :: mean_modulus_factor(:)  !! Means of the modulus field (n_elements) [].
     real(dp), intent(out), optional :: volume(:)  !! Volume of each element (n_elements) [volume].
-    !> Temperature and initial stress, which have a part in the stress; none where absent.
-    type(initial_state_t), intent(in), optional :: initial
+    type(initial_state_t), intent(in), optional :: initial  !! Temperature and initial stress; none if absent.
     type(initial_state_t) :: state
     type(error_t), allocatable :: failed
     real(dp), allocatable :: element_energy(:), factor(:), element_volume(:)

@@ -32,8 +32,7 @@ module dotyk_elasticity_support
     integer :: line = 0  !! Line of the input, for messages; 0: unknown.
     type(directions_t) :: fix  !! Directions of prescribed displacements.
     real(dp) :: value(3) = 0  !! Prescribed displacement (3) [length].
-    !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
-    type(text_t), allocatable :: formula(:)
+    type(text_t), allocatable :: formula(:)  !! By components; an empty one keeps the value; or not allocated (3).
   end type support_t
 
   !> Differences of prescribed displacements below this fraction of the largest one are rounding errors.

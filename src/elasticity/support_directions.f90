@@ -75,8 +75,7 @@ contains
   !> Keep the conditions at some nodes.
   pure subroutine directions_hold_nodes(self, node)
     class(support_directions_t), intent(inout) :: self
-    !> Numbers of the nodes in the whole body, ascending; positions are their new numbers (n_held_nodes).
-    integer, intent(in) :: node(:)
+    integer, intent(in) :: node(:)  !! Nodes in the whole body, ascending, by their new numbers (n_held_nodes).
     integer, allocatable :: number(:), kept(:)
     integer :: i
     if (.not. allocated(self%node)) return

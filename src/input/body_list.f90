@@ -4,11 +4,10 @@ module dotyk_input_body_list
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
   use dotyk_base_text, only: shown, split_words, text_t, to_text
-  use dotyk_input_bodies, only: read_body
+  use dotyk_input_bodies, only: append_bodies, name_copies, read_body, repeat_body
   use dotyk_input_case, only: body_input_t, case_t, cut_input_t, material_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_references, only: input_t, names_t
-  use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   implicit none
   private
   public :: read_bodies
@@ -65,8 +64,7 @@ contains
   subroutine cut_bodies(groups, input, body)
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
-    !> Bodies; those that are cut are two, one after the other, on return (n_bodies).
-    type(body_input_t), allocatable, intent(inout) :: body(:)
+    type(body_input_t), allocatable, intent(inout) :: body(:)  !! Bodies; cut ones are two on return (n_bodies).
     type(cut_input_t), allocatable :: cut(:)
     type(cut_input_t) :: given
     integer, allocatable :: picked(:), matched(:)

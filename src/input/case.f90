@@ -78,10 +78,8 @@ module dotyk_input_case
     real(dp) :: young(3) = 0  !! Young's modulus; isotropic: the first; orthotropic: along the axes 1, 2, 3 [pressure].
     real(dp) :: poisson(3) = 0  !! Poisson's ratio; isotropic: the first; orthotropic: 12, 13, 23 (3) [].
     real(dp) :: shear(3) = 0  !! Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
-    !> Axis 1 of an orthotropic or anisotropic material, as written, not of unit length (3) [].
-    real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
-    !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1 (3) [].
-    real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]
+    real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]  !! Axis 1 of the material, as written, not of unit length (3) [].
+    real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]  !! In the plane of axes 1 and 2, as written; not along axis 1 [].
     !> Upper triangle of the elasticity matrix by rows (21), order 11 22 33 23 13 12 of the material axes
     !> [pressure].
     real(dp) :: stiffness(21) = 0
@@ -304,8 +302,7 @@ module dotyk_input_case
     type(tie_input_t), allocatable :: tie(:)  !! Ties in the order of the file, bolts after them (n_ties).
     !> Load cases in the order of the file; of size 0 or not allocated where it has none (n_cases).
     type(load_case_input_t), allocatable :: load_case(:)
-    !> Gaps and penalty parameters by load cases, in the order of the file (n_contact_cases).
-    type(contact_case_input_t), allocatable :: contact_case(:)
+    type(contact_case_input_t), allocatable :: contact_case(:)  !! Gaps and theta by cases (n_contact_cases).
     !> Sizes of elements in the order of the file, one for each body that a group names (n_mesh_sizes).
     type(mesh_size_input_t), allocatable :: mesh_size(:)
     type(accuracy_input_t) :: accuracy  !! `&accuracy`.

@@ -3,8 +3,7 @@ module dotyk_input_keywords
   implicit none
   private
 
-  !> How often a group may stand in a file.
-  integer, parameter, public :: exactly_one = 1, at_most_one = 2, at_least_one = 3, any_number = 4
+  integer, parameter, public :: exactly_one = 1, at_most_one = 2, at_least_one = 3, any_number = 4  !! Of a group.
 
   !> What the values of a key are.
   integer, parameter, public :: kind_real = 1     !< real numbers

@@ -10,8 +10,7 @@ module dotyk_input_loads
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
   use dotyk_input_case, only: body_input_t, field_input_t, load_input_t, material_input_t, share_a_case, support_input_t
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_references, only: append_places, input_t
-  use dotyk_input_vectors, only: read_formulas, read_vector
+  use dotyk_input_references, only: append_places, input_t, read_formulas, read_vector
   implicit none
   private
   public :: read_loads, read_supports, read_initial_stresses, read_temperatures
@@ -48,8 +47,7 @@ contains
     type(group_t), intent(in) :: group  !! Checked group.
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(load_input_t), intent(out) :: load  !! The load, without a body; incomplete where the group has mistakes.
-    !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
-    integer, allocatable, intent(out) :: matched(:)
+    integer, allocatable, intent(out) :: matched(:)  !! Bodies that the group names, ascending (n_matched).
     type(text_t), allocatable :: kinds(:)
     character(:), allocatable :: given, key
     integer :: k, n

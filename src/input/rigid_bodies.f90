@@ -6,9 +6,8 @@ module dotyk_input_rigid_bodies
   use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_case, only: case_t, rigid_input_t, share_a_case
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_references, only: append_places, input_t
+  use dotyk_input_references, only: append_places, input_t, read_vector
   use dotyk_input_remarks, only: add_spared
-  use dotyk_input_vectors, only: read_vector
   implicit none
   private
   public :: read_rigid_bodies

@@ -10,8 +10,7 @@ module dotyk_input_settings
     quantity_displacement, quantity_mises, quantity_names, quantity_of_pair, quantity_reaction, quantity_travel, &
     response_auto, response_full, response_multigrid, scheme_auto, scheme_dual, scheme_names, scheme_neumann, &
     scheme_robin, stop_increment, stop_paper, theta_absolute, theta_formula, theta_mesh, theta_names
-  use dotyk_base_text, only: quoted, shown, text_t, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: matches, quoted, shown, text_t, to_text
   use dotyk_input_case, only: accuracy_input_t, body_input_t, contact_case_input_t, contact_input_t, &
     load_case_input_t, mesh_size_input_t, output_input_t, quantity_input_t, scene_input_t, solver_input_t
   use dotyk_input_groups, only: group_t, pick_groups
@@ -260,8 +259,7 @@ contains
     type(group_t), intent(in) :: groups(:)  !! Groups of the file (n_groups).
     type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
     type(contact_input_t), intent(in) :: contact(:)  !! Contact pairs as the file has them (n_contacts).
-    !> Gaps and penalty parameters by cases (n_contact_cases).
-    type(contact_case_input_t), allocatable, intent(out) :: contact_case(:)
+    type(contact_case_input_t), allocatable, intent(out) :: contact_case(:)  !! Gaps and theta (n_contact_cases).
     integer, allocatable :: picked(:)
     integer :: i
     call pick_groups(groups, 'contact_case', picked)

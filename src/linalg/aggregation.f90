@@ -25,8 +25,7 @@ contains
     type(block_rows_t), intent(in) :: rows  !! The matrix; a node has `part` block rows, one after the other.
     integer, intent(in) :: part  !! Block rows of a node.
     real(dp), intent(in) :: threshold  !! Least relative coupling of strong neighbours; 0: all coupled at all [].
-    !> Aggregate of each node, from 1; 0 for nodes that are coupled to none (n_nodes).
-    integer, allocatable, intent(out) :: aggregate(:)
+    integer, allocatable, intent(out) :: aggregate(:)  !! Aggregate of each node; 0: coupled to none (n_nodes).
     integer, intent(out) :: n  !! Number of aggregates.
     integer, allocatable :: start(:), neighbour(:)
     real(sp), allocatable :: coupling(:)
@@ -210,10 +209,8 @@ contains
     integer, intent(in) :: length  !! Unknowns of a node.
     integer, intent(in) :: first(:)  !! First member of each aggregate (n + 1).
     integer, intent(in) :: member(:)  !! Members of the aggregates.
-    !> Near-null-space vectors: unknown of the node, node, vector (length, n_nodes, m) [any].
-    real(dp), intent(in), contiguous :: vector(:, :, :)
-    !> Q: column, unknown of the node, node; zero outside of aggregates (m, length, n_nodes) [].
-    real(dp), intent(out), contiguous :: basis(:, :, :)
+    real(dp), intent(in), contiguous :: vector(:, :, :)  !! Near-null-space vectors (length, n_nodes, m) [any].
+    real(dp), intent(out), contiguous :: basis(:, :, :)  !! Q; zero outside of aggregates (m, length, n_nodes) [].
     !> R, the vectors on the coarse level: coarse unknown of the aggregate, aggregate, vector (m, n, m) [as `vector`].
     real(dp), intent(out), contiguous :: coarse(:, :, :)
     logical, intent(out), contiguous :: missing(:, :)  !! Whether a coarse unknown does not exist (m, n).

@@ -17,8 +17,7 @@ module dotyk_linalg_block_rows
   type, public :: block_rows_t  !! The matrix.
     integer :: dim = 0  !! Order of the blocks, 2 or 3.
     integer :: n = 0  !! Number of block rows.
-    !> First block of each row: its diagonal block; the others follow in ascending columns (n + 1).
-    integer(int64), allocatable :: start(:)
+    integer(int64), allocatable :: start(:)  !! First block of each row, the diagonal one; then by columns (n + 1).
     integer, allocatable :: column(:)  !! Block column of each block (n_blocks).
     real(dp) :: scale = 1  !! Scale of the entries, a power of two [matrix].
     !> Leading parts of the entries until they are packed: (i, j) at i + dim*(j - 1); the last block is not used, here

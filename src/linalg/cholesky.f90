@@ -23,8 +23,7 @@ module dotyk_linalg_cholesky
     integer(int64) :: n = 0  !! Number of supernodes.
     integer(int64), pointer, contiguous :: column_start(:) => null()  !! First column of each supernode (0:n).
     integer(int64), pointer, contiguous :: row_start(:) => null()  !! First row of each supernode in `row` (0:n).
-    !> Position of the first value of each supernode in `value` (0:n).
-    integer(int64), pointer, contiguous :: value_start(:) => null()
+    integer(int64), pointer, contiguous :: value_start(:) => null()  !! First value of each in `value` (0:n).
     integer(int64), pointer, contiguous :: row(:) => null()  !! Rows of the supernodes (0:sum of their rows - 1).
     integer(int64), pointer, contiguous :: permutation(:) => null()  !! Equation of each row of L (0:order-1).
     !> Values of L (0:factor_entries-1); not associated before the factorization.
@@ -111,8 +110,7 @@ module dotyk_linalg_cholesky
     integer(c_int) function dotyk_cholmod_permute(handle, start, row, value) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
       type(c_ptr), value :: handle  !! Handle of the factor.
-      !> Position of the first entry of each column of the lower triangle of K, 0-based (n+1).
-      integer(c_int64_t), intent(in) :: start(*)
+      integer(c_int64_t), intent(in) :: start(*)  !! First entry of each column of the lower triangle, 0-based (n+1).
       integer(c_int64_t), intent(in) :: row(*)  !! Row of each entry, 0-based (entries).
       real(c_double), intent(in) :: value(*)  !! Value of each entry (entries) [any].
     end function dotyk_cholmod_permute

@@ -137,8 +137,7 @@ contains
     integer, intent(in) :: first(:)  !! List l is member(first(l):first(l+1)-1) (n_lists + 1).
     integer, intent(in) :: member(:)  !! Items of the lists, each once in a list (length of all lists).
     integer, intent(in) :: n  !! Number of items.
-    !> Neighbours of item k, without k itself: neighbour(start(k):start(k+1)-1) (n + 1).
-    integer, allocatable, intent(out) :: start(:)
+    integer, allocatable, intent(out) :: start(:)  !! Of item k without k: neighbour(start(k):start(k+1)-1) (n + 1).
     integer, allocatable, intent(out) :: neighbour(:)  !! See `start` (number of couplings).
     integer :: list_start(n + 1), next(n), list(size(member)), mark(n), pass, k, l, i, degree
     list_start = 0

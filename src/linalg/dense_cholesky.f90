@@ -4,15 +4,13 @@
 module dotyk_linalg_dense_cholesky
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_blas, only: blas_threads, dgemm, dgemv, dsyrk, dtrsm, dtrsv, set_blas_threads
-  use dotyk_linalg_lapack, only: dpotrf
+  use dotyk_linalg_blas, only: blas_threads, dgemm, dgemv, dpotrf, dsyrk, dtrsm, dtrsv, set_blas_threads
   implicit none
   private
 
   type, public :: dense_cholesky_t  !! The matrix A, then its factor L.
     integer :: n = 0  !! Order.
-    !> A, then L in the lower triangle; the entries above the diagonal mean nothing (at least n**2) [any].
-    real(dp), allocatable :: value(:)
+    real(dp), allocatable :: value(:)  !! A, then L in the lower triangle; the rest is unused (at least n**2) [any].
     integer, allocatable, private :: last(:)  !! Last row of each panel of columns that has entries.
   contains
     procedure :: resize => dense_resize

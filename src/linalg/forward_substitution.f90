@@ -98,8 +98,7 @@ contains
     type(forward_solution_t), intent(inout) :: self  !! The solutions on the way.
     type(elimination_tree_t), intent(in) :: tree  !! Elimination tree.
     type(sparse_rows_t), intent(in) :: rhs  !! Right-hand sides as rows.
-    !> Position of each supernode in self%supernode, 0 for those in no reach (number of supernodes).
-    integer, intent(out) :: number(:)
+    integer, intent(out) :: number(:)  !! Position in self%supernode, 0: in no reach (n of supernodes).
     integer, allocatable :: next(:), last(:)
     integer :: pass, j, k, s, n
     integer(int64) :: own

@@ -190,8 +190,7 @@ contains
     type(ordered_solve_t), intent(in) :: self  !! The solve.
     integer, intent(in) :: t  !! The subtree.
     real(dp), intent(inout), contiguous :: front(0:)  !! Space for a front (0:most_rows - 1).
-    !> Right-hand side in the order of L, solved for the columns of the subtree on return (0:n - 1) [any].
-    real(dp), intent(inout), contiguous :: y(0:)
+    real(dp), intent(inout), contiguous :: y(0:)  !! Right-hand side in the order of L, solved for (0:n - 1) [any].
     type(update_t), intent(inout) :: update  !! What the top gets.
     integer :: i, j, s, columns, rows, first
     integer(int64) :: k, at

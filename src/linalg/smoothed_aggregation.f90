@@ -137,8 +137,7 @@ contains
   subroutine make_level(part, threshold, vector, mode, level, coarse, error)
     integer, intent(in) :: part  !! Block rows of a node.
     real(dp), intent(in) :: threshold  !! Couplings below this are weak [].
-    !> Near-null-space vectors; of the next level on return (n, n_vectors) [any].
-    real(dp), allocatable, intent(inout) :: vector(:, :)
+    real(dp), allocatable, intent(inout) :: vector(:, :)  !! Of the next level on return (n, n_vectors) [any].
     real(dp), allocatable, intent(inout) :: mode(:, :)  !! Null vectors; of the next level on return (n, n_modes) [].
     type(aggregation_level_t), intent(inout) :: level  !! Has its matrix and smoother settings; gets the rest.
     type(block_rows_t), intent(inout) :: coarse  !! Matrix of the next level.

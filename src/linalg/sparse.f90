@@ -11,8 +11,7 @@ module dotyk_linalg_sparse
   !> and 0-based, because CHOLMOD reads these arrays. Every diagonal entry is stored, as the first entry of its column.
   type, public :: sparse_symmetric_t
     integer :: n = 0  !! Order of the matrix.
-    !> Position of the first entry of each column, 0-based, and the number of entries (n+1).
-    integer(int64), allocatable :: column_start(:)
+    integer(int64), allocatable :: column_start(:)  !! First entry of each column, 0-based, and their number (n+1).
     integer(int64), allocatable :: row(:)  !! Row of each entry, 0-based (number of entries).
     real(dp), allocatable :: value(:)  !! Values; not allocated while the pattern alone is known (n_entries).
   contains

@@ -66,8 +66,7 @@ contains
   subroutine add_case_row(name, solution, pair_solution, row)
     character(*), intent(in) :: name  !! Name of the load case.
     type(contact_solution_t), intent(in) :: solution  !! Its solution.
-    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
-    type(pair_solution_t), intent(in) :: pair_solution(:)
+    type(pair_solution_t), intent(in) :: pair_solution(:)  !! Results of the pairs (n_pairs).
     type(case_row_t), allocatable, intent(inout) :: row(:)  !! The table; is longer on return (n_rows).
     type(case_row_t), allocatable :: more(:)
     real(dp) :: part(3)

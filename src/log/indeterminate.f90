@@ -23,8 +23,7 @@ contains
   !> Say which motions contact does not determine, and which part of the forces rests on the springs that hold them.
   subroutine note_undetermined(problem, amplitude, rest, log)
     type(contact_problem_t), intent(in) :: problem  !! Bodies and their modes.
-    !> The motions as columns: amplitudes of the modes of all bodies, body after body [length].
-    type(mode_columns_t), intent(in) :: amplitude
+    type(mode_columns_t), intent(in) :: amplitude  !! Motions as columns: amplitudes of modes, by bodies [length].
     !> Largest part of the forces on a body that the springs carry []; 0 where it is rounding, or told elsewhere.
     real(dp), intent(in) :: rest
     type(log_t), intent(inout) :: log  !! The log.

@@ -59,8 +59,7 @@ contains
     type(body_modes_t), intent(in) :: modes(:)  !! Modes of the bodies (n_bodies).
     integer, intent(in) :: first(:)  !! First mode of each body (n_bodies + 1).
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
-    !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
-    real(dp), intent(in) :: amplitude(:)
+    real(dp), intent(in) :: amplitude(:)  !! Amplitudes of the unbounded direction, by bodies (n_modes) [length].
     type(error_t), allocatable, intent(out) :: error  !! Names the bodies that move, and the resultants that move them.
     character(:), allocatable :: others, carried
     real(dp) :: work(size(body)), own_work(size(body))

@@ -12,7 +12,7 @@ module dotyk_log_penetration_lines
   use dotyk_elasticity_body, only: body_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
-  use dotyk_mesh_mean_rotation, only: mean_rotation
+  use dotyk_mesh_placement, only: mean_rotation
   implicit none
   private
   public :: note_formulas, show_initial_overlap, show_met_points, show_penetration, show_large_motion

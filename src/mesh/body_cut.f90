@@ -9,8 +9,7 @@ module dotyk_mesh_body_cut
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes
   use dotyk_mesh_facet, only: area_vector
-  use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_physical_group, only: groups_like, unknown_group
+  use dotyk_mesh_mesh, only: groups_like, mesh_t, unknown_group
   use dotyk_mesh_surface, only: gather_facets, node_numbers, surface_t
   use dotyk_mesh_union_find, only: join, root_of
   implicit none

@@ -1,4 +1,7 @@
 !> The mesh of one body: its elements, with nodes numbered within the body.
+!>
+!> What is known of a whole body on a rank that holds a part of its mesh: its size, the numbers of the held nodes and
+!> elements in it, its boundary, and what else depends on elements that are not there.
 module dotyk_mesh_body_mesh
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
@@ -6,13 +9,12 @@ module dotyk_mesh_body_mesh
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
   use dotyk_mesh_element_orientation, only: orient_elements
-  use dotyk_mesh_mesh, only: element_block_t, mesh_t
-  use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements
-  use dotyk_mesh_physical_group, only: fault_of_volume, groups_named, material_of_block, n_materials_of
+  use dotyk_mesh_mesh, only: element_block_t, fault_of_volume, groups_named, material_of_block, mesh_t, n_materials_of
+  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
   use dotyk_mesh_union_find, only: root_of
-  use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
+  public :: extract_body, connected_components, gather_elements, number_nodes
 
   type, public :: body_mesh_t  !! Elements and nodes of one body.
     character(:), allocatable :: file  !! File of the mesh, for messages.
@@ -51,7 +53,27 @@ module dotyk_mesh_body_mesh
     procedure :: carry => body_mesh_carry
   end type body_mesh_t
 
-  public :: extract_body, connected_components, gather_elements, number_nodes
+  type, public :: whole_body_t  !! The whole body.
+    !> Whether all ranks compute the body together, each its part; else others compute it, and this rank nothing of it.
+    logical :: in_parts = .false.
+    integer :: n_nodes = 0  !! Number of nodes.
+    integer :: n_file_nodes = 0  !! Those of them that are in the mesh file, not from order elevation.
+    integer, allocatable :: n_of_block(:)  !! Number of elements of each block (n_blocks).
+    integer, allocatable :: node(:)  !! Number in the whole body of each held node, ascending (n_held_nodes).
+    !> Number in its block of the whole body of each held element, one block after the other, ascending in each
+    !> (n_held_elements).
+    integer, allocatable :: element(:)
+    logical, allocatable :: own_node(:)  !! Whether this rank computes a held node, or others (n_held_nodes).
+    logical, allocatable :: own_element(:)  !! Whether this rank computes a held element (n_held_elements).
+    integer, allocatable :: component(:)  !! Connected component of each held node (n_held_nodes).
+    integer :: n_components = 0  !! Number of connected components.
+    real(dp) :: diameter = 0  !! Greatest extent, `body_mesh_t%diameter` [length].
+    real(dp) :: shortest_extent = 0  !! Shortest edge of the brick with the same moments, `shortest_extent` [length].
+    integer, allocatable :: facet_kind(:)  !! The boundary, as in `surface_t`: kinds of the facets (n_facets).
+    integer, allocatable :: facet_node(:, :)  !! Their nodes, in held numbers (max_facet_nodes, n_facets).
+  contains
+    procedure :: carry => whole_body_carry
+  end type whole_body_t
 
 contains
 
@@ -363,4 +385,24 @@ contains
       end do
     end do
   end subroutine join_nodes
+
+  !> Put it into a parcel, or take it out.
+  subroutine whole_body_carry(self, parcel)
+    class(whole_body_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%in_parts)
+    call parcel%carry(self%n_nodes)
+    call parcel%carry(self%n_file_nodes)
+    call parcel%carry(self%n_of_block)
+    call parcel%carry(self%node)
+    call parcel%carry(self%element)
+    call parcel%carry(self%own_node)
+    call parcel%carry(self%own_element)
+    call parcel%carry(self%component)
+    call parcel%carry(self%n_components)
+    call parcel%carry(self%diameter)
+    call parcel%carry(self%shortest_extent)
+    call parcel%carry(self%facet_kind)
+    call parcel%carry(self%facet_node)
+  end subroutine whole_body_carry
 end module dotyk_mesh_body_mesh

@@ -136,8 +136,7 @@ contains
     integer, allocatable, intent(out) :: block(:)  !! Block of the element of each face (n_faces).
     integer, allocatable, intent(out) :: element(:)  !! Element of each face in its block (n_faces).
     integer, allocatable, intent(out) :: face(:)  !! Number of each face in its element (n_faces).
-    !> The other corners of each face, ascending, padded with 0 in front (n_others, n_faces).
-    integer, allocatable, intent(out) :: key(:, :)
+    integer, allocatable, intent(out) :: key(:, :)  !! Other corners, ascending, 0 in front (n_others, n_faces).
     type(element_kind_t) :: kind
     integer, allocatable :: next(:)
     integer :: b, e, f, v, n, pass, low, corners(6), corner(4, 6)

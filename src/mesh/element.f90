@@ -7,11 +7,10 @@ module dotyk_mesh_element
     element_tri3, element_tri6, hexahedron_node, kind_dimension, kind_nodes, line_node, max_element_nodes, max_faces, &
     max_facet_nodes, n_element_kinds, quadrilateral_node, tetrahedron_edge, tetrahedron_node, triangle_edge, &
     triangle_node
-  use dotyk_mesh_prism, only: prism_gradients, prism_node, prism_values
-  use dotyk_mesh_pyramid, only: pyramid_gradients, pyramid_node, pyramid_values
   use dotyk_mesh_quadrature, only: quadrature_rule
-  use dotyk_mesh_shape_functions, only: lagrange_gradients, lagrange_values, serendipity_gradients, &
-    serendipity_values, simplex_gradients, simplex_values
+  use dotyk_mesh_shape_functions, only: lagrange_gradients, lagrange_values, prism_gradients, prism_node, &
+    prism_values, pyramid_gradients, pyramid_node, pyramid_values, serendipity_gradients, serendipity_values, &
+    simplex_gradients, simplex_values
   implicit none
   private
 

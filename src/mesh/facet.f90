@@ -85,8 +85,7 @@ contains
 
   !> Area of a polygon times its mean normal; in two dimensions length times normal of a segment [length^2].
   pure function area_vector(x) result(vector)
-    !> Corners, in the order in which an outward normal has them anticlockwise (dimension, n) [length].
-    real(dp), intent(in) :: x(:, :)
+    real(dp), intent(in) :: x(:, :)  !! Corners, anticlockwise seen from outside (dimension, n) [length].
     real(dp) :: vector(size(x, 1))
     integer :: i
     vector = 0

@@ -1,12 +1,11 @@
 !> The part of a body that a rank goes on with after the body was read and numbered: some elements with their nodes, and
 !> all nodes of the boundary, in the order of the whole body. What depends on the rest is kept as numbers
-!> (`dotyk_mesh_whole_body`), so that all that looks at the surface finds the same to the bit as in the whole mesh.
+!> (`dotyk_mesh_body_mesh`), so that all that looks at the surface finds the same to the bit as in the whole mesh.
 module dotyk_mesh_held_part
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components, whole_body_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_nodes, surface_t
-  use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
   public :: describe_whole, choose_part, hold_part, surface_part, held_surface, sample_step
@@ -144,8 +143,7 @@ contains
     logical, intent(in) :: holds(:)  !! Whether each element is held, through all blocks (n_elements).
     logical, intent(in) :: own_element(:)  !! Whether this rank computes it; it is held then (n_elements).
     logical, intent(in) :: own_node(:)  !! Whether this rank computes each node, of a held element (n_nodes).
-    !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
-    integer, allocatable, intent(out) :: number(:)
+    integer, allocatable, intent(out) :: number(:)  !! Number of each node in the held part, or 0 (n_nodes).
     type(whole_body_t) :: whole
     logical, allocatable :: held(:)
     integer, allocatable :: chosen(:)

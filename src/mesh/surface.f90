@@ -2,6 +2,9 @@
 !>
 !> Bodies may share a group name, which then stands for the faces of each body. Facets take their nodes from the face
 !> table of the parent element, so that their normals point out of the body whatever the orientation in the file.
+!>
+!> Parts of the boundary of a body: the numbers of the facets of a surface in it, some of its facets as a surface, and
+!> facets that two surfaces have in common.
 module dotyk_mesh_surface
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: int64
@@ -10,10 +13,11 @@ module dotyk_mesh_surface
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, max_facet_nodes
-  use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, groups_like, unknown_group
+  use dotyk_mesh_mesh, only: group_names, groups_like, groups_named, mesh_t, names_text, unknown_group
   implicit none
   private
+  public :: extract_surface, surface_nodes, surface_names, gather_facets, node_numbers, refuse_inner, &
+    facets_in_boundary, boundary_part, find_entities, find_common_facets
 
   type, public :: surface_t  !! Facets of one body.
     character(:), allocatable :: name  !! Name of the physical group, or a name with wildcards.
@@ -23,8 +27,7 @@ module dotyk_mesh_surface
     !> Nodes of each facet, body-local numbers, padded with 0, oriented outward (max_facet_nodes, n_facets).
     integer, allocatable :: node(:, :)
     integer, allocatable :: block(:)  !! Block of the body mesh with the parent element of each facet (n_facets).
-    !> Number of the parent element in its block, 0 where there is none: on bodies without volume (n_facets).
-    integer, allocatable :: element(:)
+    integer, allocatable :: element(:)  !! Parent element in its block, 0: none, on bodies without volume (n_facets).
     integer(int64), allocatable :: tag(:)  !! Element tag of each facet in the file (n_facets).
     integer, allocatable :: entity(:)  !! Geometric entity (face of the CAD model), 0 if unknown (n_facets).
     !> Smooth sheet of each facet at each of its corners, from 1: at a sharp edge the facets on its two sides belong to
@@ -37,7 +40,6 @@ module dotyk_mesh_surface
     procedure :: carry => surface_carry
   end type surface_t
 
-  public :: extract_surface, surface_nodes, surface_names, gather_facets, node_numbers, refuse_inner
 
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a facet.
 
@@ -302,4 +304,89 @@ contains
     call parcel%carry(self%sheet)
     call parcel%carry(self%order_elevated)
   end subroutine surface_carry
+
+  !> Number of each facet of a surface in the boundary of its body.
+  subroutine facets_in_boundary(boundary, surface, number)
+    type(surface_t), intent(in) :: boundary  !! Boundary of the body.
+    type(surface_t), intent(in) :: surface  !! A surface of the body.
+    integer, allocatable, intent(out) :: number(:)  !! Numbers of its facets in the boundary (surface%n_facets).
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: f, entry
+    call table%init(max_corners, boundary%n_facets)
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      call table%add(boundary%node(:kind%n_corners, f), entry)
+    end do
+    allocate (number(surface%n_facets))
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      number(f) = table%find(surface%node(:kind%n_corners, f))
+    end do
+  end subroutine facets_in_boundary
+
+  !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
+  subroutine find_entities(mesh, number, boundary)
+    type(mesh_t), intent(in) :: mesh  !! Mesh from which the body was extracted.
+    integer, intent(in) :: number(:)  !! Number of each node in the body, 0 where none (n_nodes of the mesh).
+    type(surface_t), intent(inout) :: boundary  !! Boundary of the body; its entities are set.
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: b, e, f, n, entry, corner(max_corners)
+    allocate (boundary%entity(boundary%n_facets), source=0)
+    call table%init(max_corners, boundary%n_facets)
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      call table%add(boundary%node(:kind%n_corners, f), entry)
+    end do
+    do b = 1, size(mesh%block)
+      if (kind_dimension(mesh%block(b)%kind) /= boundary%dimension - 1) cycle
+      if (.not. allocated(mesh%block(b)%entity)) cycle
+      kind = element_kind(mesh%block(b)%kind)
+      n = kind%n_corners
+      do e = 1, size(mesh%block(b)%tag)
+        corner(:n) = number(mesh%block(b)%node(:n, e))
+        if (any(corner(:n) == 0)) cycle
+        f = table%find(corner(:n))
+        if (f > 0) boundary%entity(f) = mesh%block(b)%entity(e)
+      end do
+    end do
+  end subroutine find_entities
+
+  !> Some facets of a boundary as a surface.
+  subroutine boundary_part(boundary, facet, part)
+    type(surface_t), intent(in) :: boundary  !! Boundary of a body.
+    integer, intent(in) :: facet(:)  !! Facets of the part (n).
+    type(surface_t), intent(out) :: part  !! The part.
+    part%name = 'boundary'
+    part%dimension = boundary%dimension
+    part%order_elevated = boundary%order_elevated
+    part%n_facets = size(facet)
+    part%kind = boundary%kind(facet)
+    part%node = boundary%node(:, facet)
+    part%block = boundary%block(facet)
+    part%element = boundary%element(facet)
+    if (allocated(boundary%tag)) part%tag = boundary%tag(facet)
+    if (allocated(boundary%entity)) part%entity = boundary%entity(facet)
+  end subroutine boundary_part
+
+  !> Facets of a surface that another surface of the same body has, too.
+  subroutine find_common_facets(surface, other, is_common)
+    type(surface_t), intent(in) :: surface  !! The surface.
+    type(surface_t), intent(in) :: other  !! The other one.
+    logical, allocatable, intent(out) :: is_common(:)  !! Whether the other has each facet (n_facets).
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: f, entry
+    call table%init(max_corners, other%n_facets)
+    do f = 1, other%n_facets
+      kind = element_kind(other%kind(f))
+      call table%add(other%node(:kind%n_corners, f), entry)
+    end do
+    allocate (is_common(surface%n_facets))
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      is_common(f) = table%find(surface%node(:kind%n_corners, f)) > 0
+    end do
+  end subroutine find_common_facets
 end module dotyk_mesh_surface

@@ -8,8 +8,7 @@ module dotyk_mesh_tag_map
     logical :: compact = .true.  !! Whether `index` is a direct table; otherwise it belongs to the hash table `key`.
     integer(int64) :: first = 0  !! Smallest tag.
     integer(int64) :: last = -1  !! Largest tag.
-    !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
-    integer(int64), allocatable :: key(:)
+    integer(int64), allocatable :: key(:)  !! Tags by hash slot, set where `index` is not 0 (0:n_slots-1).
     integer, allocatable :: index(:)  !! Index of the tag in each slot, or 0 (0:).
   contains
     procedure :: init => tag_map_init
@@ -19,8 +18,7 @@ module dotyk_mesh_tag_map
   type, public :: growing_tag_map_t  !! Map from tags to indices 1..n in the order in which they are added.
     integer :: n = 0  !! Number of tags.
     integer(int64), allocatable :: tag(:)  !! The tags; the first n are in use (room).
-    !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
-    integer(int64), allocatable, private :: key(:)
+    integer(int64), allocatable, private :: key(:)  !! Tags by hash slot, set where `index` is not 0 (0:n_slots-1).
     integer, allocatable, private :: index(:)  !! Index of the tag in each slot, or 0 (0:).
   contains
     procedure :: add => growing_add

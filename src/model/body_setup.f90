@@ -33,8 +33,7 @@ contains
     !> The volumes with the surfaces that were asked for, those of the first bodies with each; the meshes are read
     !> without the other ranks (n_bodies).
     type(volume_t), intent(inout), optional :: kept(:)
-    !> The same of this rank's parts of the bodies, in place of meshes (n_bodies).
-    type(volume_t), intent(inout), optional :: given(:)
+    type(volume_t), intent(inout), optional :: given(:)  !! Of this rank's parts of the bodies (n_bodies).
     type(problem_list_t) :: problems
     type(mesh_t) :: whole_mesh
     type(meshing_t) :: meshing

@@ -2,8 +2,7 @@
 module dotyk_model_body_surfaces
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_mesh_boundary_part, only: facets_in_boundary
-  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_surface, only: facets_in_boundary, surface_t
   implicit none
   private
 

@@ -5,16 +5,14 @@ module dotyk_model_contact_cases
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, theta_formula, theta_mesh, theta_relative
-  use dotyk_base_text, only: quoted, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: matches, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: set_given_gap
   use dotyk_contact_pair_rows, only: row_gaps
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: applies_in, case_t, contact_input_t
-  use dotyk_model_pair_search, only: allows_zero_theta
-  use dotyk_model_row_theta, only: set_formula_theta, set_mesh_theta
+  use dotyk_model_pair_search, only: allows_zero_theta, set_formula_theta, set_mesh_theta
   implicit none
   private
   public :: check_contact_cases, contacts_of_case, set_contact_case

@@ -67,8 +67,7 @@ contains
     type(text_t), allocatable, intent(out) :: remarks(:)  !! Lines for the log (n_remarks).
     type(congruence_classes_t), intent(out) :: classes  !! Congruence classes.
     type(body_ranks_t), intent(out) :: ranks  !! Which rank computes which bodies.
-    !> Rigid body modes of bodies that are not held wholly, at the held nodes (n_bodies).
-    type(body_modes_t), allocatable, intent(out) :: modes(:)
+    type(body_modes_t), allocatable, intent(out) :: modes(:)  !! Of bodies not held wholly, at held nodes (n_bodies).
     logical, intent(out) :: is_built  !! Not where a body is wrong: who builds all of them finds what.
     type(chosen_bodies_t) :: own
     logical, allocatable :: chosen(:)

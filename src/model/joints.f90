@@ -77,8 +77,7 @@ contains
     type(case_t), intent(in) :: case  !! The case.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where there are some; names both lines.
     type(problem_list_t) :: problems
-    !> Different for different places and names, as a rule.
-    real(dp), parameter :: factor(3) = [0.7310585786_dp, 0.2689414213_dp, 0.5772156649_dp]
+    real(dp), parameter :: factor(3) = [0.7310585786_dp, 0.2689414213_dp, 0.5772156649_dp]  !! Usually unique.
     real(dp) :: key(size(case%body))
     integer :: order(size(case%body)), i, j, k, b, c
     associate (body => case%body)

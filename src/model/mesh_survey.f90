@@ -10,8 +10,7 @@ module dotyk_model_mesh_survey
     element_prism6, element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, &
     element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, kind_dimension, n_element_kinds
   use dotyk_mesh_conversion, only: meshing_t
-  use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t
-  use dotyk_mesh_physical_group, only: groups_named
+  use dotyk_mesh_mesh, only: groups_named, mesh_selection_t, mesh_t
   use dotyk_model_materials, only: would_lock
   use dotyk_model_joints, only: add_remark
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
@@ -25,8 +24,7 @@ module dotyk_model_mesh_survey
     integer, allocatable :: first_of_file(:), first_of_volume(:)
     logical, allocatable :: locks(:)  !! Whether linear elements would lock and are elevated (n_bodies).
     type(text_t), allocatable :: remark(:)  !! What the log is to say of the files (n_remarks).
-    !> Number of elements of each kind in the volume of a body (n_element_kinds, n_bodies).
-    integer(int64), allocatable, private :: n_of_kind(:, :)
+    integer(int64), allocatable, private :: n_of_kind(:, :)  !! Elements of each kind (n_element_kinds, n_bodies).
   contains
     procedure :: read => survey_read
     procedure :: volumes => survey_volumes

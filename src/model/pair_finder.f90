@@ -11,8 +11,7 @@ module dotyk_model_pair_finder
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t, cut_surface
-  use dotyk_mesh_boundary_part, only: boundary_part
-  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_surface, only: boundary_part, surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
   use dotyk_model_pair_list, only: are_tied, exclusion_of, exclusion_texts, merge_double_pairs, pair_list_t

@@ -3,8 +3,7 @@
 !> `exclude` leaves out.
 module dotyk_model_pair_list
   use dotyk_base_error, only: exit_bad_input, problem_list_t
-  use dotyk_base_text, only: quoted, text_t, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: matches, quoted, text_t, to_text
   use dotyk_contact_pair_report, only: merged_pair_t
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t, exclusion_t
   use dotyk_mesh_surface, only: surface_t

@@ -22,7 +22,7 @@ module dotyk_model_part_files
   use dotyk_mesh_held_part, only: describe_whole
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_cache, only: find_cache
-  use dotyk_mesh_whole_body, only: whole_body_t
+  use dotyk_mesh_body_mesh, only: whole_body_t
   use dotyk_model_body_setup, only: build_bodies
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_materials, only: would_lock

@@ -4,8 +4,7 @@ module dotyk_model_quantities
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: last_linear_quantity, load_traction, option_name, quantity_displacement, &
     quantity_mises, quantity_names, quantity_of_pair, quantity_reaction, quantity_travel
-  use dotyk_base_text, only: quoted, shown, to_text
-  use dotyk_base_wildcard, only: has_wildcard, matches
+  use dotyk_base_text, only: has_wildcard, matches, quoted, shown, to_text
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_quantity_error, only: quantity_t
   use dotyk_elasticity_body, only: body_t

@@ -14,11 +14,10 @@ module dotyk_model_ties
   use dotyk_input_case, only: applies_in, case_t, tie_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_boundary, only: extract_boundary
-  use dotyk_mesh_boundary_part, only: find_common_facets
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: area_vector, frame_of_normal
-  use dotyk_mesh_surface, only: surface_nodes, surface_t
+  use dotyk_mesh_surface, only: find_common_facets, surface_nodes, surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   implicit none
   private

@@ -7,23 +7,21 @@ module dotyk_model_volumes
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_total
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_base_text, only: quoted, text_t, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: matches, quoted, text_t, to_text
   use dotyk_elasticity_foundation, only: surface_area
   use dotyk_input_case, only: body_input_t, case_t, cut_input_t, cut_surface, scene_input_t
   use dotyk_mesh_body_cut, only: cut_along_plane, cut_along_surface, extract_cut, take_half
-  use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
+  use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body, whole_body_t
   use dotyk_mesh_boundary, only: extract_boundary
-  use dotyk_mesh_boundary_part, only: find_common_facets, find_entities
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_held_part, only: choose_part, held_surface, hold_part
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: elevate_order, has_linear_simplices
   use dotyk_mesh_rigid_surface, only: extract_rigid_surface, facing_t
-  use dotyk_mesh_surface, only: extract_surface, node_numbers, refuse_inner, surface_names, surface_t
+  use dotyk_mesh_surface, only: extract_surface, find_common_facets, find_entities, node_numbers, refuse_inner, &
+    surface_names, surface_t
   use dotyk_mesh_union_find, only: join, root_of
-  use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
   public :: refuse_on_both_halves

@@ -452,8 +452,7 @@ contains
   subroutine file_read_reals(self, name, values, error)
     class(hdf5_file_t), intent(in) :: self
     character(*), intent(in) :: name  !! Path in the file; its parents exist.
-    !> Numbers of the file, converted to reals, in the order of the file (n) [any].
-    real(dp), contiguous, target, intent(out) :: values(:)
+    real(dp), contiguous, target, intent(out) :: values(:)  !! As reals, in the order of the file (n) [any].
     type(error_t), allocatable, intent(out) :: error  !! The dataset is missing, of another size, or unreadable.
     integer(hid_t) :: dataset
     type(c_ptr) :: buffer

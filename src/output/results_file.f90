@@ -41,8 +41,7 @@ module dotyk_output_results_file
   end type results_file_t
 
   type :: cells_t  !! Cells of one part, in the order of the blocks of its body.
-    !> Nodes of all cells, one cell after the other, from 0, in the order of VTK (n_connectivity).
-    integer(int64), allocatable :: connectivity(:)
+    integer(int64), allocatable :: connectivity(:)  !! Nodes of the cells, from 0, in VTK's order (n_connectivity).
     integer(int64), allocatable :: offset(:)  !! Offsets of cells in `connectivity`, from 0, and the end (n_cells + 1).
     integer(int8), allocatable :: vtk_type(:)  !! Cell types of VTK (n_cells).
     integer(int64), allocatable :: tag(:)  !! Element tags of the mesh file (n_cells).
@@ -104,8 +103,7 @@ contains
     character(*), intent(in) :: path  !! Path of the file.
     integer(int64), intent(in), contiguous :: n_points(:)  !! Nodes of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_cells(:)  !! Elements of each body (n_parts).
-    !> Sum of the nodes of all cells of each body, of `connectivity_length` (n_parts).
-    integer(int64), intent(in), contiguous :: n_connectivity(:)
+    integer(int64), intent(in), contiguous :: n_connectivity(:)  !! By `connectivity_length` (n_parts).
     logical, intent(in) :: wanted(:)  !! Which fields will be written, by the `field_*` of `dotyk_base_options`.
     integer, intent(in) :: n_steps  !! Steps of time with fields of their own on the same meshes; 0: without time.
     self%path = path

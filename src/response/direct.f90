@@ -10,7 +10,7 @@ module dotyk_response_direct
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_node_ordering, only: fill_reducing_order
+  use dotyk_elasticity_node_graph, only: fill_reducing_order
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t

@@ -12,7 +12,7 @@ module dotyk_response_stiffness_factor
   use dotyk_elasticity_body, only: assemble_stiffness, body_t, stiffness_t, strain_energy
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_condition, only: scaled_norm, smallest_eigenpairs
+  use dotyk_linalg_spectrum, only: scaled_norm, smallest_eigenpairs
   use dotyk_linalg_springs, only: add_springs, choose_fixing_equations
   use dotyk_response_near_null_modes, only: count_near_null, find_near_null
   implicit none
