@@ -58,8 +58,10 @@ class Layer(dotyk_case.Case):
         joint, penalty = self.solve(keys)
         self.assertEqual(joint.attrs["layer"], 0)
         self.assertGreater(penalty["error_penalty"], 0.1)
+        self.assertIn("the penalty term is", self.log)
         layer_joint, layer = self.solve(keys + ", layer=.true.")
         self.assertEqual(layer["error_penalty"], 0)
+        self.assertNotIn("the penalty term is", self.log)
         self.assertEqual(layer["body_solves"], penalty["body_solves"])
         np.testing.assert_array_equal(layer_joint["pressure"][:], joint["pressure"][:])
 

@@ -47,7 +47,7 @@ class Case(unittest.TestCase):
         """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one
         text, with its details. With exit code 0, no contact row of the results may be violated."""
         if arguments and str(arguments[0]).endswith(".nml"):
-            arguments = (*arguments, "--verbose")
+            arguments = (arguments[0], "--verbose", *arguments[1:])
         began = time.time() - 1
         done = subprocess.run([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, timeout=timeout, text=True,
                               env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
