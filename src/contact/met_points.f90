@@ -88,7 +88,7 @@ contains
     real(dp), dimension(3) :: x0, at, normal, xu, xv, along
     real(dp) :: xi(2), least, square, depth, overlap, of_end, gap, behind
     real(dp), allocatable :: normals(:, :)
-    integer :: near, i, j, k, g, attempt
+    integer :: near, hint, i, j, k, g, attempt
     logical :: counts
     associate (x => inside%x, nodes => inside%node)
       call closest_point_on_facet(a%set, inside%facet, x, new%xi_a, square)
@@ -96,7 +96,8 @@ contains
       ! That of an edge is the deeper one of its ends, too: where it leaves b at a side, the point is next to it.
       call at_rest%depth_of(x0, 0, overlap, near, xi)
       do j = 1, 2
-        call at_rest%depth_of(a%x0(:, nodes(j)), near, of_end, near, xi)
+        hint = near
+        call at_rest%depth_of(a%x0(:, nodes(j)), hint, of_end, near, xi)
         overlap = max(overlap, of_end)
       end do
       call b%depth_of(x, 0, depth, near, xi)
