@@ -1,12 +1,12 @@
 !> Gaps of facets: whether they have the part r of the gap that quadratic facets resemble only where they bend, and
 !> linear ones never (gap_interpolation.f90).
 !>
-!> Quadratic facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure at
-!> vertices none of which a bent facet has are touched between bodies that hardly bend: it has not. Facets at the rim of
-!> the contact, and those without pressure, keep what they have.
+!> Quadratic facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure
+!> at vertices none of which a bent facet has are touched between bodies that hardly bend: it has not. Facets at the rim
+!> of the contact, and those without pressure, keep what they have.
 !>
-!> Contact that spans no facet is as stiff as a facet, whatever its own width, which the mesh does not know: the approach
-!> of the bodies there is uncertain by a part of r.
+!> Contact that spans no facet is as stiff as a facet, whatever its own width, which the mesh does not know: the
+!> approach of the bodies there is uncertain by a part of r.
 module dotyk_contact_facet_bending
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t

@@ -1,6 +1,6 @@
-!> What hangs on gaps that the meshes do not tell exactly, and on contacts narrower than their facets: how contact forces
-!> and displacements change where all gaps are smaller by their uncertainty, and, with several pairs, where every second
-!> one is greater instead.
+!> What hangs on gaps that the meshes do not tell exactly, and on contacts narrower than their facets: how contact
+!> forces and displacements change where all gaps are smaller by their uncertainty, and, with several pairs, where every
+!> second one is greater instead.
 !>
 !> The scheme solves the QP again from its solution: the active set is nearly the same, and what it needs of the
 !> compliance is known.

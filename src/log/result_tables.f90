@@ -47,7 +47,8 @@ contains
       call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
                     counted(pair(k)%n_rows, 'constraint')//' active, contact force '// &
                     vector_text(solution(k)%force, sum(pair(k)%row_weight*abs(solution(k)%pressure)))// &
-                    ' on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5)//area_of(solution(k)))
+                    ' on the slave body'//around//', peak pressure '//to_text(solution(k)%peak, 5)// &
+                    area_of(solution(k)))
       call log%detail('    '//details(solution(k)))
     end do
     if (size(pair) <= most_shown) return
@@ -149,8 +150,8 @@ contains
     if (.not. maxval(balance%body%force_scale) > 0) return
     moments = ''
     if (balance%moment_error > 0) moments = ', moments '//to_text(balance%moment_error, 2)
-    call log%detail('  equilibrium          sum of loads, contact forces and reactions of a body, relative to their '// &
-                  'size: forces '//to_text(balance%force_error, 2)//moments//' at most')
+    call log%detail('  equilibrium          sum of loads, contact forces and reactions of a body, relative to '// &
+                    'their size: forces '//to_text(balance%force_error, 2)//moments//' at most')
 
   contains
 

@@ -327,9 +327,9 @@ contains
       call log%line('    warning: the slave side is a rigid body: where its mesh is finer than that of '// &
                     quoted(body(pair%body_b)%name)//', pressures are not unique; make it surface_b')
     if (pair%n_unprojected > 0 .or. lost > 0) &
-      call log%detail('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
-                    'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
-                    percent(pair%lost_too_far)//' beyond search_radius')
+      call log%detail('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of '// &
+                      'the master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
+                      percent(pair%lost_too_far)//' beyond search_radius')
   end subroutine show_pair
 
   !> A line of the table of contact pairs.

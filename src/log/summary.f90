@@ -36,7 +36,8 @@ contains
     type(contact_problem_t), intent(in) :: problem  !! The problem.
     type(contact_solution_t), intent(in) :: solution  !! Solution with errors and conditioning.
     call show_budget(log, output, problem%body, solution%state, solution%budget)
-    if (size(solution%state%pressure) > 0) call show_energies(log, solution%state, solution%energies(), any(problem%pair%is_layer))
+    if (size(solution%state%pressure) > 0) &
+      call show_energies(log, solution%state, solution%energies(), any(problem%pair%is_layer))
     call show_gap_doubt(log, problem%pair, solution%gap_doubt)
     call show_idle_bodies(log, problem, solution%state%pressure, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
