@@ -79,7 +79,7 @@ class Results(dotyk_case.Case):
             self.assertIsInstance(own.attrs[name], (str, bytes), name)
         self.assertEqual(own.attrs["threads"], 1)
         self.assertEqual(as_text(own.attrs["input"]).strip(), (self.folder / "column.nml").read_text().strip())
-        self.assertIn("column.nml --threads 1", as_text(own.attrs["command_line"]))
+        self.assertIn("column.nml --verbose --threads 1", as_text(own.attrs["command_line"]))
         self.assertRegex(as_text(own.attrs["started"]), r"^20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d")
 
         summary = own["summary"].attrs
